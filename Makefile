@@ -1,0 +1,40 @@
+# make demo | test | lint | bench : each creates its environment first; nothing else is needed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
+
+.PHONY: demo test lint bench install clean
+
+install: $(STAMP)
+
+# Strict editable mode links single files, so a file that is added or removed needs a new installation.
+$(STAMP): pyproject.toml .files
+	$(PYTHON) -c 'import sys; sys.exit("motoremi needs Python 3.11 or newer: make PYTHON=python3.12 ..." if sys.version_info < (3, 11) else 0)'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict -e '.[dev]'
+	touch $@
+
+# Changes only when the list of files does.
+.files: FORCE
+	@printf '%s\n' $(sort $(SOURCES)) | cmp -s - $@ || printf '%s\n' $(sort $(SOURCES)) > $@
+FORCE:
+
+demo: install
+	$(BIN)/motoremi demo
+
+test: install
+	$(BIN)/python -m pytest -n auto
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy src instruments procedures sim_profiles tests
+
+bench: install
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) build .files .mypy_cache .pytest_cache .ruff_cache

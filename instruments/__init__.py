@@ -1,0 +1,1 @@
+"""Instrument drivers: one file and one readable table of commands each."""

@@ -1,0 +1,1 @@
+"""Bench procedures as data (TOML)."""

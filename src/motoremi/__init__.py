@@ -1,0 +1,1 @@
+"""Common-mode impedance and conducted emission of DC motors."""

@@ -1,0 +1,1 @@
+"""Transports, recording, procedures and the runner."""

@@ -1,0 +1,1 @@
+"""What was measured: sweeps, spectra, the analyser's errors, users' files, the session folder."""

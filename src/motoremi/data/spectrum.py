@@ -1,0 +1,108 @@
+"""An emission spectrum as an EMI receiver reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.data.sweep import checked_frequency
+from motoremi.errors import BadInput
+from motoremi.quantities import show, show_band
+
+Detector = Literal["peak", "quasi-peak", "average", "rms-average"]
+DETECTORS: tuple[Detector, ...] = get_args(Detector)
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Level against frequency for one detector.
+
+    Parameters
+    ----------
+    detector : {"peak", "quasi-peak", "average", "rms-average"}
+    frequency_hz : array_like, shape (n,)
+        Strictly increasing, in hertz.
+    level_dbuv : array_like, shape (n,)
+        In dB above 1 uV at the receiver's input.
+    resolution_bandwidth_hz : float
+        6 dB bandwidth in hertz (9 kHz in CISPR band B).
+    overload : array_like of bool, optional
+        Points that the receiver marked as overloaded: kept, never judged.
+    metadata : mapping, optional
+
+    Raises
+    ------
+    BadInput
+        For an unknown detector, arrays that do not match, NaN, or levels that cannot be dBuV.
+    """
+
+    detector: Detector
+    frequency_hz: FloatArray
+    level_dbuv: FloatArray
+    resolution_bandwidth_hz: float
+    overload: BoolArray
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def __init__(
+        self,
+        detector: str,
+        frequency_hz: ArrayLike,
+        level_dbuv: ArrayLike,
+        resolution_bandwidth_hz: float = 9e3,
+        overload: ArrayLike | None = None,
+        metadata: Mapping[str, Any] | None = None,
+    ) -> None:
+        if detector not in DETECTORS:
+            raise BadInput(f"unknown detector {detector!r}: use one of {', '.join(DETECTORS)}")
+        frequency = checked_frequency(frequency_hz, f"{detector} spectrum", 2)
+        level = np.array(level_dbuv, dtype=np.float64)
+        if level.shape != frequency.shape:
+            raise BadInput(f"{detector} spectrum: {frequency.size} frequencies but {level.size} levels")
+        if not np.all(np.isfinite(level)):
+            raise BadInput(f"{detector} spectrum: a level is not a finite number")
+        if np.any(np.abs(level) > 250):
+            raise BadInput(f"{detector} spectrum: levels beyond ±250 are not dBuV; convert them first")
+        if not resolution_bandwidth_hz > 0:
+            raise BadInput(f"{detector} spectrum: the resolution bandwidth must be above 0 Hz")
+        marked = np.zeros(frequency.shape, dtype=np.bool_) if overload is None else np.array(overload, dtype=np.bool_)
+        if marked.shape != frequency.shape:
+            raise BadInput(f"{detector} spectrum: {frequency.size} frequencies but {marked.size} overload marks")
+        for array in (frequency, level, marked):
+            array.flags.writeable = False
+        for name, value in (
+            ("detector", detector),
+            ("frequency_hz", frequency),
+            ("level_dbuv", level),
+            ("resolution_bandwidth_hz", float(resolution_bandwidth_hz)),
+            ("overload", marked),
+            ("metadata", dict(metadata or {})),
+        ):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return int(self.frequency_hz.size)
+
+    def __repr__(self) -> str:
+        return f"Spectrum({self.detector!r}, {self.summary()})"
+
+    def summary(self) -> str:
+        """One line for a person."""
+        span = show_band(float(self.frequency_hz[0]), float(self.frequency_hz[-1]))
+        bandwidth = show(self.resolution_bandwidth_hz, "Hz")
+        return f"{len(self)} points, {span}, {self.detector} in {bandwidth}, up to {self.level_dbuv.max():.1f} dBuV"
+
+    def to_dict(self) -> JsonDict:
+        """Plain data, SI units and dBuV."""
+        return {
+            "detector": self.detector,
+            "frequency_hz": self.frequency_hz.tolist(),
+            "level_dbuv": self.level_dbuv.tolist(),
+            "resolution_bandwidth_hz": self.resolution_bandwidth_hz,
+            "overload": self.overload.tolist(),
+            "metadata": dict(self.metadata),
+        }

@@ -1,0 +1,202 @@
+"""An impedance sweep: one termination, one connection, one pass of the analyser."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.errors import BadInput
+from motoremi.quantities import show_band
+
+Termination = Literal["short", "open"]
+TERMINATIONS: tuple[Termination, ...] = get_args(Termination)
+# Seven unknowns need at least this many points to leave anything to judge by.
+MINIMUM_POINTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ImpedanceSweep:
+    """Complex impedance against frequency at one termination of the motor.
+
+    Parameters
+    ----------
+    termination : {"short", "open"}
+        `short`: winding between its two terminals, eq. (1) of Liu, Wang and Nan (2011); `open`: terminal to frame, eq. (2).
+    frequency_hz : array_like, shape (n,)
+        Strictly increasing, in hertz.
+    impedance_ohm : array_like, shape (n,)
+        Complex, in ohm.
+    sigma_relative : array_like, optional
+        Standard deviation of the real and of the imaginary part of the relative noise, per point or one for all.
+    metadata : mapping, optional
+        Where it comes from: file, instrument, settings.
+
+    Raises
+    ------
+    BadInput
+        For an unknown termination, arrays that do not match, NaN, unsorted or repeated frequencies, or too few points.
+    """
+
+    termination: Termination
+    frequency_hz: FloatArray
+    impedance_ohm: ComplexArray
+    sigma_relative: FloatArray | None = None
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def __init__(
+        self,
+        termination: str,
+        frequency_hz: ArrayLike,
+        impedance_ohm: ArrayLike,
+        sigma_relative: ArrayLike | None = None,
+        metadata: Mapping[str, Any] | None = None,
+    ) -> None:
+        if termination not in TERMINATIONS:
+            raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
+        frequency = checked_frequency(frequency_hz, f"{termination} sweep", MINIMUM_POINTS)
+        impedance = np.array(impedance_ohm, dtype=np.complex128)
+        if impedance.shape != frequency.shape:
+            raise BadInput(f"{termination} sweep: {frequency.size} frequencies but {impedance.size} impedances")
+        if not np.all(np.isfinite(impedance)):
+            where = int(np.flatnonzero(~np.isfinite(impedance))[0])
+            raise BadInput(f"{termination} sweep: the impedance at point {where + 1} ({frequency[where]:g} Hz) is not a finite number")
+        if np.any(np.abs(impedance) > 1e15) or np.any(impedance == 0):
+            raise BadInput(f"{termination} sweep: an impedance of 0 or above 1e15 Ohm marks a point that was not measured")
+        sigma = None
+        if sigma_relative is not None:
+            sigma = np.broadcast_to(np.asarray(sigma_relative, dtype=np.float64), frequency.shape).copy()
+            if not np.all(np.isfinite(sigma)) or np.any(sigma <= 0):
+                raise BadInput(f"{termination} sweep: sigma_relative must be finite and above 0")
+        for array in (frequency, impedance, sigma):
+            if array is not None:
+                array.flags.writeable = False
+        for name, value in (
+            ("termination", termination),
+            ("frequency_hz", frequency),
+            ("impedance_ohm", impedance),
+            ("sigma_relative", sigma),
+            ("metadata", dict(metadata or {})),
+        ):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return int(self.frequency_hz.size)
+
+    def __repr__(self) -> str:
+        return f"ImpedanceSweep({self.termination!r}, {self.summary()})"
+
+    def _repr_html_(self) -> str:
+        return f"<b>{self.termination} sweep</b>: {self.summary()}"
+
+    @property
+    def span_hz(self) -> tuple[float, float]:
+        """First and last frequency in hertz."""
+        return float(self.frequency_hz[0]), float(self.frequency_hz[-1])
+
+    def summary(self) -> str:
+        """One line for a person: points, span and range of |Z|."""
+        magnitude = np.abs(self.impedance_ohm)
+        return f"{len(self)} points, {show_band(*self.span_hz)}, |Z| {magnitude.min():.3g} - {magnitude.max():.3g} Ohm"
+
+    def with_metadata(self, **extra: Any) -> ImpedanceSweep:
+        """The same sweep with more metadata."""
+        return dataclasses.replace(self, metadata={**self.metadata, **extra})
+
+    def to_dict(self) -> JsonDict:
+        """Plain data, SI units."""
+        return {
+            "termination": self.termination,
+            "frequency_hz": self.frequency_hz.tolist(),
+            "resistance_ohm": self.impedance_ohm.real.tolist(),
+            "reactance_ohm": self.impedance_ohm.imag.tolist(),
+            "sigma_relative": None if self.sigma_relative is None else self.sigma_relative.tolist(),
+            "metadata": dict(self.metadata),
+        }
+
+
+def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:
+    """A copy of a frequency axis, or one clear line on why it is none."""
+    try:
+        frequency = np.array(frequency_hz, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{what}: the frequencies are not numbers") from error
+    if frequency.ndim != 1 or frequency.size < minimum_points:
+        raise BadInput(f"{what}: needs at least {minimum_points} points, got {frequency.size}")
+    if not np.all(np.isfinite(frequency)) or frequency[0] <= 0:
+        raise BadInput(f"{what}: frequencies must be finite and above 0 Hz")
+    steps = np.diff(frequency)
+    if np.any(steps == 0):
+        where = int(np.flatnonzero(steps == 0)[0])
+        raise BadInput(f"{what}: the frequency {frequency[where]:g} Hz occurs twice; keep one row for each frequency")
+    if np.any(steps < 0):
+        where = int(np.flatnonzero(steps < 0)[0])
+        raise BadInput(f"{what}: frequencies must increase, but {frequency[where + 1]:g} Hz follows {frequency[where]:g} Hz; sort the rows")
+    return frequency
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatedSweep:
+    """All repeats of one termination, on one frequency axis.
+
+    Parameters
+    ----------
+    termination : {"short", "open"}
+    frequency_hz : ndarray, shape (n,)
+    impedance_ohm : ndarray, shape (repeats, n)
+    sigma_relative : ndarray, shape (n,), or None
+        Noise of one repeat as stated by the user.
+    """
+
+    termination: Termination
+    frequency_hz: FloatArray
+    impedance_ohm: ComplexArray
+    sigma_relative: FloatArray | None
+
+    @property
+    def repeats(self) -> int:
+        """How many sweeps."""
+        return int(self.impedance_ohm.shape[0])
+
+    @property
+    def mean_ohm(self) -> ComplexArray:
+        """Mean of the repeats, in ohm."""
+        mean: ComplexArray = self.impedance_ohm.mean(axis=0)
+        return mean
+
+
+def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
+    """Gather repeats; the short-circuit sweep comes first.
+
+    Raises
+    ------
+    BadInput
+        If there is no sweep, or repeats of one termination are not on the same frequencies.
+    """
+    gathered: dict[Termination, list[ImpedanceSweep]] = {"short": [], "open": []}
+    for sweep in sweeps:
+        if not isinstance(sweep, ImpedanceSweep):
+            raise BadInput(f"expected an ImpedanceSweep, got {type(sweep).__name__}")
+        gathered[sweep.termination].append(sweep)
+    groups = []
+    for termination, members in gathered.items():
+        if not members:
+            continue
+        first = members[0]
+        for other in members[1:]:
+            if len(other) != len(first) or not np.allclose(other.frequency_hz, first.frequency_hz, rtol=1e-9, atol=0):
+                raise BadInput(
+                    f"repeats of the {termination} sweep must share their frequencies: "
+                    f"{first.summary()} against {other.summary()}"
+                )
+        stated = [member.sigma_relative for member in members if member.sigma_relative is not None]
+        sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
+        groups.append(RepeatedSweep(termination, first.frequency_hz, np.array([m.impedance_ohm for m in members]), sigma))
+    if not groups:
+        raise BadInput("no impedance sweep: give a short-circuit sweep, an open-circuit sweep, or better both")
+    return groups

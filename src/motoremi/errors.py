@@ -1,0 +1,22 @@
+"""What can go wrong, by who has to act.
+
+Every error carries one line that says what is wrong and what to do; the command line prints that line and exits with `exit_status`.
+"""
+
+from __future__ import annotations
+
+
+class MotoremiError(Exception):
+    """Base of all errors that motoremi raises on purpose."""
+
+    exit_status = 2
+
+
+class BadInput(MotoremiError, ValueError):
+    """A file, number or name from outside cannot be used."""
+
+
+class InstrumentError(MotoremiError):
+    """An instrument or the link to it did not do what was asked."""
+
+    exit_status = 3

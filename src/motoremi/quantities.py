@@ -1,0 +1,54 @@
+"""Engineering quantities as engineers write them: `"150 kHz"`, `12.1 uH`, `22 pF`."""
+
+from __future__ import annotations
+
+import math
+
+from quantiphy import Quantity, QuantiPhyError
+
+from motoremi.errors import BadInput
+
+
+def parse(text: str | float | int, unit: str) -> float:
+    """Read a quantity and return it in SI units.
+
+    Parameters
+    ----------
+    text : str or number
+        For example `"150 kHz"`, `"4.5kHz"`, `"10 dB"`; a bare number is taken to be in `unit` already.
+    unit : str
+        The unit it must have, for example `"Hz"`.
+
+    Raises
+    ------
+    BadInput
+        If it is not a finite number or carries another unit.
+    """
+    if isinstance(text, bool):
+        raise BadInput(f"expected a quantity in {unit}, got {text}")
+    try:
+        # QuantiPhy reads "M" as mega and "m" as milli, as SI does; "Ohm" is the field's spelling of Ω.
+        quantity = Quantity(str(text).replace("Ω", "Ohm").replace("ohm", "Ohm"))
+    except QuantiPhyError as error:
+        raise BadInput(f"cannot read {str(text)!r} as a quantity in {unit} (write for example '150 kHz')") from error
+    wanted = unit.replace("Ω", "Ohm").replace("ohm", "Ohm")
+    if quantity.units and quantity.units != wanted:
+        raise BadInput(f"{str(text)!r} has the unit {quantity.units!r}, expected {unit}")
+    value = float(quantity)
+    if not math.isfinite(value):
+        raise BadInput(f"{str(text)!r} is not a finite number")
+    return value
+
+
+def show(value: float, unit: str, digits: int = 4) -> str:
+    """Write a value with an SI prefix: `show(1.21e-5, "H")` gives `12.1 uH`."""
+    if not math.isfinite(value):
+        return f"{value} {unit}".strip()
+    if unit in ("", "1", "%", "dB", "deg", "dBuV"):
+        return f"{value:.{digits}g} {unit if unit != '1' else ''}".strip()
+    return str(Quantity(float(value), unit).render(prec=digits - 1, form="si", strip_zeros=True)).replace("µ", "u")
+
+
+def show_band(low_hz: float, high_hz: float) -> str:
+    """Write a frequency span: `150 kHz - 30 MHz`."""
+    return f"{show(low_hz, 'Hz')} - {show(high_hz, 'Hz')}"
