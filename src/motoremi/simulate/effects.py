@@ -1,0 +1,125 @@
+"""Everything that a simulation can hide: by name, drawn by seed, worked into a motor's network."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.data.sweep import Termination
+from motoremi.errors import BadInput
+from motoremi.simulate.connection import CONNECTION_EFFECTS, DRIFT_EFFECTS, ROTOR_EFFECTS
+from motoremi.simulate.hidden import ELEMENTS, EffectKind, Elements
+from motoremi.simulate.insulation import INSULATION_EFFECTS
+from motoremi.simulate.outside import OUTSIDE_EFFECTS as _OUTSIDE
+from motoremi.simulate.parts import Network
+from motoremi.simulate.winding import ELEMENT_EFFECTS, TURN_EFFECTS
+
+# The order is the order in which effects are worked in: elements, then what spreads or extends them, then the terminals.
+_KINDS: Mapping[str, EffectKind] = {
+    kind.name: kind
+    for kind in (
+        *ELEMENT_EFFECTS,
+        *INSULATION_EFFECTS,
+        *_OUTSIDE,
+        *ROTOR_EFFECTS,
+        *TURN_EFFECTS,
+        *CONNECTION_EFFECTS,
+        *DRIFT_EFFECTS,
+    )
+}
+MOTOR_EFFECTS: tuple[str, ...] = tuple(_KINDS)
+OUTSIDE_EFFECTS: tuple[str, ...] = tuple(kind.name for kind in _OUTSIDE)
+# Made by the simulated analyser, see `analyser.py`.
+ANALYSER_FAULTS: tuple[str, ...] = (
+    "open-residual",
+    "short-residual",
+    "gain-error",
+    "cable-delay",
+    "contact-resistance",
+    "range-step",
+)
+HIDDEN_EFFECTS: tuple[str, ...] = (*MOTOR_EFFECTS, *ANALYSER_FAULTS)
+DEMO_EFFECTS: tuple[str, ...] = (
+    "eddy-laminations",
+    "core-loss",
+    "second-resonance",
+    "distributed-winding",
+    "dielectric-loss@Cf",
+    "insulation-leakage@Cf",
+    "lead-inductance",
+    "open-residual",
+)
+
+
+@dataclass(frozen=True)
+class HiddenEffect:
+    """One effect in one motor.
+
+    Parameters
+    ----------
+    name : str
+        One of `MOTOR_EFFECTS`.
+    sizes : mapping
+        Its physical parameters, SI units, each named with its unit.
+    """
+
+    name: str
+    sizes: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        check_motor_effect(self.name)
+
+    def apply(self, network: Network, elements: Elements, termination: Termination) -> Network:
+        """The network with this effect, if the effect is there in this sweep."""
+        kind = _KINDS[self.name]
+        return kind.apply(network, elements, self.sizes) if termination in kind.terminations else network
+
+
+def check_motor_effect(name: str) -> None:
+    """Raise `BadInput` with the known names unless a motor can hide it."""
+    if name in ANALYSER_FAULTS:
+        raise BadInput(f"{name!r} is an effect of the analyser, not of the motor: give it to SimulatedAnalyser(faults=...)")
+    if name not in _KINDS:
+        raise BadInput(f"unknown effect {name!r}; the simulation knows {', '.join(HIDDEN_EFFECTS)}")
+
+
+def split_effects(effects: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Part names into what the motor hides and what the analyser does wrong.
+
+    Raises
+    ------
+    BadInput
+        For a name that is neither.
+    """
+    faults = tuple(name for name in effects if name in ANALYSER_FAULTS)
+    hidden = tuple(name for name in effects if name not in ANALYSER_FAULTS)
+    for name in hidden:
+        check_motor_effect(name)
+    return hidden, faults
+
+
+def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[dict[str, float], tuple[HiddenEffect, ...]]:
+    """Draw sizes for effects; the size of one does not depend on which others there are.
+
+    Returns
+    -------
+    elements : dict
+        The seven elements; an effect may set one (proximity sets the copper resistance).
+    effects : tuple of HiddenEffect
+        In the order in which they must be applied.
+    """
+    for name in names:
+        check_motor_effect(name)
+    if len(set(names)) < len(names):
+        raise BadInput(f"an effect is named twice: {', '.join(names)}")
+    values = dict(elements)
+    effects = []
+    for name in sorted(names, key=MOTOR_EFFECTS.index):
+        rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+        sizes = _KINDS[name].draw(rng, values)
+        values.update({key: sizes.pop(key) for key in ELEMENTS if key in sizes})
+        effects.append(HiddenEffect(name, sizes))
+    return values, tuple(effects)

@@ -1,0 +1,235 @@
+"""Fields and materials cut into ideal parts: one-ports between the nodes `in` and `out`.
+
+Each function cuts a continuous medium into cells and writes down the resistors, inductors and capacitors of the cells;
+nothing here knows a closed form. The meshes are graded: fine where the field is thin at the highest frequency, coarse where
+it only matters at low frequency.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.errors import BadInput
+from motoremi.simulate.parts import IN, OUT, Block, Network, Part
+
+MU_0 = 4e-7 * np.pi  # H/m; the 2019 SI differs in the tenth digit
+COPPER_S_PER_M = 5.8e7  # at 20 degC
+# Everything is good from 40 Hz to 110 MHz, the range of a 4294A.
+LOWEST_HZ, HIGHEST_HZ = 40.0, 110e6
+# First cell in units of the penetration depth at HIGHEST_HZ, and how much each cell outgrows the one before.
+_FIRST_CELL, _GROWTH = 0.01, 1.01
+_BRANCHES_PER_DECADE = 4
+_DECADES_BEYOND = 4
+LINE_CELLS = 1200
+
+
+def graded_faces(depth: float, refine: int = 1) -> FloatArray:
+    """Cell faces from 0 (surface) to 1 (middle) for a field that penetrates `depth` of the way at the highest frequency.
+
+    Parameters
+    ----------
+    depth : float
+        Penetration depth at `HIGHEST_HZ` over the length of the mesh.
+    refine : int
+        Cut every cell into so many: for convergence checks.
+    """
+    first, growth = _FIRST_CELL * depth, _GROWTH
+    cells = max(8, int(np.ceil(np.log1p((growth - 1) / first) / np.log(growth)))) if first < 1 else 8
+    faces = np.concatenate(([0.0], np.cumsum(growth ** np.arange(cells))))
+    coarse: FloatArray = faces / faces[-1]
+    return np.interp(np.arange(cells * refine + 1) / refine, np.arange(cells + 1), coarse)
+
+
+def diffusion_ladder(henry: FloatArray, siemens: FloatArray, end: Literal["open", "short"]) -> Network:
+    """Series inductors with a shunt resistor at every node: magnetic diffusion from a surface.
+
+    Parameters
+    ----------
+    henry : ndarray, shape (n,)
+        Flux of each cell per ampere.
+    siemens : ndarray, shape (n + 1,)
+        Eddy or current path of each node, the surface first.
+    end : {"open", "short"}
+        `open`: no current is left beyond the last node. `short`: no electric field there, by symmetry.
+    """
+    nodes = [IN, *(f"n{number}" for number in range(1, henry.size)), OUT if end == "short" else f"n{henry.size}"]
+    parts = [
+        Part("L", f"l{number}", *ends, float(value))
+        for number, (ends, value) in enumerate(zip(pairwise(nodes), henry, strict=True), start=1)
+    ]
+    parts += [
+        Part("R", f"r{number}", node, OUT, float(1 / value))
+        for number, (node, value) in enumerate(zip(nodes, siemens, strict=True))
+        if node != OUT
+    ]
+    return Network(tuple(parts))
+
+
+def half_sheet(henry: float, diffusion_time_s: float, end: Literal["open", "short"], refine: int = 1) -> Network:
+    """Diffusion through half a conducting sheet, surface to middle.
+
+    Parameters
+    ----------
+    henry : float
+        Inductance of the whole half sheet when the field is uniform in it.
+    diffusion_time_s : float
+        mu * sigma * (half thickness)^2.
+    end : {"open", "short"}
+        `short` for a sheet in a field that is the same on both faces (lamination); `open` for a sheet that carries a current.
+    """
+    siemens = diffusion_time_s / henry
+    faces = graded_faces(float(1 / np.sqrt(np.pi * HIGHEST_HZ * diffusion_time_s)), refine)
+    middles = np.concatenate(([0.0], (faces[1:] + faces[:-1]) / 2, [1.0]))
+    return diffusion_ladder(henry * np.diff(faces), siemens * np.diff(middles), end)
+
+
+def lamination(henry: float, corner_hz: float, refine: int = 1) -> Network:
+    """Flux through laminations: `henry` at low frequency, eddy currents above `corner_hz` = 4 / (pi mu sigma d^2)."""
+    return half_sheet(henry, 1 / (np.pi * corner_hz), "short", refine)
+
+
+def round_wire(ohm: float, radius_m: float, conductivity_s_per_m: float = COPPER_S_PER_M, refine: int = 1) -> Network:
+    """Inside of a round wire in concentric shells: resistance and internal inductance.
+
+    Parameters
+    ----------
+    ohm : float
+        DC resistance; with radius and conductivity it sets the length.
+    radius_m, conductivity_s_per_m : float
+    """
+    length = ohm * conductivity_s_per_m * np.pi * radius_m**2
+    depth = 1 / np.sqrt(np.pi * HIGHEST_HZ * MU_0 * conductivity_s_per_m)
+    # The mesh ends just off the axis, where a shell would have no flux; the last disc conducts as one.
+    radii = radius_m * (1 - 0.999 * graded_faces(float(depth / radius_m), refine))
+    middles = np.concatenate(([radius_m], (radii[1:] + radii[:-1]) / 2, [0.0]))
+    henry = MU_0 * length / (2 * np.pi) * np.log(radii[:-1] / radii[1:])
+    siemens = conductivity_s_per_m * np.pi / length * (middles[:-1] ** 2 - middles[1:] ** 2)
+    return diffusion_ladder(henry, siemens, "open")
+
+
+def wire_inductance(ohm: float, radius_m: float, conductivity_s_per_m: float = COPPER_S_PER_M) -> float:
+    """Internal inductance of the round wire in a uniform current, in henry: mu_0 / (8 pi) per metre."""
+    return MU_0 / 8 * radius_m**2 * conductivity_s_per_m * ohm
+
+
+def foil_winding(
+    ohm: float, height_m: float, layers: int, conductivity_s_per_m: float = COPPER_S_PER_M, refine: int = 1
+) -> Network:
+    """Layers of foil in each other's field.
+
+    A layer's own current meets it from both faces with opposite field, the field of the layers below it with the same field.
+    The two parts do not exchange power, so the layers' impedances add up from two half sheets: one that carries a current and
+    one that stands in a field. Layer p of m sees (2p - 1)/2 times the field of one layer; sum (2p - 1)^2 = m (4m^2 - 1)/3.
+
+    Parameters
+    ----------
+    ohm : float
+        DC resistance of all layers in series.
+    height_m : float
+        Height of a layer.
+    layers : int
+    conductivity_s_per_m : float
+        Of the copper, times the part of the layer's width that is copper.
+    """
+    half = height_m / 2
+    time = MU_0 * conductivity_s_per_m * half**2
+    # R of one layer is length / (sigma width height); mu_0 length half / width follows from it.
+    henry = MU_0 * half * (ohm / layers) * conductivity_s_per_m * height_m
+    own = half_sheet(henry, time, "open", refine)
+    field = half_sheet(henry, time, "short", refine)
+    return Network(
+        (
+            Block("own", IN, "middle", own, layers / 2),
+            Block("field", "middle", OUT, field, layers * (4 * layers**2 - 1) / 6),
+        )
+    )
+
+
+def foil_inductance(ohm: float, height_m: float, layers: int, conductivity_s_per_m: float = COPPER_S_PER_M) -> float:
+    """Flux inside and between the layers at low frequency, in henry: the field rises linearly over all layers.
+
+    Integral of mu_0 H^2 over m layers of height h whose field is (p - 1 .. p) / width: mu_0 length h m^3 / (3 width).
+    """
+    return MU_0 * conductivity_s_per_m * height_m**2 * layers**2 / 3 * ohm
+
+
+def constant_phase(farad: float, tan_delta: float, reference_hz: float = 1e6, per_decade: int = 0) -> Network:
+    """Capacitance whose loss angle is the same at all frequencies: R-C branches evenly spaced in log time constant.
+
+    The branches reach four decades beyond 40 Hz and 110 MHz; faster ones only store, so one capacitor stands for all of them.
+
+    Parameters
+    ----------
+    farad : float
+        |C| at `reference_hz`.
+    tan_delta : float
+    reference_hz : float
+    per_decade : int
+        Branches per decade; 0 for the usual number.
+    """
+    if not 0 < tan_delta < 1:
+        raise BadInput(f"tan delta {tan_delta} is outside 0 .. 1")
+    count = per_decade or _BRANCHES_PER_DECADE
+    exponent = 2 / np.pi * np.arctan(tan_delta)
+    low = np.log10(LOWEST_HZ) - _DECADES_BEYOND
+    high = np.log10(HIGHEST_HZ) + _DECADES_BEYOND
+    corners = 10 ** np.arange(low, high, 1 / count)
+    times = 1 / (2 * np.pi * corners)
+    # Branches C_i ~ time^exponent; those beyond the fastest are a geometric series.
+    weights = times**exponent
+    ratio = 10 ** (-exponent / count)
+    rest = weights[-1] * ratio / (1 - ratio)
+    at_reference = rest + np.sum(weights / (1 + 2j * np.pi * reference_hz * times))
+    unit = farad / abs(at_reference)
+    network = Network().capacitor("fast", IN, OUT, float(unit * rest))
+    parts = []
+    for number, (time, weight) in enumerate(zip(times, weights, strict=True)):
+        parts += [
+            Part("C", f"c{number}", IN, f"n{number}", float(unit * weight)),
+            Part("R", f"r{number}", f"n{number}", OUT, float(time / (unit * weight))),
+        ]
+    return network.plus(*parts)
+
+
+def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
+    """Resistance in series and capacitance in shunt all along, open at the end: charge that diffuses (Warburg)."""
+    faces = graded_faces(float(1 / np.sqrt(np.pi * HIGHEST_HZ * ohm * farad)), refine)
+    middles = np.concatenate(([0.0], (faces[1:] + faces[:-1]) / 2, [1.0]))
+    nodes = [IN, *(f"n{number}" for number in range(1, faces.size))]
+    parts = [
+        Part("R", f"r{number}", *ends, float(ohm * share))
+        for number, (ends, share) in enumerate(zip(pairwise(nodes), np.diff(faces), strict=True))
+    ]
+    parts += [
+        Part("C", f"c{number}", node, OUT, float(farad * share))
+        for number, (node, share) in enumerate(zip(nodes, np.diff(middles), strict=True))
+    ]
+    return Network(tuple(parts))
+
+
+def winding_line(
+    winding: Network, frame_farad: float, start: str, end: str, frame: str, cells: int = LINE_CELLS
+) -> tuple[Block | Part, ...]:
+    """A winding spread over many cells, with the capacitance to the frame spread along it.
+
+    Parameters
+    ----------
+    winding : Network
+        The whole winding between `in` and `out`.
+    frame_farad : float
+        Capacitance to the frame in all.
+    start, end, frame : str
+        Nodes of the outer network.
+    cells : int
+        The end nodes carry half a cell's capacitance.
+    """
+    nodes = [start, *(f"turn{number}" for number in range(1, cells)), end]
+    items: list[Block | Part] = [Block(f"cell{number}", *ends, winding, 1 / cells) for number, ends in enumerate(pairwise(nodes))]
+    for number, node in enumerate(nodes):
+        share = frame_farad / cells * (0.5 if node in (start, end) else 1.0)
+        items.append(Part("C", f"slot{number}", node, frame, share))
+    return tuple(items)

@@ -1,0 +1,148 @@
+"""Hidden effects of the winding, its core and its turns (physics notes A.1: 1-5, 11, 12, 15, 16)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from motoremi.simulate import ladders
+from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, beside, log_uniform, replaced, uniform
+from motoremi.simulate.parts import IN, OUT, Network
+
+
+def _draw_skin(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    # The internal inductance of the wire is part of La: with much resistance only a thin wire leaves room for the rest.
+    share = uniform(rng, 0.15, 0.35)
+    per_square_metre = ladders.wire_inductance(elements["Ra"], 1.0)
+    return {"radius_m": max(1e-4, float(np.sqrt(share * elements["La"] / per_square_metre)))}
+
+
+def _apply_skin(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    inside = ladders.wire_inductance(elements["Ra"], sizes["radius_m"])
+    outside = network.item("La").scaled(1 - inside / elements["La"])
+    return replaced(network, "Ra", ladders.round_wire(elements["Ra"], sizes["radius_m"])).with_item("La", outside)
+
+
+def _draw_proximity(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    # Flux between the layers is part of La as well. It sets the copper resistance, which here is all of Ra.
+    height, layers, porosity = uniform(rng, 2e-4, 5e-4), int(rng.integers(2, 7)), uniform(rng, 0.6, 0.95)
+    share = uniform(rng, 0.2, 0.5)
+    per_ohm = ladders.foil_inductance(1.0, height, layers, porosity * ladders.COPPER_S_PER_M)
+    return {"height_m": height, "layers": layers, "porosity": porosity, "Ra": share * elements["La"] / per_ohm}
+
+
+def _apply_proximity(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    winding = (
+        elements["Ra"],
+        sizes["height_m"],
+        int(sizes["layers"]),
+        sizes["porosity"] * ladders.COPPER_S_PER_M,
+    )
+    outside = network.item("La").scaled(1 - ladders.foil_inductance(*winding) / elements["La"])
+    return replaced(network, "Ra", ladders.foil_winding(*winding)).with_item("La", outside)
+
+
+def _draw_laminations(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return {"share": uniform(rng, 0.2, 0.7), "corner_hz": log_uniform(rng, 1e3, 1e5)}
+
+
+def _apply_laminations(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    sheet = ladders.lamination(sizes["share"] * elements["La"], sizes["corner_hz"])
+    return behind(network, "La", sheet, 1 - sizes["share"])
+
+
+def _draw_relaxation(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return {"share": uniform(rng, 0.1, 0.6), "corner_hz": log_uniform(rng, 5e5, 1e7)}
+
+
+def _apply_relaxation(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    henry = sizes["share"] * elements["La"]
+    cell = Network().inductor("l", IN, OUT, henry).resistor("r", IN, OUT, 2 * np.pi * sizes["corner_hz"] * henry)
+    return behind(network, "La", cell, 1 - sizes["share"])
+
+
+def _draw_core_loss(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return {"resistance_ohm": log_uniform(rng, 800.0, 8e3)}
+
+
+def _apply_core_loss(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    return beside(network, "La", Network().resistor("r", IN, OUT, sizes["resistance_ohm"]))
+
+
+def _draw_field(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    henry, frequency, quality = log_uniform(rng, 1e-4, 5e-3), log_uniform(rng, 5e5, 2e7), log_uniform(rng, 2.0, 20.0)
+    omega = 2 * np.pi * frequency
+    return {
+        "coupling": uniform(rng, 0.1, 0.4),
+        "field_inductance_h": henry,
+        "field_resistance_ohm": omega * henry / quality,
+        "field_capacitance_f": 1 / (omega**2 * henry),
+    }
+
+
+def _apply_field(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    inner = (
+        Network((dataclasses.replace(network.item("La"), name="La", positive=IN, negative=OUT),))
+        .inductor("Lf", OUT, "coil", sizes["field_inductance_h"])
+        .resistor("Rf", "coil", "turns", sizes["field_resistance_ohm"])
+        .capacitor("Cw", "turns", OUT, sizes["field_capacitance_f"])
+        .couple("La", "Lf", sizes["coupling"])
+    )
+    return replaced(network, "La", inner)
+
+
+def _draw_brush(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return {"resistance_ohm": uniform(rng, 0.3, 0.5), "capacitance_f": log_uniform(rng, 2e-8, 1e-7)}
+
+
+def _apply_brush(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    film = Network().resistor("r", IN, OUT, sizes["resistance_ohm"]).capacitor("c", IN, OUT, sizes["capacitance_f"])
+    return behind(network, "Ra", film)
+
+
+def _draw_distributed(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return {"share": log_uniform(rng, 0.03, 0.3)}
+
+
+def _apply_distributed(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    own = ("Ra", "La", "Ca")
+    winding = Network(tuple(network.item(name) for name in own)).with_node("X", IN).with_node("Y", OUT)
+    rest = dataclasses.replace(network, items=tuple(item for item in network.items if item.name not in own))
+    lumped = network.item("Cf").scaled(1 / (1 - sizes["share"]))
+    line = ladders.winding_line(winding, sizes["share"] * elements["Cf"], "X", "Y", "G")
+    return rest.with_item("Cf", lumped).plus(*line)
+
+
+def _draw_second(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    henry, frequency = elements["La"] * log_uniform(rng, 0.01, 0.1), log_uniform(rng, 3e6, 2.5e7)
+    return {
+        "inductance_h": henry,
+        "capacitance_f": 1 / ((2 * np.pi * frequency) ** 2 * henry),
+        "resistance_ohm": log_uniform(rng, 100.0, 2e3),
+    }
+
+
+def _apply_second(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    return (
+        network.with_node("X", "firstturns")
+        .inductor("L2", "X", "firstturns", sizes["inductance_h"])
+        .capacitor("C2", "X", "firstturns", sizes["capacitance_f"])
+        .resistor("R2", "X", "firstturns", sizes["resistance_ohm"])
+    )
+
+
+# In the order in which they must be worked in: what changes an element first, what moves a node last.
+ELEMENT_EFFECTS = (
+    EffectKind("skin-effect", _draw_skin, _apply_skin),
+    EffectKind("proximity-effect", _draw_proximity, _apply_proximity),
+    EffectKind("field-coupling", _draw_field, _apply_field),
+    EffectKind("eddy-laminations", _draw_laminations, _apply_laminations),
+    EffectKind("permeability-relaxation", _draw_relaxation, _apply_relaxation),
+    EffectKind("core-loss", _draw_core_loss, _apply_core_loss),
+    EffectKind("brush-contact", _draw_brush, _apply_brush),
+)
+TURN_EFFECTS = (
+    EffectKind("distributed-winding", _draw_distributed, _apply_distributed),
+    EffectKind("second-resonance", _draw_second, _apply_second),
+)
