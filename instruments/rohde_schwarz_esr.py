@@ -1,0 +1,115 @@
+"""Rohde & Schwarz ESR EMI test receiver, 10 Hz to 26.5 GHz, in receiver mode."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.bench.driver import choice, number, switch
+from motoremi.bench.receiver import EmiReceiver
+from motoremi.data.spectrum import Spectrum
+from motoremi.errors import InstrumentError
+
+
+class RohdeSchwarzESR(EmiReceiver):
+    """The ESR by its scan table; sources: ESR user manual, remote commands of the receiver application."""
+
+    model = r"ESR\d*"
+    error_query = "SYST:ERR?"
+    safe_commands = ("ABOR", "INIT2:CONT OFF", "INP:ATT:PROT ON")
+
+    start_hz = number("SCAN1:STAR", "Hz", (10.0, 26.5e9), "Control the first frequency of the scan.")
+    stop_hz = number("SCAN1:STOP", "Hz", (10.0, 26.5e9), "Control the last frequency of the scan.")
+    step_hz = number("SCAN1:STEP", "Hz", (1.0, 1e9), "Control the step of the scan.")
+    resolution_bandwidth_hz = number("SCAN1:BAND:RES", "Hz", (10.0, 10e6), "Control the 6 dB resolution bandwidth.")
+    dwell_s = number("SCAN1:TIME", "s", (50e-6, 100.0), "Control the measuring time at each step.")
+    attenuation_db = number("SCAN1:INP:ATT", "dB", (0.0, 75.0), "Control the input attenuation.")
+    preamplifier = switch("SCAN1:INP:GAIN:STAT", "Control the 20 dB preamplifier.")
+    detector = choice(
+        "DET1:REC",
+        {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "rms-average": "CRMS"},
+        "Control the detector of trace 1.",
+    )
+
+    # Bits of the questionable power register: RF overload, IF overload. Bit 1, underload, does not spoil a level.
+    OVERLOAD: ClassVar[int] = 0b101
+    # R&S marks a value that was not measured with 9.91E37.
+    NOT_MEASURED: ClassVar[float] = 9e36
+
+    def configure(
+        self,
+        start_hz: float,
+        stop_hz: float,
+        step_hz: float,
+        resolution_bandwidth_hz: float = 9e3,
+        dwell_s: float = 0.05,
+        attenuation_db: float = 10.0,
+    ) -> JsonDict:
+        """Set receiver mode and one range of the scan table up; see `EmiReceiver.configure`."""
+        self.tell("INST:SEL REC", "CALC:UNIT:POW DBUV", "DISP:WIND:TRAC1:MODE WRIT", "SWE:SPAC LIN", "SCAN:RANG:COUN 1")
+        self.start_hz = start_hz
+        self.stop_hz = stop_hz
+        self.step_hz = step_hz
+        self.tell("BAND:TYPE PULS")
+        self.resolution_bandwidth_hz = resolution_bandwidth_hz
+        self.dwell_s = dwell_s
+        self.tell("INP:ATT:PROT ON", "SCAN1:INP:ATT:AUTO OFF")
+        self.attenuation_db = attenuation_db
+        self.preamplifier = False
+        self.tell("TRAC:FEED:CONT ALW", "FORM ASC", "FORM:DEXP:DSEP POIN", "INIT2:CONT OFF")
+        return self.settings()
+
+    def scan(self, detector: str) -> Spectrum:
+        """Scan once; an overload during the scan marks all its points, because the register does not say which.
+
+        Raises
+        ------
+        InstrumentError
+            If the scan does not end in time or the number of levels does not fit the scan table.
+        """
+        self.detector = detector
+        settings = self.settings()
+        frequency_hz = self._axis(settings)
+        # *CLS empties the event registers, so that an overload found afterwards is of this scan.
+        self.tell("*CLS")
+        self.transport.write("INIT2;*WAI")
+        with self.transport.patience(10.0 + 3 * frequency_hz.size * float(settings["dwell_s"])):
+            self.transport.query("*OPC?")
+        self.check_errors("INIT2;*WAI")
+        level_dbuv = self._levels("TRAC? TRACE1")
+        if level_dbuv.size != frequency_hz.size:
+            raise InstrumentError(
+                f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?"
+            )
+        metadata = {"receiver": "esr", "resource": self.transport.resource_name, "settings": settings}
+        overload = np.full(frequency_hz.shape, self._was_overloaded())
+        return Spectrum(
+            detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata
+        )
+
+    @staticmethod
+    def _axis(settings: JsonDict) -> FloatArray:
+        """The receiver sends levels only; the frequencies follow from the scan table as it reports it."""
+        start, stop, step = settings["start_hz"], settings["stop_hz"], settings["step_hz"]
+        # The small addition keeps a last step that rounding would lose.
+        axis: FloatArray = start + step * np.arange(int((stop - start) / step + 1e-6) + 1)
+        return axis
+
+    def _levels(self, query: str) -> FloatArray:
+        answer = self.ask(query)
+        try:
+            levels = np.array([float(field) for field in answer.split(",")])
+        except ValueError as error:
+            raise InstrumentError(f"{self}: {answer[:40]!r} in answer to {query!r} is no list of levels") from error
+        if not np.all(np.abs(levels) < self.NOT_MEASURED):
+            raise InstrumentError(f"{self}: the scan holds points that were not measured; repeat it")
+        return levels
+
+    def _was_overloaded(self) -> bool:
+        """Whether the input was overloaded during the scan (event) or still is (condition)."""
+        bits = 0
+        for query in ("STAT:QUES:POW:EVEN?", "STAT:QUES:POW:COND?"):
+            bits |= int(float(self.ask(query)))
+        return bool(bits & self.OVERLOAD)

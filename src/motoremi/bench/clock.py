@@ -1,0 +1,45 @@
+"""Time as the bench sees it: the wall clock for real instruments, a virtual one for simulated and replayed ones."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """What a driver waits by."""
+
+    def now(self) -> float:
+        """Seconds since some fixed moment; never runs backwards."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let that many seconds pass."""
+        ...
+
+
+class WallClock:
+    """Real time."""
+
+    def now(self) -> float:
+        """Seconds of the machine's monotonic clock."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Wait that many real seconds."""
+        time.sleep(seconds)
+
+
+class VirtualClock:
+    """Time that passes only when somebody waits, so that a simulated sweep of a minute takes no time at all."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    def now(self) -> float:
+        """Virtual seconds since the clock was made."""
+        return self._now_s
+
+    def sleep(self, seconds: float) -> None:
+        """Move the clock on by that many virtual seconds."""
+        self._now_s += max(0.0, seconds)

@@ -1,0 +1,157 @@
+"""From a role in a procedure to a connected driver: drivers by name, resources by VISA, an allow-list in between."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Literal, Protocol, get_args
+
+import pyvisa
+from pyvisa.resources import MessageBasedResource
+
+from motoremi.bench.clock import Clock, WallClock
+from motoremi.bench.driver import Driver
+from motoremi.bench.recording import RecordingTransport, TrafficSink
+from motoremi.bench.transport import Transport, VisaTransport
+from motoremi.errors import BadInput, InstrumentError
+
+DRIVER_GROUP = "motoremi.instruments"
+# A source tree that is not installed has no entry points.
+BUILT_IN = {
+    "4294a": "motoremi.instruments.agilent_4294a:Agilent4294A",
+    "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
+}
+
+Connection = Literal["open-standard", "short-standard", "short", "open", "lisn"]
+CONNECTIONS: tuple[Connection, ...] = get_args(Connection)
+INSTRUCTIONS: dict[Connection, str] = {
+    "open-standard": "Leave the fixture open (open standard)",
+    "short-standard": "Connect the short standard to the fixture",
+    "short": "Connect the analyser between the two terminals of the motor, the far one joined to the frame",
+    "open": "Connect the analyser between one terminal of the motor and its frame, the other terminal left open",
+    "lisn": "Connect the motor to its supply through the LISN and the receiver to the LISN, and let the motor run",
+}
+
+
+class Bench(Protocol):
+    """Where a procedure runs: real instruments, simulated ones, or a recording."""
+
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+        """Connect the driver of a role, every exchange going to the sink."""
+        ...
+
+    def connect(self, what: Connection) -> int:
+        """Note that something has been connected; returns the number of the connection."""
+        ...
+
+    def close(self) -> None:
+        """Give everything back."""
+        ...
+
+
+@cache
+def driver_names() -> dict[str, str]:
+    """Known drivers: name to `module:class`; installed ones come before the built-in."""
+    return BUILT_IN | {entry.name: entry.value for entry in entry_points(group=DRIVER_GROUP)}
+
+
+def driver_class(name: str) -> type[Driver]:
+    """The driver of that name.
+
+    Raises
+    ------
+    BadInput
+        If there is none, or it cannot be loaded.
+    """
+    known = driver_names()
+    if name not in known:
+        raise BadInput(f"unknown instrument driver {name!r}: known are {', '.join(sorted(known))}")
+    module, _, attribute = known[name].partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise BadInput(f"the driver {name!r} ({known[name]}) cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Driver)):
+        raise BadInput(f"the driver {name!r} ({known[name]}) is no motoremi.bench.driver.Driver")
+    return found
+
+
+def open_manager(backend: str = "") -> pyvisa.ResourceManager:
+    """A VISA resource manager.
+
+    Parameters
+    ----------
+    backend : str
+        What PyVISA takes, for example `@py`; empty for the system's VISA, or PyVISA-py where there is none.
+    """
+    try:
+        return pyvisa.ResourceManager(backend)
+    except (OSError, ValueError) as error:
+        raise InstrumentError(f"no VISA library for backend {backend!r}: {str(error).splitlines()[0]}") from error
+
+
+def open_transport(
+    manager: pyvisa.ResourceManager, resource: str, timeout_s: float = 5.0, clock: Clock | None = None
+) -> VisaTransport:
+    """Open a VISA resource.
+
+    Raises
+    ------
+    InstrumentError
+        If there is no such resource, it cannot be opened, or it carries no messages.
+    """
+    try:
+        opened = manager.open_resource(resource)
+    except (pyvisa.Error, OSError, ValueError, NotImplementedError, ImportError) as error:
+        raise InstrumentError(
+            f"{resource}: cannot be opened ({str(error).splitlines()[0]}); check its name with 'motoremi instruments'"
+        ) from error
+    if not isinstance(opened, MessageBasedResource):
+        opened.close()
+        raise InstrumentError(f"{resource}: is no instrument that takes messages")
+    return VisaTransport(opened, timeout_s, clock)
+
+
+def attach(transport: Transport, role: str, driver: str, sink: TrafficSink) -> Driver:
+    """Put a driver on a transport, with every exchange recorded."""
+    return driver_class(driver)(RecordingTransport(transport, role, sink))
+
+
+class VisaBench:
+    """Real instruments.
+
+    Parameters
+    ----------
+    resources : mapping of str to str, optional
+        Role to resource name; overrides what the procedure says.
+    backend : str
+        See `open_manager`.
+    allow : collection of str, optional
+        Resources that may be opened at all; None allows every one.
+    """
+
+    def __init__(
+        self, resources: Mapping[str, str] | None = None, backend: str = "", allow: Collection[str] | None = None
+    ) -> None:
+        self._resources = dict(resources or {})
+        self._allow = allow
+        self._manager = open_manager(backend)
+        self._connections = 0
+
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+        """Connect the driver of a role."""
+        wanted = self._resources.get(role, resource)
+        if self._allow is not None and wanted not in self._allow:
+            raise BadInput(f"{role}: {wanted} is not on the bench's allow-list ({', '.join(sorted(self._allow))})")
+        return attach(open_transport(self._manager, wanted, clock=WallClock()), role, driver, sink)
+
+    def connect(self, what: Connection) -> int:
+        """Count the connection; the operator makes it."""
+        self._connections += 1
+        return self._connections
+
+    def close(self) -> None:
+        """Close the resource manager."""
+        self._manager.close()

@@ -1,0 +1,230 @@
+"""What all drivers share: a table of settings, identity, and an error queue that is never left unread."""
+
+from __future__ import annotations
+
+import abc
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar, Generic, Self, TypeVar, overload
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.transport import Transport
+from motoremi.errors import BadInput, InstrumentError
+from motoremi.quantities import show
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who answered `*IDN?`."""
+
+    vendor: str
+    model: str
+    serial: str
+    firmware: str
+
+    def to_dict(self) -> dict[str, str]:
+        """Plain data."""
+        return asdict(self)
+
+
+class Setting(Generic[T]):
+    """One row of a driver's table: `COMMAND value UNIT` sets it, `COMMAND?` reads it.
+
+    Parameters
+    ----------
+    command : str
+        Mnemonic or SCPI header.
+    doc : str
+        One sentence that starts with "Control".
+    unit : str
+        SI unit, empty for a plain number or word; sent in capitals after the value.
+    span : (float, float), optional
+        Smallest and largest value, in `unit`.
+    words : mapping of str to str, optional
+        Allowed values and what the instrument calls them.
+    read, write : callable
+        Between the instrument's text and a Python value.
+    """
+
+    def __init__(
+        self,
+        command: str,
+        doc: str,
+        read: Callable[[str], T],
+        write: Callable[[T], str],
+        unit: str = "",
+        span: tuple[float, float] | None = None,
+        words: dict[str, str] | None = None,
+    ) -> None:
+        self.command = command
+        self.unit = unit
+        self.span = span
+        self.words = words or {}
+        self.__doc__ = doc
+        self._read = read
+        self._write = write
+
+    def __set_name__(self, owner: type[Driver], name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type[Driver]) -> Self: ...
+    @overload
+    def __get__(self, instance: Driver, owner: type[Driver]) -> T: ...
+    def __get__(self, instance: Driver | None, owner: type[Driver]) -> Self | T:
+        if instance is None:
+            return self
+        answer = instance.ask(f"{self.command}?")
+        try:
+            return self._read(answer)
+        except (ValueError, KeyError) as error:
+            raise InstrumentError(
+                f"{instance}: cannot read {answer!r} as {self.name} in answer to '{self.command}?'"
+            ) from error
+
+    def __set__(self, instance: Driver, value: T) -> None:
+        instance.tell(f"{self.command} {self._write(self.checked(instance, value))} {self.unit.upper()}".rstrip())
+
+    def checked(self, instance: Driver, value: T) -> T:
+        """The value, or one line on why the instrument cannot take it."""
+        if self.words and value not in self.words:
+            raise BadInput(f"{instance}: {self.name} = {value!r} is unknown; use one of {', '.join(self.words)}")
+        if self.span is not None and isinstance(value, int | float) and not self.span[0] <= value <= self.span[1]:
+            low, high = (show(limit, self.unit) for limit in self.span)
+            raise BadInput(f"{instance}: {self.name} = {show(value, self.unit)} is outside the range {low} to {high}")
+        return value
+
+
+def number(command: str, unit: str, span: tuple[float, float], doc: str) -> Setting[float]:
+    """A setting with a unit."""
+    return Setting(command, doc, float, lambda value: f"{value:.12g}", unit=unit, span=span)
+
+
+def count(command: str, span: tuple[int, int], doc: str) -> Setting[int]:
+    """A whole-number setting."""
+    # Both "201" and "+2.01E+02" are legal answers.
+    return Setting(command, doc, lambda text: int(float(text)), str, span=span)
+
+
+def choice(command: str, words: dict[str, str], doc: str) -> Setting[str]:
+    """A setting with a few words: our word to the instrument's word."""
+    back = {theirs: ours for ours, theirs in words.items()}
+    return Setting(command, doc, lambda text: back[text.upper()], lambda ours: words[ours], words=words)
+
+
+def switch(command: str, doc: str) -> Setting[bool]:
+    """A setting that is on or off."""
+    back = {"1": True, "+1": True, "ON": True, "0": False, "+0": False, "OFF": False}
+    return Setting(command, doc, lambda text: back[text.upper()], lambda value: "ON" if value else "OFF")
+
+
+class Driver(abc.ABC):
+    """An instrument behind a transport.
+
+    Attributes
+    ----------
+    model : str
+        Regular expression that the second field of `*IDN?` must match.
+    error_query : str
+        What pops the oldest entry of the error queue.
+    safe_commands : tuple of str
+        What stops the measurement and takes the stimulus away.
+    """
+
+    model: ClassVar[str]
+    error_query: ClassVar[str]
+    safe_commands: ClassVar[tuple[str, ...]]
+    # The queues hold ten entries or thirty; a queue that never empties is an instrument out of its mind.
+    _QUEUE_LIMIT: ClassVar[int] = 50
+
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
+
+    def __str__(self) -> str:
+        return f"{type(self).__name__} at {self.transport.resource_name}"
+
+    def identify(self) -> Identity:
+        """Read who is there.
+
+        Raises
+        ------
+        InstrumentError
+            If it is not the instrument this driver is for.
+        """
+        answer = self.transport.query("*IDN?")
+        fields = [field.strip() for field in answer.split(",")]
+        if len(fields) < 4 or not re.fullmatch(self.model, fields[1]):
+            raise InstrumentError(
+                f"{self.transport.resource_name}: expected a {self.model}, but {answer!r} answers; "
+                "check the resource or choose another driver"
+            )
+        return Identity(fields[0], fields[1], fields[2], fields[3])
+
+    def reset(self) -> None:
+        """Bring the instrument into a known, idle state."""
+        self.transport.write("*CLS")
+        self.tell("*RST")
+
+    def safe(self) -> None:
+        """Stop measuring and take the stimulus away; called however a run ends."""
+        # A run may end between a query and its answer; a link that cannot clear it is no reason not to try the rest.
+        with suppress(InstrumentError):
+            self.transport.clear()
+        self.transport.write("*CLS")
+        self.tell(*self.safe_commands)
+
+    def settings(self) -> JsonDict:
+        """Every setting of the table, as the instrument itself reports it, in SI units."""
+        return {name: getattr(self, name) for name in self.table()}
+
+    @classmethod
+    def table(cls) -> dict[str, Setting[Any]]:
+        """The settings of this driver, by name."""
+        rows: dict[str, Setting[Any]] = {}
+        for owner in reversed(cls.__mro__):
+            rows |= {name: value for name, value in vars(owner).items() if isinstance(value, Setting)}
+        return rows
+
+    def tell(self, *commands: str) -> None:
+        """Send commands, each followed by a look at the error queue."""
+        for command in commands:
+            self.transport.write(command)
+            self.check_errors(command)
+
+    def ask(self, command: str) -> str:
+        """Send a query and look at the error queue after its answer."""
+        answer = self.transport.query(command)
+        self.check_errors(command)
+        return answer
+
+    def check_errors(self, command: str) -> None:
+        """Empty the error queue.
+
+        Raises
+        ------
+        InstrumentError
+            With number and text of each error, and the command that it followed.
+        """
+        errors = []
+        for _ in range(self._QUEUE_LIMIT):
+            entry = self.transport.query(self.error_query)
+            code, _, text = entry.partition(",")
+            try:
+                number_ = int(code)
+            except ValueError as error:
+                raise InstrumentError(
+                    f"{self}: {entry!r} is no entry of an error queue ({self.error_query})"
+                ) from error
+            if number_ == 0:
+                break
+            errors.append(f"{number_} {text.strip()}")
+        if errors:
+            raise InstrumentError(f"{self}: error {'; '.join(errors)} after {command!r}")
+
+    def close(self) -> None:
+        """Give the instrument back."""
+        self.transport.close()

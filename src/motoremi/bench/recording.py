@@ -1,0 +1,108 @@
+"""Records every exchange with an instrument: the evidence of a measurement and the source of its replay."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from typing import Any
+
+from motoremi.bench.transport import Transport
+from motoremi.errors import InstrumentError
+
+TrafficSink = Callable[[Mapping[str, Any]], None]
+
+
+def encode_bytes(data: bytes) -> dict[str, str]:
+    """Bytes as readable text where they are printable ASCII, as base64 where they are not."""
+    text = data.decode("latin-1")
+    if text.isascii() and text.replace("\r", "").replace("\n", "").replace("\t", "").isprintable():
+        return {"text": text}
+    return {"base64": base64.b64encode(data).decode("ascii")}
+
+
+def decode_bytes(record: Mapping[str, Any]) -> bytes:
+    """The bytes of a record that `encode_bytes` wrote."""
+    if "base64" in record:
+        return base64.b64decode(record["base64"], validate=True)
+    return str(record["text"]).encode("ascii")
+
+
+class RecordingTransport(Transport):
+    """Hands every exchange of another transport to a sink, before anything else happens.
+
+    A record holds `time` (UTC), `instrument` (its role), `resource`, `direction` (`write`, `read`, `clear` or `error`), and
+    `text`, `base64` or, for an error, `error` and the call that failed in `during`.
+
+    Parameters
+    ----------
+    inner : Transport
+    instrument : str
+        The role it plays, for example `analyser`.
+    sink : callable
+        Takes one record; `SessionWriter.log_traffic` is one.
+    """
+
+    def __init__(self, inner: Transport, instrument: str, sink: TrafficSink) -> None:
+        super().__init__(inner.resource_name, inner.clock, inner.stream)
+        self._inner = inner
+        self._instrument = instrument
+        self._sink = sink
+
+    @property
+    def timeout_s(self) -> float:
+        """Deadline of one exchange in seconds."""
+        return self._inner.timeout_s
+
+    @timeout_s.setter
+    def timeout_s(self, seconds: float) -> None:
+        self._inner.timeout_s = seconds
+
+    def write(self, command: str) -> None:
+        """Send a command."""
+        # The inner transport names the command when it fails.
+        self._inner._last_command = command
+        super().write(command)
+
+    def send(self, data: bytes) -> None:
+        """Record, then send: an attempt that fails is evidence too."""
+        self._record("write", **encode_bytes(data))
+        with self._errors_recorded("write"):
+            self._inner.send(data)
+
+    def receive(self) -> bytes:
+        """Receive, then record."""
+        with self._errors_recorded("read"):
+            data = self._inner.receive()
+        self._record("read", **encode_bytes(data))
+        return data
+
+    def clear(self) -> None:
+        """Record, then clear the link."""
+        self._record("clear")
+        with self._errors_recorded("clear"):
+            self._inner.clear()
+
+    def close(self) -> None:
+        """Close the link."""
+        self._inner.close()
+
+    @contextmanager
+    def _errors_recorded(self, during: str) -> Iterator[None]:
+        try:
+            yield
+        except InstrumentError as error:
+            self._record("error", during=during, error=str(error))
+            raise
+
+    def _record(self, direction: str, **content: str) -> None:
+        self._sink(
+            {
+                "time": datetime.now(UTC).isoformat(),
+                "instrument": self._instrument,
+                "resource": self.resource_name,
+                "direction": direction,
+                **content,
+            }
+        )

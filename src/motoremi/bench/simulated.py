@@ -1,0 +1,139 @@
+"""The embedded bench: simulated instruments, a simulated motor and a simulated operator, behind genuine PyVISA resources."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, SupportsInt, cast
+
+import numpy as np
+import pyvisa
+from pyvisa import constants
+from pyvisa.typing import VISARMSession, VISASession
+from pyvisa.util import LibraryPath
+from pyvisa_sim.devices import Devices
+from pyvisa_sim.highlevel import SimVisaLibrary
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.bench.clock import Clock, VirtualClock
+from motoremi.bench.connect import CONNECTIONS, Connection, attach, open_transport
+from motoremi.bench.driver import Driver
+from motoremi.bench.recording import TrafficSink
+from motoremi.bench.simulated_4294a import Simulated4294A
+from motoremi.bench.simulated_device import SimulatedDevice
+from motoremi.bench.simulated_esr import SimulatedESR
+from motoremi.errors import BadInput
+from motoremi.simulate import emission
+from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.effects import split_effects
+from motoremi.simulate.motor import SimulatedMotor
+
+OPEN_STANDARD_OHM = 1e12
+_library_numbers = itertools.count(1)
+
+
+class BenchLibrary(SimVisaLibrary):
+    """PyVISA-sim's library with devices added by hand, device clear and status byte, and an error for a name nobody has."""
+
+    devices: Devices
+
+    def _init(self) -> None:
+        self.sessions = {}
+        self.devices = Devices()
+
+    def open(
+        self,
+        session: VISARMSession,
+        resource_name: str,
+        access_mode: constants.AccessModes = constants.AccessModes.no_lock,
+        open_timeout: SupportsInt = constants.VI_TMO_IMMEDIATE,
+    ) -> tuple[VISASession, constants.StatusCode]:
+        """Open a session; an unknown resource is an error, as on a real bus."""
+        opened, status = super().open(session, resource_name, access_mode, open_timeout)
+        if status != constants.StatusCode.success:
+            raise pyvisa.VisaIOError(status)
+        return opened, status
+
+    def clear(self, session: VISASession) -> constants.StatusCode:
+        """Device clear."""
+        self._device(session).device_clear()
+        return constants.StatusCode.success
+
+    def read_stb(self, session: VISASession) -> tuple[int, constants.StatusCode]:
+        """Serial poll."""
+        return self._device(session).status_byte(), constants.StatusCode.success
+
+    def _device(self, session: VISASession) -> SimulatedDevice:
+        return cast(SimulatedDevice, self.sessions[session].device)
+
+
+class SimulatedBench:
+    """A bench on which everything is simulated: the motor, the instruments, and the operator who connects them.
+
+    Parameters
+    ----------
+    seed : int
+        Draws the motor, the instruments' own errors and the noise.
+    effects : sequence of str
+        Hidden effects; those of the instrument go to the analyser, the others to the motor.
+    clock : Clock, optional
+        Virtual unless given, so that a sweep of a minute takes no time.
+    """
+
+    resources: ClassVar[Mapping[str, str]] = {"analyser": "GPIB0::17::INSTR", "receiver": "GPIB0::20::INSTR"}
+
+    def __init__(self, seed: int, effects: Sequence[str] = (), clock: Clock | None = None) -> None:
+        self.seed = seed
+        self.effects = tuple(effects)
+        self.clock = clock or VirtualClock()
+        hidden, faults = split_effects(effects)
+        self.motor = SimulatedMotor.random(seed, hidden)
+        self._analyser = SimulatedAnalyser(seed, faults=faults)
+        self._connected: Connection = "open-standard"
+        self._connection = 0
+        self.devices: dict[str, SimulatedDevice] = {
+            "analyser": Simulated4294A(self, self.clock),
+            "receiver": SimulatedESR(self, self.clock),
+        }
+        library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
+        for role, device in self.devices.items():
+            library.devices.add_device(self.resources[role], device)
+        self.resource_manager = pyvisa.ResourceManager(library)
+
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+        """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
+        if role not in self.resources:
+            raise BadInput(f"the simulated bench has no {role!r}; it has {', '.join(self.resources)}")
+        transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
+        return attach(transport, role, driver, sink)
+
+    def connect(self, what: Connection) -> int:
+        """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
+        if what not in CONNECTIONS:
+            raise BadInput(f"unknown connection {what!r}: use one of {', '.join(CONNECTIONS)}")
+        self._connected = what
+        self._connection += 1
+        return self._connection
+
+    def truth(self) -> JsonDict:
+        """What is hidden on this bench."""
+        return {"seed": self.seed, "hidden": list(self.effects), **self.motor.truth(), **self._analyser.truth()}
+
+    def close(self) -> None:
+        """Close the resource manager."""
+        self.resource_manager.close()
+
+    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
+        """What the analyser would read without fixture, in ohm."""
+        if self._connected == "short-standard":
+            return np.zeros(frequency_hz.shape, dtype=np.complex128)
+        if self._connected not in ("short", "open"):
+            return np.full(frequency_hz.shape, OPEN_STANDARD_OHM, dtype=np.complex128)
+        true_ohm = self.motor.impedance(self._connected, frequency_hz)
+        return self._analyser.measure(self._connected, frequency_hz, true_ohm, self._connection, bandwidth_factor)
+
+    def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
+        """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""
+        if self._connected != "lisn":
+            return np.full(frequency_hz.shape, -200.0)
+        return emission.spectrum(self.motor, frequency_hz, detector, self.seed)

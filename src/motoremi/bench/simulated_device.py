@@ -1,0 +1,198 @@
+"""A PyVISA-sim device that can compute: what all simulated instruments share.
+
+PyVISA-sim takes identity, settings, ranges and errors from YAML, matches commands byte for byte, and computes nothing. The override
+of `Device._match` and the buffers and tables it works on are private, hence the pinned version in `pyproject.toml`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from importlib import resources
+from typing import Any, Protocol
+
+import numpy as np
+from pyvisa_sim import parser
+from pyvisa_sim.component import NoResponse
+from pyvisa_sim.devices import Device
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.bench.clock import Clock
+
+# Time on the bus for one message: what lets a client without a clock of its own poll a simulated sweep to its end.
+MESSAGE_S = 1e-3
+QUEUE_DEPTH = 10
+_NUMBER = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)")
+_SCALE = {
+    "HZ": 1.0,
+    "KHZ": 1e3,
+    "MHZ": 1e6,
+    "GHZ": 1e9,
+    "V": 1.0,
+    "MV": 1e-3,
+    "S": 1.0,
+    "MS": 1e-3,
+    "US": 1e-6,
+    "DB": 1.0,
+    "": 1.0,
+}
+
+
+class Wiring(Protocol):
+    """What the simulated instruments are connected to."""
+
+    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
+        """What an analyser without fixture would read now, in ohm."""
+        ...
+
+    def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
+        """What reaches the receiver, in dBuV."""
+        ...
+
+
+class SimulatedDevice(Device):
+    """An instrument whose settings come from a profile and whose answers may be computed.
+
+    Subclasses list what they compute in `commands()`: header to a function of the argument text that returns the answer or None.
+
+    Parameters
+    ----------
+    profile : str
+        File in `motoremi.sim_profiles`.
+    stand : Wiring
+    clock : Clock
+    """
+
+    def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
+        with resources.as_file(resources.files("motoremi.sim_profiles") / profile) as path:
+            ((name, data),) = parser.parse_file(path)["devices"].items()
+        super().__init__(name, b"")
+        self.wiring = wiring
+        self.clock = clock
+        self._data = data
+        self.add_error_handler(data["error"])
+        for interface, terminators in data["eom"].items():
+            self.add_eom(interface, terminators["q"], terminators["r"])
+        parser.update_component(name, self, data)
+        self._settable = {
+            row["setter"]["q"].rpartition(" ")[0]: key for key, row in data["properties"].items() if "setter" in row
+        }
+        self._operation_complete = False
+        self._commands = {
+            "*CLS": self._clear_status,
+            "*RST": self._reset,
+            "*OPC": self._note_completion,
+            "*OPC?": self._wait_and_answer,
+            "*WAI": self._wait,
+            "*STB?": lambda _: str(self.status_byte()).encode(),
+            **self.commands(),
+        }
+
+    def commands(self) -> dict[str, Callable[[str], bytes | None]]:
+        """What this instrument computes, by header."""
+        raise NotImplementedError
+
+    def busy_until(self) -> float:
+        """When the running measurement ends, in seconds of the clock."""
+        raise NotImplementedError
+
+    def status_byte(self) -> int:
+        """The IEEE 488.2 status byte."""
+        standard = int(self._status_registers[b"*ESR?"].value)
+        return 32 if standard & int(self.value("standard_mask")) else 0
+
+    def value(self, name: str) -> Any:
+        """Present value of a setting of the profile."""
+        return self._properties[name].get_value()
+
+    def device_clear(self) -> None:
+        """Forget half commands and unread answers."""
+        self._input_buffer.clear()
+        self._output_buffers.clear()
+
+    def fold(self, header: str) -> str:
+        """One spelling for each header; the base takes any case."""
+        return header.upper()
+
+    def error_response(self, error_key: str) -> Any:
+        """Note an error; like the real queues, a full one keeps its oldest entries."""
+        super().error_response(error_key)
+        for queue in self._error_queues.values():
+            del queue._queue[QUEUE_DEPTH:]
+        return NoResponse
+
+    def _match(self, query: bytes) -> Any:
+        self.clock.sleep(MESSAGE_S)
+        if self._output_buffers:
+            # IEEE 488.2: a new message while an answer waits is a query error, and the answer is gone.
+            self._output_buffers.clear()
+            self.error_response("query_error")
+        answers = [answer for message in self._messages(query.decode("latin-1")) if (answer := self._answer(message))]
+        return b";".join(answers) if answers else NoResponse
+
+    @staticmethod
+    def _messages(line: str) -> list[str]:
+        return [message.strip() for message in line.split(";") if message.strip()]
+
+    def _answer(self, message: str) -> bytes | None:
+        header, _, argument = message.partition(" ")
+        header, argument = self.fold(header), argument.strip()
+        if header in self._commands:
+            return self._commands[header](argument)
+        if header in self._settable and argument:
+            self._assign(self._settable[header], argument)
+            return None
+        answer: Any = super()._match(header.encode("latin-1")) if header.endswith("?") else None
+        if answer is None:
+            self.error_response("command_error")
+            return None
+        return bytes(answer)
+
+    def _assign(self, name: str, argument: str) -> None:
+        """Set a property; numbers may carry a unit, words any case."""
+        setting = self._properties[name]
+        specs: Any = setting.specs
+        number = _NUMBER.fullmatch(argument)
+        text = argument
+        if specs.type is not str and number:
+            scale = _SCALE.get(number[2].upper())
+            if scale is None:
+                self.error_response("execution_error")
+                return
+            text = number[1] if scale == 1.0 else repr(float(number[1]) * scale)
+        elif specs.valid:
+            text = self.fold(argument)
+            text = {"1": "ON", "0": "OFF"}.get(text, text)
+        try:
+            setting.set_value(text)
+        except ValueError:
+            self.error_response("execution_error")
+
+    def _clear_status(self, _: str) -> None:
+        for register in self._status_registers.values():
+            register.clear()
+        for queue in self._error_queues.values():
+            queue.clear()
+        self._operation_complete = False
+
+    def _reset(self, _: str) -> None:
+        for name, row in self._data["properties"].items():
+            if not name.endswith("_mask"):
+                self._properties[name].init_value(row["default"])
+
+    def _note_completion(self, _: str) -> None:
+        self._operation_complete = True
+
+    def _wait(self, _: str) -> None:
+        self.clock.sleep(self.busy_until() - self.clock.now())
+
+    def _wait_and_answer(self, _: str) -> bytes:
+        self._wait("")
+        return b"1"
+
+
+def definite_block(values: FloatArray, dtype: str) -> bytes:
+    """An IEEE 488.2 definite-length block of numbers."""
+    payload = np.asarray(values).astype(dtype).tobytes()
+    count = str(len(payload)).encode()
+    return b"#" + str(len(count)).encode() + count + payload

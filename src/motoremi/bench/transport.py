@@ -1,0 +1,188 @@
+"""The link to one instrument: text and blocks on top of two primitives, send and receive."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pyvisa
+from pyvisa import constants
+from pyvisa.resources import MessageBasedResource
+
+from motoremi.bench.clock import Clock, WallClock
+from motoremi.errors import InstrumentError
+
+TERMINATOR = b"\n"
+
+
+class Transport(abc.ABC):
+    """A link that carries whole messages.
+
+    A new kind of link writes `send`, `receive`, `clear`, `close` and `timeout_s`; the rest follows from them, so that a recording
+    or a replay sees every byte at one place.
+
+    Parameters
+    ----------
+    resource_name : str
+        VISA name of the instrument, for messages and records.
+    clock : Clock
+        What waiting is measured by.
+    stream : bool
+        True where only a newline marks the end of a message (socket, serial line), which a binary block may contain.
+    """
+
+    def __init__(self, resource_name: str, clock: Clock, stream: bool = False) -> None:
+        self.resource_name = resource_name
+        self.clock = clock
+        self.stream = stream
+        self._last_command = ""
+
+    @abc.abstractmethod
+    def send(self, data: bytes) -> None:
+        """Send one message, terminator included."""
+
+    @abc.abstractmethod
+    def receive(self) -> bytes:
+        """Receive one message, terminator included; `InstrumentError` if none comes within `timeout_s`."""
+
+    @abc.abstractmethod
+    def clear(self) -> None:
+        """Clear the link: the instrument forgets unread answers and half commands."""
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Give the instrument back; harmless when repeated."""
+
+    @property
+    @abc.abstractmethod
+    def timeout_s(self) -> float:
+        """Deadline of one exchange in seconds."""
+
+    @timeout_s.setter
+    @abc.abstractmethod
+    def timeout_s(self, seconds: float) -> None: ...
+
+    @contextmanager
+    def patience(self, seconds: float) -> Iterator[None]:
+        """Use a longer (or shorter) deadline, in seconds, for a while."""
+        before = self.timeout_s
+        self.timeout_s = seconds
+        try:
+            yield
+        finally:
+            self.timeout_s = before
+
+    def write(self, command: str) -> None:
+        """Send a command."""
+        try:
+            data = command.encode("ascii")
+        except UnicodeEncodeError as error:
+            raise InstrumentError(f"{self.resource_name}: {command!r} is not ASCII; no instrument takes it") from error
+        self._last_command = command
+        self.send(data + TERMINATOR)
+
+    def read(self) -> str:
+        """Read a text answer, without its terminator."""
+        # Receivers write µ in latin-1; every byte has a meaning there, so nothing can fail to decode.
+        return self.receive().decode("latin-1").strip()
+
+    def query(self, command: str) -> str:
+        """Send a command and read its text answer."""
+        self.write(command)
+        return self.read()
+
+    def query_block(self, command: str) -> bytes:
+        """Send a command and read its IEEE 488.2 definite-length block, without the header.
+
+        Raises
+        ------
+        InstrumentError
+            If the answer is no block, or shorter or longer than its header says.
+        """
+        self.write(command)
+        message = self.receive()
+        start, length = self._block_extent(message)
+        while self.stream and len(message) < start + length + len(TERMINATOR):
+            message += self.receive()
+        payload = message[start:]
+        # Some instruments end the message by the END line alone.
+        if len(payload) == length + len(TERMINATOR) and payload.endswith(TERMINATOR):
+            payload = payload[:length]
+        if len(payload) != length:
+            raise InstrumentError(
+                f"{self.resource_name}: the block in answer to {command!r} announces {length} bytes but has {len(payload)}; "
+                "the transfer was cut, repeat it or choose ASCII transfer"
+            )
+        return payload
+
+    def _block_extent(self, message: bytes) -> tuple[int, int]:
+        digits = message[1:2]
+        count = message[2 : 2 + int(digits)] if message[:1] == b"#" and digits.isdigit() else b""
+        if not count.isdigit() or len(count) != int(digits):
+            raise InstrumentError(
+                f"{self.resource_name}: expected a binary block in answer to {self._last_command!r}, got {message[:24]!r}"
+            )
+        return 2 + len(count), int(count)
+
+
+class VisaTransport(Transport):
+    """A real PyVISA resource, with its terminations and deadline set explicitly.
+
+    Parameters
+    ----------
+    resource : pyvisa.resources.MessageBasedResource
+    timeout_s : float
+        Deadline of one exchange in seconds.
+    clock : Clock, optional
+    """
+
+    def __init__(self, resource: MessageBasedResource, timeout_s: float = 5.0, clock: Clock | None = None) -> None:
+        stream = resource.interface_type == constants.InterfaceType.asrl or resource.resource_class == "SOCKET"
+        super().__init__(str(resource.resource_name), clock or WallClock(), stream)
+        self._resource = resource
+        # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
+        resource.read_termination = TERMINATOR.decode() if stream else None
+        self.timeout_s = timeout_s
+
+    @property
+    def timeout_s(self) -> float:
+        """Deadline of one exchange in seconds."""
+        return float(self._resource.timeout) / 1000
+
+    @timeout_s.setter
+    def timeout_s(self, seconds: float) -> None:
+        self._resource.timeout = max(1, round(seconds * 1000))
+
+    def send(self, data: bytes) -> None:
+        """Send one message."""
+        with self._one_line("did not accept", "check cable, address and power"):
+            self._resource.write_raw(data)
+
+    def receive(self) -> bytes:
+        """Receive one message."""
+        with self._one_line("gave no answer to", "check power, cable and address, and that no other program uses it"):
+            return bytes(self._resource.read_raw())
+
+    def clear(self) -> None:
+        """Send a device clear."""
+        with self._one_line("could not be cleared after", "switch it off and on"):
+            self._resource.clear()
+
+    def close(self) -> None:
+        """Close the VISA session."""
+        self._resource.close()
+
+    @contextmanager
+    def _one_line(self, trouble: str, advice: str) -> Iterator[None]:
+        # pyvisa-py lets errors of the socket through as they are, and not every backend knows every call.
+        try:
+            yield
+        except (pyvisa.Error, OSError, NotImplementedError) as error:
+            detail = f"within {self.timeout_s:g} s" if _is_timeout(error) else f"({str(error).splitlines()[0]})"
+            command = self._last_command or "the opening of the link"
+            raise InstrumentError(f"{self.resource_name}: {trouble} {command!r} {detail}; {advice}") from error
+
+
+def _is_timeout(error: Exception) -> bool:
+    return isinstance(error, pyvisa.VisaIOError) and error.error_code == constants.StatusCode.error_timeout
