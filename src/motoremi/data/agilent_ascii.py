@@ -1,0 +1,122 @@
+"""The ASCII file that a 4294A saves: quoted header lines, then trace A and trace B below each other."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.numbers import parse_number
+from motoremi.data.source import split_lines
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+# The words after MEASURE PARAMETER when the traces are R and X.
+_R_AND_X = (
+    {"R", "X"},
+    {"IMPEDANCE", "R", "X"},
+    {"RESISTANCE", "REACTANCE"},
+    {"IMPEDANCE", "RESISTANCE", "REACTANCE"},
+    {"IMPEDANCE", "REAL", "IMAG"},
+)
+_VALUE_TITLE = "Data Trace Real"
+_SECOND_TITLE = "Data Trace Imag"
+
+
+@dataclass
+class _Trace:
+    titles: list[str]
+    rows: list[list[str]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+def is_agilent_ascii(text: str) -> bool:
+    """Whether the first line is that of a 4294A file."""
+    return text.lstrip().lstrip('"').startswith("4294A")
+
+
+def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray, JsonDict]:
+    """Frequencies in hertz, impedance in ohm and the header of a 4294A file.
+
+    Raises
+    ------
+    BadInput
+        If a trace is missing or cut off, or the traces hold something else than impedance against frequency.
+    """
+    header, traces = _sections(text, name)
+    for letter in "AB":
+        if letter not in traces:
+            raise BadInput(f"{name}: trace {letter} is missing; save both traces (the file may be cut off)")
+    points = header.get("NUMBER of POINTS", "")
+    (frequency, first), (frequency_b, second) = (_values(traces[letter], letter, name) for letter in "AB")
+    for letter, values in (("A", first), ("B", second)):
+        if points.isdecimal() and int(points) != values.size:
+            raise BadInput(f"{name}: the header says {points} points but trace {letter} has {values.size}; the file is cut off")
+    if not np.array_equal(frequency, frequency_b):
+        raise BadInput(f"{name}: traces A and B are not on the same frequencies; save both from one sweep")
+    impedance = _impedance(header.get("MEASURE PARAMETER", ""), first, second, name)
+    return frequency, impedance, {**header, "analyser": "4294a"}
+
+
+def _sections(text: str, name: str) -> tuple[dict[str, str], dict[str, _Trace]]:
+    header: dict[str, str] = {}
+    traces: dict[str, _Trace] = {}
+    letter = ""
+    for number, raw in enumerate(split_lines(text), start=1):
+        line = raw.strip()
+        key, value = _header_entry(line)
+        if key == "TRACE":
+            letter = value
+            if letter in traces:
+                raise BadInput(f"{name}, line {number}: trace {letter} occurs twice; keep one")
+        elif key and not letter:
+            header[key] = value
+        elif line.startswith('"Frequency"') and letter:
+            traces[letter] = _Trace([cell.strip().strip('"') for cell in line.split("\t")])
+        elif letter in traces and line and not key:
+            cells = line.split("\t")
+            expected = len(traces[letter].titles)
+            if len(cells) != expected:
+                raise BadInput(f"{name}, line {number}: {len(cells)} values for {expected} columns; the row or the file is cut off")
+            traces[letter].rows.append(cells)
+            traces[letter].lines.append(number)
+    return header, traces
+
+
+def _header_entry(line: str) -> tuple[str, str]:
+    if len(line) < 2 or line[0] != '"' or line[-1] != '"':
+        return "", ""
+    key, colon, value = line[1:-1].partition(":")
+    return (clean_text(key.strip(), 80), clean_text(value.strip(), 200)) if colon else ("", "")
+
+
+def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArray]:
+    if not {_VALUE_TITLE, _SECOND_TITLE} <= set(trace.titles):
+        raise BadInput(f"{name}: trace {letter} has no column {_VALUE_TITLE!r} and {_SECOND_TITLE!r}; save the data trace")
+    wanted = (0, trace.titles.index(_VALUE_TITLE), trace.titles.index(_SECOND_TITLE))
+    numbers = np.array(
+        [
+            [parse_number(cells[column], f"{name}, line {line}") for column in wanted]
+            for cells, line in zip(trace.rows, trace.lines, strict=True)
+        ]
+    ).reshape(-1, 3)
+    if np.any(numbers[:, 2]):
+        raise BadInput(f"{name}: trace {letter} is complex; set the traces to |Z| and phase, or to R and X")
+    return numbers[:, 0], numbers[:, 1]
+
+
+def _impedance(parameter: str, first: FloatArray, second: FloatArray, name: str) -> ComplexArray:
+    words = set(re.findall(r"[A-Z]+", parameter.upper()))
+    if "ADMITTANCE" not in words and {"MAG", "PHASE"} <= words and len(words & {"DEG", "RAD"}) == 1:
+        if np.any(first < 0):
+            raise BadInput(f"{name}: a magnitude is below 0")
+        phase = np.deg2rad(second) if "DEG" in words else second
+        return np.asarray(first * np.exp(1j * phase), dtype=np.complex128)
+    if words in _R_AND_X:
+        return np.asarray(first + 1j * second, dtype=np.complex128)
+    raise BadInput(
+        f"{name}: the traces hold {clean_text(parameter, 60)!r}; "
+        "set them to impedance magnitude and phase, or to R and X, and save again"
+    )

@@ -1,0 +1,90 @@
+"""Which column holds what: names and units as people and instruments write them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from motoremi.data.table import Table
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+_SEPARATORS = re.compile(r"[\s()\[\]/\-_.,:]+")
+_SPELLINGS = (("µ", "u"), ("μ", "u"), ("ω", "ohm"), ("ohms", "ohm"), ("degrees", "deg"), ("degree", "deg"), ("°", "deg"))
+
+_FREQUENCY = ("frequency", "freq", "f")
+_RESISTANCE = ("resistance", "r", "z_re", "zre", "re_z", "z_real", "real_z")
+_REACTANCE = ("reactance", "x", "z_im", "zim", "im_z", "z_imag", "imag_z")
+_MAGNITUDE = ("impedance", "z", "|z|", "z_abs", "abs_z", "z_mag", "mag_z", "zmag", "magnitude", "impedance_magnitude")
+_PHASE = ("phase", "theta", "theta_z", "phase_z", "z_phase", "impedance_phase")
+_LEVEL = ("level", "amplitude", "peak", "quasi_peak", "quasipeak", "average")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table, and the factor to its SI unit."""
+
+    index: int
+    factor: float
+
+
+def _units(names: Sequence[str], factors: dict[str, float]) -> dict[str, float]:
+    return {f"{name}_{unit}": factor for name in names for unit, factor in factors.items()}
+
+
+# Milliohm and megohm differ by a capital letter that header rows do not keep, so neither is taken.
+_OHM = {"ohm": 1.0, "kohm": 1e3}
+_KNOWN: dict[str, dict[str, float]] = {
+    "frequency": _units(_FREQUENCY, {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}),
+    "resistance": _units(_RESISTANCE, _OHM),
+    "reactance": _units(_REACTANCE, _OHM),
+    "magnitude": _units(_MAGNITUDE, _OHM),
+    "phase": _units(_PHASE, {"deg": 1.0, "rad": 180 / math.pi}),
+    "level": _units(_LEVEL, {"dbuv": 1.0}),
+    "sigma_relative": {"sigma_relative": 1.0},
+    "overload": {"overload": 1.0},
+}
+_DECIBEL = re.compile(r"(?:^|_)db(?:[a-z]*)(?:_|$)")
+
+
+def normal_name(title: str) -> str:
+    """One spelling for many: `Frequency (Hz)`, `freq[Hz]` and `freq_hz` differ in the first word only."""
+    name = title.strip().lower()
+    for spelling, normal in _SPELLINGS:
+        name = name.replace(spelling, normal)
+    return _SEPARATORS.sub("_", name).strip("_")
+
+
+def find_columns(table: Table) -> dict[str, Column]:
+    """The columns whose meaning and unit are known.
+
+    Raises
+    ------
+    BadInput
+        If two columns mean the same.
+    """
+    found: dict[str, Column] = {}
+    for index, title in enumerate(table.columns):
+        name = normal_name(title)
+        for meaning, spellings in _KNOWN.items():
+            if name not in spellings:
+                continue
+            if meaning in found:
+                first = clean_text(table.columns[found[meaning].index], 40)
+                raise BadInput(
+                    f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one"
+                )
+            found[meaning] = Column(index, spellings[name])
+    return found
+
+
+def has_decibels(table: Table) -> bool:
+    """Whether any column name carries a unit in decibel."""
+    return any(_DECIBEL.search(normal_name(title)) for title in table.columns)
+
+
+def columns_found(table: Table) -> str:
+    """The column names for a message."""
+    return clean_text(", ".join(table.columns), 200)

@@ -1,0 +1,60 @@
+"""Numbers as measurement files write them, and the marks they use for a point that was not measured."""
+
+from __future__ import annotations
+
+import re
+
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.IGNORECASE)
+# SCPI writes 9.91E37 for "not a number" and 9.9E37 for infinity.
+_SCPI_MARK = 9e37
+
+
+def looks_numeric(cell: str) -> bool:
+    """Whether a cell is meant as a number, with a point or a comma."""
+    return _NUMBER.fullmatch(cell.strip().replace(",", ".", 1)) is not None
+
+
+def parse_number(cell: str, where: str) -> float:
+    """Read one number; the decimal sign is a point.
+
+    Parameters
+    ----------
+    cell : str
+    where : str
+        File, line and column, for the message.
+
+    Raises
+    ------
+    BadInput
+        If it is empty, text, not finite, or the mark of an instrument for a point that it did not measure.
+    """
+    text = cell.strip()
+    if _NUMBER.fullmatch(text):
+        value = float(text)
+        if abs(value) < _SCPI_MARK:
+            return value
+        raise BadInput(f"{where}: {clean_text(text, 40)} marks a point that was not measured; remove the row")
+    if not text:
+        raise BadInput(f"{where}: a value is missing; remove the row or fill it in")
+    if _NOT_A_NUMBER.fullmatch(text):
+        raise BadInput(f"{where}: {clean_text(text, 40)} is not a finite number; remove the row")
+    raise BadInput(f"{where}: {clean_text(text, 40)!r} is not a number; write plain numbers such as 1.5e5")
+
+
+def looks_cut(cell: str, others: list[str]) -> bool:
+    """Whether the very last number of a file without a final line end was cut off.
+
+    It was if its mantissa or its exponent has fewer digits than those of all other numbers in the column.
+    """
+    digits, exponent = _shape(cell)
+    shapes = [_shape(other) for other in others]
+    return bool(shapes) and (digits < min(s[0] for s in shapes) or exponent < min(s[1] for s in shapes))
+
+
+def _shape(cell: str) -> tuple[int, int]:
+    mantissa, _, exponent = cell.lower().partition("e")
+    return sum(c.isdigit() for c in mantissa), sum(c.isdigit() for c in exponent)

@@ -1,0 +1,90 @@
+"""Plain data and JSON: strict in, strict out."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import date
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+
+
+def plain(value: Any) -> Any:
+    """Turn a value into what JSON can hold; a number that is not finite becomes None.
+
+    Raises
+    ------
+    TypeError
+        For objects without an obvious plain form, complex numbers among them: write their parts under names.
+    """
+    if value is None or isinstance(value, (str, bool, int)):
+        return value
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (set, frozenset)):
+        return sorted((plain(item) for item in value), key=str)
+    if isinstance(value, (PurePath, date)):
+        return value.as_posix() if isinstance(value, PurePath) else value.isoformat()
+    raise TypeError(f"{type(value).__name__} has no plain form")
+
+
+def to_line(document: Mapping[str, Any]) -> str:
+    """One document as one line of JSON, ASCII only."""
+    return json.dumps(plain(document), allow_nan=False, separators=(",", ":"))
+
+
+def to_page(document: Mapping[str, Any]) -> str:
+    """One document as indented JSON with sorted keys: the same data always gives the same text."""
+    return json.dumps(plain(document), allow_nan=False, indent=1, sort_keys=True) + "\n"
+
+
+def from_json(text: str | bytes) -> Any:
+    """Parse JSON, without the NaN and Infinity that Python would let in.
+
+    Raises
+    ------
+    ValueError
+        If it is not JSON; also for nesting too deep and numbers too long to be meant seriously.
+    """
+    try:
+        return json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+
+
+def object_from_json(text: str | bytes) -> JsonDict:
+    """Parse JSON that must be an object.
+
+    Raises
+    ------
+    ValueError
+        If it is not.
+    """
+    value = from_json(text)
+    if not isinstance(value, dict):
+        raise ValueError("not a JSON object")
+    return value
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not JSON")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError("number out of range")
+    return value

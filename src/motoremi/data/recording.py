@@ -1,0 +1,305 @@
+"""Write a session folder, document by document."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import threading
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, get_args
+
+from motoremi.arrays import JsonDict
+from motoremi.data.chain import FIRST, document_line, line_sha256, make_document, read_chain
+from motoremi.data.csvfiles import impedance_csv, spectrum_csv
+from motoremi.data.manifest import Manifest, list_files, manifest_text, record_bytes, record_file
+from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
+from motoremi.data.plain import to_line, to_page
+from motoremi.data.source import show_name
+from motoremi.data.spectrum import Spectrum
+from motoremi.data.storage import PENDING_SUFFIX, AppendFile, StorageError, replacing, told_as_storage_error, write_whole
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.text import clean_text
+from motoremi.data.verify import inspect_session
+from motoremi.errors import BadInput
+
+SCHEMA = "motoremi.session/1"
+Status = Literal["done", "failed", "interrupted"]
+STATUSES: tuple[Status, ...] = get_args(Status)
+Listener = Callable[[JsonDict], None]
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_@+.-]*")
+# Folders and files with a meaning of their own: `save_file` may not touch what was measured.
+_RESERVED = {"sweeps", "spectra", "analysis", SESSION, TRAFFIC, MANIFEST}
+
+
+class SessionWriter:
+    """An open session folder; make one with `SessionWriter.create` or `reopen`.
+
+    As a context manager it closes the session: "done" at the end of the block, "failed" or "interrupted" with the
+    reason if an exception leaves it.
+    """
+
+    path: Path
+
+    def __init__(self, path: Path, log: AppendFile, seq: int, previous_sha256: str) -> None:
+        self.path = path
+        self._log = log
+        self._seq = seq
+        self._previous = previous_sha256
+        self._traffic: AppendFile | None = None
+        self._listeners: list[Listener] = []
+        self._closed = False
+        # The recorder of an instrument's traffic may run in another thread than the procedure.
+        self._turn = threading.RLock()
+
+    @classmethod
+    def create(cls, path: str | os.PathLike[str], start: Mapping[str, Any]) -> SessionWriter:
+        """Begin a session in a new or empty folder.
+
+        Parameters
+        ----------
+        path : path-like
+        start : mapping
+            What the session is about; becomes part of the "start" document, with the software's version.
+
+        Raises
+        ------
+        BadInput
+            If the folder holds something already.
+        StorageError
+            If it cannot be made.
+        """
+        folder = Path(path)
+        with told_as_storage_error(folder):
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                raise BadInput(f"{show_name(folder)}: exists and is not an empty folder; name a new one for the session")
+            folder.mkdir(parents=True, exist_ok=True)
+        log = AppendFile(folder / SESSION, new=True)
+        try:
+            log.lock()
+            writer = cls(folder, log, 0, FIRST)
+            writer._append("start", {"schema": SCHEMA, "software": software(), **start})
+        except BaseException:
+            log.close()
+            raise
+        return writer
+
+    def __enter__(self) -> SessionWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if error is None:
+            self.close("done")
+            return
+        status: Status = "interrupted" if isinstance(error, (KeyboardInterrupt, SystemExit)) else "failed"
+        try:
+            self.close(status, f"{type(error).__name__}: {error}".removesuffix(": "))
+        except StorageError as second:
+            # The first error is the one to act on; a full disk often is the reason of both.
+            error.add_note(f"the session could not be closed either: {second}")
+
+    def subscribe(self, listener: Listener) -> None:
+        """Tell `listener` every document from now on, after it is on disk.
+
+        A listener that raises is dropped and its exception goes to whoever emitted.
+        """
+        self._listeners.append(listener)
+
+    def emit(self, kind: str, **content: Any) -> JsonDict:
+        """Append one document, wait until the disk has it, and tell the listeners.
+
+        Returns
+        -------
+        dict
+            The document as stored: plain data, with None for numbers that are not finite.
+
+        Raises
+        ------
+        StorageError
+            If it cannot be written; the session is as before.
+        """
+        with self._turn:
+            document = self._append(kind, content)
+            self._tell(document)
+        return document
+
+    def add_sweep(self, sweep: ImpedanceSweep) -> Path:
+        """Store a sweep as `sweeps/<termination>-<n>.csv` and emit a "sweep" document."""
+        low, high = sweep.span_hz
+        content = {"termination": sweep.termination, "points": len(sweep), "span_hz": [low, high]}
+        return self._add_numbered("sweep", f"sweeps/{sweep.termination}", impedance_csv(sweep), content)
+
+    def add_spectrum(self, spectrum: Spectrum) -> Path:
+        """Store a spectrum as `spectra/<detector>-<n>.csv` and emit a "spectrum" document."""
+        low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
+        content = {"detector": spectrum.detector, "points": len(spectrum), "span_hz": [low, high]}
+        return self._add_numbered("spectrum", f"spectra/{spectrum.detector}", spectrum_csv(spectrum), content)
+
+    def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
+        """Store `analysis/<name>.json`, in place of an older one, and emit an "analysis" document.
+
+        Raises
+        ------
+        BadInput
+            If the name is not letters, digits and `_ @ + . -`.
+        """
+        if not _NAME.fullmatch(name):
+            raise BadInput(f"{clean_text(repr(name), 80)} cannot name an analysis; use letters, digits and _ @ + . -")
+        return self._store("analysis", f"analysis/{name}.json", to_page(payload).encode(), {"name": name})
+
+    def save_file(self, relative_path: str, data: bytes) -> Path:
+        """Store any other file, for example `report/report.html`, and emit a "file" document.
+
+        Raises
+        ------
+        BadInput
+            If the name leaves the folder, is a link, or belongs to what was measured.
+        """
+        if relative_path.split("/", 1)[0].casefold() in _RESERVED:
+            raise BadInput(f"{clean_text(relative_path, 80)}: this name is kept for the session itself; use another folder")
+        return self._store("file", relative_path, data, {})
+
+    def log_traffic(self, record: Mapping[str, Any]) -> None:
+        """Append one line to `traffic.jsonl`; the disk has it at the next sweep or at the end."""
+        with self._turn:
+            self._must_be_open()
+            if self._traffic is None:
+                self._traffic = AppendFile(inside(self.path, TRAFFIC), new=False)
+            self._traffic.append(to_line(record), sync=False)
+
+    def close(self, status: Status, reason: str = "") -> None:
+        """Emit the "stop" document, then write the manifest. Closing twice does nothing.
+
+        Parameters
+        ----------
+        status : {"done", "failed", "interrupted"}
+        reason : str, optional
+            Why, for a person.
+        """
+        if status not in STATUSES:
+            raise BadInput(f"unknown status {status!r}: use one of {', '.join(STATUSES)}")
+        with self._turn:
+            if self._closed:
+                return
+            try:
+                self._sync_traffic()
+                document = self._append("stop", {"status": status, "reason": clean_text(reason)})
+                with told_as_storage_error(self.path / MANIFEST):
+                    files, _ = list_files(self.path)
+                    records = {name: record_file(self.path / name) for name in files}
+                text = manifest_text(Manifest(self._seq, records), software())
+                write_whole(self.path / MANIFEST, text.encode())
+            finally:
+                self._closed = True
+                if self._traffic is not None:
+                    self._traffic.close()
+                self._log.close()
+            self._tell(document)
+
+    def _must_be_open(self) -> None:
+        if self._closed:
+            raise StorageError(f"{self.path}: the session is closed; reopen it to add to it")
+
+    def _append(self, kind: str, content: Mapping[str, Any]) -> JsonDict:
+        self._must_be_open()
+        time = datetime.now(UTC).isoformat(timespec="microseconds")
+        document = make_document(self._seq, time, kind, self._previous, content)
+        line = document_line(document)
+        self._log.append(line, sync=True)
+        self._seq += 1
+        self._previous = line_sha256(line)
+        return document
+
+    def _tell(self, document: JsonDict) -> None:
+        for listener in tuple(self._listeners):
+            try:
+                listener(document)
+            except Exception:
+                # It must not be asked again for the "stop" document that its own exception leads to.
+                self._listeners.remove(listener)
+                raise
+
+    def _add_numbered(self, kind: str, stem: str, text: str, content: Mapping[str, Any]) -> Path:
+        with self._turn:
+            self._sync_traffic()
+            number = 1
+            while inside(self.path, f"{stem}-{number}.csv").exists():
+                number += 1
+            return self._store(kind, f"{stem}-{number}.csv", text.encode(), content)
+
+    def _store(self, kind: str, relative: str, data: bytes, content: Mapping[str, Any]) -> Path:
+        with self._turn:
+            self._must_be_open()
+            target = inside(self.path, relative)
+            entry = {"file": relative, "sha256": record_bytes(data).sha256, **content}
+            if target.exists():
+                # Document first: after a crash in between, the old file still has its old document.
+                with replacing(target, data):
+                    document = self._append(kind, entry)
+            else:
+                # File first: after a crash in between, no document speaks of a file that is not there.
+                write_whole(target, data)
+                document = self._append(kind, entry)
+            self._tell(document)
+        return target
+
+    def _sync_traffic(self) -> None:
+        if self._traffic is not None:
+            self._traffic.sync()
+
+
+def reopen(path: str | os.PathLike[str]) -> SessionWriter:
+    """Open a session to add analyses and reports; nothing that was stored is removed.
+
+    A session that was interrupted can be reopened too if everything its documents speak of is unharmed: the "reopen"
+    document then says what was found, and holds the unfinished last line if there was one.
+
+    Raises
+    ------
+    BadInput
+        If there is no session, or anything in it was changed since it was stored.
+    StorageError
+        If another process is writing it.
+    """
+    folder = Path(path)
+    if not (folder / SESSION).is_file():
+        raise BadInput(f"{show_name(folder)}: no session here ({SESSION} is missing)")
+    log = AppendFile(folder / SESSION, new=False)
+    try:
+        log.lock()
+        findings = inspect_session(folder)
+        if findings.damage:
+            raise BadInput(
+                f"{show_name(folder)}: {findings.damage[0]}; a session that was changed is not added to "
+                "(motoremi verify lists all problems)"
+            )
+        data = (folder / SESSION).read_bytes()
+        chain = read_chain(data)
+        if not chain.documents or chain.documents[0].get("schema") != SCHEMA:
+            raise BadInput(f"{show_name(folder)}: no session here ({SESSION} has no start document)")
+        _remove_unfinished(folder)
+        if chain.torn:
+            log.cut(len(data) - len(chain.torn))
+        writer = SessionWriter(folder, log, len(chain.documents), chain.last_sha256)
+        found: JsonDict = {"software": software(), "found": list(findings.interruption)}
+        if chain.torn:
+            found["unfinished_line"] = chain.torn.decode("ascii", "backslashreplace")
+        writer._append("reopen", found)
+    except BaseException:
+        log.close()
+        raise
+    return writer
+
+
+def software() -> str:
+    """Name and version of this software."""
+    return f"motoremi {importlib.metadata.version('motoremi')}"
+
+
+def _remove_unfinished(folder: Path) -> None:
+    for name in list_files(folder)[0]:
+        if name.endswith(PENDING_SUFFIX) and Path(name).name.startswith("."):
+            (folder / name).unlink(missing_ok=True)

@@ -1,0 +1,209 @@
+"""The session folder: what was measured, what was said to the instruments, and what was made of it.
+
+`SessionWriter` writes one, `load` reads it, `verify` checks it, `reopen` adds to it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from motoremi.arrays import JsonDict
+from motoremi.data.chain import Chain, read_chain
+from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
+from motoremi.data.manifest import parse_manifest, record_bytes
+from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
+from motoremi.data.plain import object_from_json
+from motoremi.data.recording import SCHEMA, STATUSES, SessionWriter, reopen
+from motoremi.data.source import decode, read_bytes, show_name
+from motoremi.data.spectrum import Spectrum
+from motoremi.data.storage import StorageError
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.verify import verify, vouched_sha256
+from motoremi.errors import BadInput
+
+__all__ = ["Session", "SessionWriter", "StorageError", "load", "reopen", "verify"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Session:
+    """A session as it was when it was loaded.
+
+    Parameters
+    ----------
+    path : Path
+    documents : tuple of dict
+        Everything that happened, in order.
+    start : dict
+        The first document.
+    sweeps : tuple of ImpedanceSweep
+    spectra : tuple of Spectrum
+    interrupted : bool
+        True if the session, or the last addition to it, was not closed.
+    status : str
+        How the measurement ended: "done", "failed" or "interrupted".
+    """
+
+    path: Path
+    documents: tuple[JsonDict, ...]
+    start: JsonDict
+    sweeps: tuple[ImpedanceSweep, ...]
+    spectra: tuple[Spectrum, ...]
+    interrupted: bool
+    status: str
+    _analyses: Mapping[str, bytes]
+
+    def __repr__(self) -> str:
+        return f"Session({str(self.path)!r}, {self.summary()})"
+
+    def _repr_html_(self) -> str:
+        return f"<b>session</b>: {self.summary()}"
+
+    def summary(self) -> str:
+        """One line for a person."""
+        ending = f"{self.status}, not closed" if self.interrupted and self.status != "interrupted" else self.status
+        return f"{len(self.sweeps)} sweeps, {len(self.spectra)} spectra, {len(self._analyses)} analyses, {ending}"
+
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """Names of the stored analyses."""
+        return tuple(sorted(self._analyses))
+
+    def analysis(self, name: str) -> JsonDict | None:
+        """What `analysis/<name>.json` held, or None if there was none."""
+        data = self._analyses.get(name)
+        return None if data is None else object_from_json(data)
+
+    @property
+    def ladder(self) -> list[JsonDict]:
+        """The steps of the ladder, oldest first; empty before the first fit."""
+        steps = (self.analysis("ladder") or {}).get("steps", [])
+        return list(steps)
+
+    def traffic(self) -> tuple[JsonDict, ...]:
+        """Every message to and from the instruments; an unfinished last line is left out.
+
+        Raises
+        ------
+        BadInput
+            If a line is damaged.
+        """
+        path = inside(self.path, TRAFFIC)
+        if not path.exists() or path.stat().st_size == 0:
+            return ()
+        records = []
+        for number, line in enumerate(read_bytes(path).split(b"\n")[:-1], start=1):
+            try:
+                records.append(object_from_json(line))
+            except ValueError as error:
+                raise BadInput(f"{show_name(path)}, line {number}: is damaged; run motoremi verify") from error
+        return tuple(records)
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "path": str(self.path),
+            "status": self.status,
+            "interrupted": self.interrupted,
+            "documents": list(self.documents),
+            "sweeps": [sweep.to_dict() for sweep in self.sweeps],
+            "spectra": [spectrum.to_dict() for spectrum in self.spectra],
+            "analyses": {name: self.analysis(name) for name in self.analyses},
+        }
+
+
+def load(path: str | os.PathLike[str]) -> Session:
+    """Read a session folder; one that was interrupted still loads, up to where it came.
+
+    Parameters
+    ----------
+    path : path-like
+        The folder.
+
+    Raises
+    ------
+    BadInput
+        If it is no session, or what is read was changed after it was stored.
+    """
+    folder = Path(path)
+    name = show_name(folder)
+    if not os.path.isdir(folder):
+        raise BadInput(f"{name}: no such session folder")
+    if not os.path.lexists(folder / SESSION):
+        raise BadInput(f"{name}: no session here ({SESSION} is missing)")
+    data = read_bytes(inside(folder, SESSION))
+    chain = read_chain(data)
+    if chain.problems:
+        raise BadInput(f"{name}: {SESSION}, {chain.problems[0]}; run motoremi verify")
+    if not chain.documents or chain.documents[0].get("schema") != SCHEMA:
+        raise BadInput(f"{name}: no session here ({SESSION} has no start document)")
+    closed = _is_closed(folder, name, data, chain)
+    vouched = vouched_sha256(chain)
+    sweeps: list[ImpedanceSweep] = []
+    spectra: list[Spectrum] = []
+    analyses: dict[str, bytes] = {}
+    for document in chain.documents:
+        if document["kind"] in ("sweep", "spectrum", "analysis"):
+            stored = _stored(folder, document, vouched)
+            file = str(document["file"])
+            if document["kind"] == "sweep":
+                text, label = decode(stored, file), f"{name}/{file}"
+                sweeps.append(parse_impedance_csv(text, label, str(document.get("termination"))))
+            elif document["kind"] == "spectrum":
+                spectra.append(parse_spectrum_csv(decode(stored, file), f"{name}/{file}"))
+            else:
+                _check_json(stored, f"{name}/{file}")
+                analyses[str(document.get("name"))] = stored
+    status = _run_status(chain)
+    return Session(
+        path=folder,
+        documents=chain.documents,
+        start=chain.documents[0],
+        sweeps=tuple(sweeps),
+        spectra=tuple(spectra),
+        interrupted=not closed,
+        status=status,
+        _analyses=analyses,
+    )
+
+
+def _is_closed(folder: Path, name: str, data: bytes, chain: Chain) -> bool:
+    path = inside(folder, MANIFEST)
+    if not os.path.lexists(path):
+        return False
+    try:
+        manifest = parse_manifest(read_bytes(path))
+    except BadInput as error:
+        raise BadInput(f"{name}: {error}; run motoremi verify") from error
+    expected = manifest.files.get(SESSION)
+    # Documents added since are an addition that was not closed; those counted must be unchanged.
+    if expected is None or record_bytes(data[: expected.bytes]) != expected:
+        raise BadInput(f"{name}: {SESSION} was changed after the session was closed; run motoremi verify")
+    return len(chain.documents) == manifest.documents and not chain.torn
+
+
+def _stored(folder: Path, document: JsonDict, vouched: Mapping[str, set[str]]) -> bytes:
+    path = inside(folder, document.get("file"))
+    data = read_bytes(path)
+    if record_bytes(data).sha256 not in vouched.get(str(document["file"]), ()):
+        raise BadInput(f"{show_name(path)}: was changed after it was stored; run motoremi verify")
+    return data
+
+
+def _check_json(data: bytes, name: str) -> None:
+    try:
+        object_from_json(data)
+    except ValueError as error:
+        raise BadInput(f"{name}: is not a JSON object ({error})") from error
+
+
+def _run_status(chain: Chain) -> str:
+    """How the measurement itself ended: later additions do not make an interrupted run a complete one."""
+    for document in chain.documents:
+        if document["kind"] == "stop" and document.get("status") in STATUSES:
+            return str(document["status"])
+        if document["kind"] == "reopen":
+            break
+    return "interrupted"

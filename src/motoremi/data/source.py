@@ -1,0 +1,90 @@
+"""The text of a user's file, or one clear line on why there is none."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from pathlib import Path
+
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+MAXIMUM_BYTES = 200_000_000
+_LINE_END = re.compile(r"\r\n|\n|\r")
+# Printable Latin-1 has no code between 0x80 and 0x9f: what decodes to those is another encoding.
+_C1_CONTROL = re.compile("[\x80-\x9f]")
+_ASCII_CONTROL = bytes(code for code in range(32) if code not in b"\t\n\r\f")
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Read a whole ordinary file of sensible size.
+
+    Raises
+    ------
+    BadInput
+        If it is missing, a folder, a device, unreadable, empty or too large.
+    """
+    name = clean_text(str(path))
+    try:
+        status = os.stat(path)
+        if stat.S_ISDIR(status.st_mode):
+            raise BadInput(f"{name}: is a folder; name a file in it")
+        # Never opened otherwise: a named pipe would hang here for ever.
+        if not stat.S_ISREG(status.st_mode):
+            raise BadInput(f"{name}: not an ordinary file; save the data to a file first")
+        if status.st_size > MAXIMUM_BYTES:
+            raise BadInput(f"{name}: {status.st_size / 1e6:.0f} MB is too large for a measurement; the limit is 200 MB")
+        with open(path, "rb") as file:
+            data = file.read(MAXIMUM_BYTES + 1)
+    except BadInput:
+        raise
+    except FileNotFoundError as error:
+        raise BadInput(f"{name}: no such file") from error
+    except OSError as error:
+        raise BadInput(f"{name}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise BadInput(f"{name}: not a file name") from error
+    if len(data) > MAXIMUM_BYTES:
+        raise BadInput(f"{name}: grew beyond 200 MB while it was read")
+    if not data.strip(b"\xef\xbb\xbf \t\r\n"):
+        raise BadInput(f"{name}: the file is empty")
+    return data
+
+
+def decode(data: bytes, name: str) -> str:
+    """Text from UTF-8 (with or without byte order mark) or Latin-1 bytes.
+
+    Raises
+    ------
+    BadInput
+        If the bytes are not text, or in another encoding.
+    """
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise BadInput(f"{name}: is UTF-16 text; save it again as UTF-8")
+    head = data[:65536]
+    controls = len(head) - len(head.translate(None, _ASCII_CONTROL))
+    if b"\0" in data or controls > len(head) // 10:
+        raise BadInput(f"{name}: is a binary file, not text; export the measurement as text or CSV")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    if _C1_CONTROL.search(text):
+        raise BadInput(f"{name}: is neither UTF-8 nor Latin-1 text; save it again as UTF-8")
+    return text
+
+
+def split_lines(text: str) -> list[str]:
+    """Lines as an editor counts them: only CR LF, LF and CR end a line."""
+    return _LINE_END.split(text)
+
+
+def show_name(path: str | os.PathLike[str]) -> str:
+    """The file as the user named it, safe to print."""
+    return clean_text(str(path))
+
+
+def file_name(path: str | os.PathLike[str]) -> str:
+    """The last part of a path alone: folders may say more about the user than a report should."""
+    return clean_text(Path(path).name)

@@ -1,0 +1,195 @@
+"""A text table with a header row: delimiter, decimal sign, comments and `# key: value` lines."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from motoremi.arrays import JsonDict
+from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.plain import from_json
+from motoremi.data.source import split_lines
+from motoremi.data.text import clean_text, clean_value
+from motoremi.errors import BadInput
+
+_QUOTED_KEY = re.compile(r'"(?:[^"\\]|\\.)*"')
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text, with the line each row stood on.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, for messages.
+    header : dict
+        The `# key: value` lines.
+    columns : tuple of str
+        As written in the file.
+    rows : list of list of str
+        Every row as long as `columns`.
+    lines : list of int
+        Line number of each row, the first line of the file being 1.
+    """
+
+    name: str
+    header: JsonDict
+    columns: tuple[str, ...]
+    rows: list[list[str]]
+    lines: list[int]
+
+    def where(self, row: int) -> str:
+        """File and line of a row."""
+        return f"{self.name}, line {self.lines[row]}"
+
+    def numbers(self, column: int) -> list[float]:
+        """One column as numbers.
+
+        Raises
+        ------
+        BadInput
+            At the first cell that is none.
+        """
+        title = clean_text(self.columns[column], 40)
+        return [
+            parse_number(cells[column], f"{self.name}, line {line}, column {title!r}")
+            for cells, line in zip(self.rows, self.lines, strict=True)
+        ]
+
+
+def parse_table(text: str, name: str) -> Table:
+    """Split a text table.
+
+    The delimiter is a semicolon, a tab or a comma, whichever the header row has first in this order; with the former
+    two the decimal sign may be a comma.
+
+    Raises
+    ------
+    BadInput
+        If there is no header row, a row is shorter or longer than it, or the end of the file is missing.
+    """
+    header: JsonDict = {}
+    titles: list[str] | None = None
+    delimiter = ","
+    last_comment = ""
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    all_lines = split_lines(text)
+    for number, raw in enumerate(all_lines, start=1):
+        line = raw.strip(" \f")
+        if not line.strip("\t;,"):
+            continue
+        if line.startswith("#"):
+            last_comment = line.lstrip("# ")
+            read_key_value(line, header)
+            continue
+        if titles is None:
+            delimiter = _delimiter(line)
+            titles = _titles(line, delimiter, last_comment, f"{name}, line {number}")
+            if not looks_numeric(_cells(line, delimiter)[0]):
+                continue
+        rows.append(_row(line, delimiter, titles, f"{name}, line {number}"))
+        lines.append(number)
+    if titles is None:
+        raise BadInput(f"{name}: holds comments only; a row with column names and rows of numbers are needed")
+    if not rows:
+        raise BadInput(f"{name}: holds a row of column names but no numbers")
+    if delimiter != ",":
+        _use_decimal_points(rows, lines, name)
+    table = Table(name, header, tuple(titles), rows, lines)
+    _check_end(table, complete=not all_lines[-1].strip())
+    return table
+
+
+def read_key_value(line: str, header: JsonDict) -> None:
+    """Take a `# key: value` line into `header`; other comments are left alone.
+
+    A value that is JSON keeps its type, anything else is text.
+    """
+    body = line.lstrip("#").strip()
+    quoted = _QUOTED_KEY.match(body)
+    end = quoted.end() if quoted else max(body.find(":"), 0)
+    key, rest = body[:end].strip(), body[end:].lstrip()
+    if key and rest.startswith(":"):
+        header[clean_text(str(_json_or_text(key)))] = clean_value(_json_or_text(rest[1:].strip()))
+
+
+def _json_or_text(text: str) -> object:
+    if text[:1] not in tuple('{["-0123456789tfn'):
+        return text
+    try:
+        return from_json(text)
+    except ValueError:
+        return text
+
+
+def _delimiter(line: str) -> str:
+    return next((mark for mark in (";", "\t") if mark in line), ",")
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    except csv.Error:
+        # Only for a quoted cell beyond 128 kB: kept whole, it is refused as a number later.
+        return [line]
+
+
+def _titles(line: str, delimiter: str, last_comment: str, where: str) -> list[str]:
+    titles = _cells(line, delimiter)
+    if looks_numeric(titles[0]):
+        # Some tools write the row of column names as a comment.
+        titles = _cells(last_comment, delimiter)
+        if len(titles) < 2:
+            raise BadInput(
+                f"{where}: numbers stand where the column names are needed; "
+                "put a line such as 'frequency_hz,resistance_ohm,reactance_ohm' above them"
+            )
+    while titles and not titles[-1]:
+        titles.pop()
+    return titles
+
+
+def _row(line: str, delimiter: str, titles: Sequence[str], where: str) -> list[str]:
+    cells = _cells(line, delimiter)
+    while len(cells) > len(titles) and not cells[-1]:
+        cells.pop()
+    if len(cells) < len(titles):
+        raise BadInput(f"{where}: {len(cells)} values for {len(titles)} columns; the row or the file is cut off")
+    if len(cells) > len(titles):
+        hint = "; decimal commas need ';' between the columns" if delimiter == "," else ""
+        raise BadInput(f"{where}: {len(cells)} values for {len(titles)} columns{hint}")
+    return cells
+
+
+def _use_decimal_points(rows: list[list[str]], lines: list[int], name: str) -> None:
+    comma = point = 0
+    for cells, line in zip(rows, lines, strict=True):
+        for cell in cells:
+            if looks_numeric(cell):
+                comma = comma or ("," in cell and line)
+                point = point or ("." in cell and line)
+    if comma and point:
+        raise BadInput(f"{name}, line {comma}: a decimal comma, but line {point} has a decimal point; use one of them")
+    if comma:
+        for cells in rows:
+            cells[:] = [cell.replace(",", ".", 1) if looks_numeric(cell) else cell for cell in cells]
+
+
+def _check_end(table: Table, complete: bool) -> None:
+    points = table.header.get("points")
+    if type(points) is int and points != len(table.rows):
+        raise BadInput(f"{table.name}: the header says {points} points but {len(table.rows)} rows follow; the file is cut off")
+    if complete:
+        return
+    last = table.rows[-1][-1]
+    if looks_cut(last, [cells[-1] for cells in table.rows[:-1]]):
+        raise BadInput(
+            f"{table.where(-1)}: the last number {clean_text(last, 40)!r} is shorter than all others and no line end follows; "
+            "the file is cut off (if it is complete, end the last line)"
+        )

@@ -1,0 +1,144 @@
+"""Check a session folder: the chain of documents, the manifest, and every file against both."""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+from motoremi.data.chain import Chain, read_chain
+from motoremi.data.manifest import FileRecord, Manifest, list_files, parse_manifest, record_bytes, record_file
+from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
+from motoremi.data.source import show_name
+from motoremi.data.storage import PENDING_SUFFIX
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is wrong with a session, by what it means.
+
+    Parameters
+    ----------
+    damage : tuple of str
+        Something was changed, removed or added after it was stored.
+    interruption : tuple of str
+        The session was not closed; all that was stored is as it was stored.
+    """
+
+    damage: tuple[str, ...]
+    interruption: tuple[str, ...]
+
+
+def verify(path: str | os.PathLike[str]) -> list[str]:
+    """Problems of a session folder in words; an empty list means that it is as it was closed.
+
+    Raises
+    ------
+    BadInput
+        If there is no such folder or it cannot be read.
+    """
+    findings = inspect_session(Path(path))
+    return [*findings.damage, *findings.interruption]
+
+
+def inspect_session(folder: Path) -> Findings:
+    """All findings about a session folder.
+
+    Raises
+    ------
+    BadInput
+        If there is no such folder or it cannot be read.
+    """
+    if not folder.is_dir():
+        raise BadInput(f"{show_name(folder)}: no such session folder")
+    try:
+        return _inspect(folder)
+    except OSError as error:
+        raise BadInput(f"{show_name(folder)}: cannot be read: {error.strerror or error}") from error
+
+
+def _inspect(folder: Path) -> Findings:
+    files, odd = list_files(folder)
+    damage = [f"{clean_text(name)}: is not an ordinary file" for name in odd]
+    if SESSION not in files:
+        return Findings((*damage, f"{SESSION}: is missing"), ())
+    data = (folder / SESSION).read_bytes()
+    chain = read_chain(data)
+    damage += [f"{SESSION}, {problem}" for problem in chain.problems]
+    manifest: Manifest | None = None
+    if (folder / MANIFEST).is_file() and MANIFEST not in odd:
+        try:
+            manifest = parse_manifest((folder / MANIFEST).read_bytes())
+        except BadInput as error:
+            return Findings((*damage, str(error)), ())
+    records = {name: record_file(folder / name) for name in files}
+    counted = len(chain.documents)
+    # A document, or the beginning of one, behind what the manifest counts is an addition that was not closed.
+    if manifest is not None and (counted < manifest.documents or (counted == manifest.documents and not chain.torn)):
+        return Findings((*damage, *_against_manifest(records, manifest)), ())
+    damage += _against_documents(folder, records, chain)
+    if manifest is None:
+        interruption = [f"{MANIFEST}: is missing; the session was interrupted or is still running"]
+    else:
+        damage += _against_older_manifest(folder, records, manifest, data, chain)
+        interruption = [f"{MANIFEST}: is older than {SESSION}; an addition was interrupted or is still running"]
+    if chain.torn:
+        interruption.append(f"{SESSION}: the last line was not finished")
+    interruption += [f"{clean_text(name)}: was not finished" for name in files if name.endswith(PENDING_SUFFIX) and name not in odd]
+    return Findings(tuple(damage), tuple(interruption))
+
+
+def _against_manifest(records: dict[str, FileRecord], manifest: Manifest) -> list[str]:
+    problems = [f"{clean_text(name)}: was added" for name in records if name not in manifest.files]
+    for name, expected in manifest.files.items():
+        if name not in records:
+            problems.append(f"{clean_text(name)}: is missing")
+        elif records[name] != expected:
+            problems.append(f"{clean_text(name)}: was changed")
+    return problems
+
+
+def vouched_sha256(chain: Chain) -> dict[str, set[str]]:
+    """For each file named in the documents, every SHA-256 that a document gave it."""
+    vouched: dict[str, set[str]] = defaultdict(set)
+    for document in chain.documents:
+        name, digest = document.get("file"), document.get("sha256")
+        if isinstance(name, str) and isinstance(digest, str):
+            vouched[name].add(digest)
+    return vouched
+
+
+def _against_documents(folder: Path, records: dict[str, FileRecord], chain: Chain) -> list[str]:
+    problems = []
+    for name, digests in vouched_sha256(chain).items():
+        try:
+            inside(folder, name)
+        except BadInput as error:
+            problems.append(str(error))
+            continue
+        if name not in records:
+            problems.append(f"{name}: is missing")
+        elif records[name].sha256 not in digests:
+            problems.append(f"{name}: was changed")
+    return problems
+
+
+def _against_older_manifest(
+    folder: Path, records: dict[str, FileRecord], manifest: Manifest, data: bytes, chain: Chain
+) -> list[str]:
+    """What the manifest of an earlier closing still says: logs may only have grown, other files need a document."""
+    vouched = vouched_sha256(chain)
+    problems = []
+    for name, expected in manifest.files.items():
+        if name not in records:
+            problems.append(f"{clean_text(name)}: is missing")
+        elif name in (SESSION, TRAFFIC):
+            grown = data if name == SESSION else (folder / name).read_bytes()
+            if record_bytes(grown[: expected.bytes]) != expected:
+                problems.append(f"{name}: was changed")
+        elif name not in vouched and records[name] != expected:
+            problems.append(f"{clean_text(name)}: was changed")
+    return problems
