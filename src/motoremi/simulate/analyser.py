@@ -217,9 +217,9 @@ class SimulatedAnalyser:
         if frequency.shape != impedance.shape:
             raise BadInput(f"{frequency.size} frequencies but {impedance.size} impedances")
         if (contact := self.faults.get("contact-resistance")) and contact["sweep"] == termination:
-            impedance = impedance + contact["resistance_ohm"]
+            impedance = impedance + float(contact["resistance_ohm"])
         if delay := self.faults.get("cable-delay"):
-            impedance = _behind_line(impedance, frequency, float(delay["delay_s"]))
+            impedance = behind_line(impedance, frequency, float(delay["delay_s"]))
         impedance = impedance * (1 + self.gain_error(frequency))
         impedance = self._residuals(termination, connection).apply(impedance, frequency)
         noise = self._noise.standard_normal((2, frequency.size))
@@ -230,9 +230,8 @@ class SimulatedAnalyser:
     def gain_error(self, frequency_hz: FloatArray) -> ComplexArray:
         """Relative error of the calibration, the same in all sweeps; a third of the basic error, smooth in log f."""
         rng = self._rng("gain")
-        knots = np.linspace(np.log(40.0), np.log(110e6), 3 + int(rng.integers(0, 3)))
-        # Most of the range lies below the measured band: knots spread over it alone would leave the band to one of them.
-        knots = np.interp(knots, (knots[0], knots[-1]), (np.log(1e5), np.log(1e8)))
+        # Spread over the band that matters; the ends go on as constants.
+        knots = np.linspace(np.log(1e5), np.log(1e8), 3 + int(rng.integers(0, 3)))
         draws = rng.standard_normal((2, knots.size))
         position = np.clip(np.log(frequency_hz), knots[0], knots[-1])
         parts = PchipInterpolator(knots, draws, axis=1)(position)
@@ -288,15 +287,15 @@ def _draw_fault(name: str, rng: np.random.Generator) -> dict[str, float | str]:
         case "contact-resistance":
             return {"resistance_ohm": log_uniform(rng, 0.3, 2.0), "sweep": str(rng.choice(TERMINATIONS))}
         case _:  # range-step
-            return {"frequency_hz": log_uniform(rng, 4e5, 2e7), "step": sign * log_uniform(rng, 5e-3, 3e-2)}
+            return {"frequency_hz": log_uniform(rng, 4e5, 8e6), "step": sign * log_uniform(rng, 1.5e-2, 3e-2)}
 
 
-def _behind_line(impedance: ComplexArray, frequency: FloatArray, delay_s: float) -> ComplexArray:
+def behind_line(impedance: ComplexArray, frequency: FloatArray, delay_s: float) -> ComplexArray:
     """The impedance seen through a 50 Ohm line of that delay, in cells of half C, L, half C."""
     s = 2j * np.pi * frequency
     series = s * delay_s * _LINE_OHM / _LINE_CELLS
     half_shunt = s * delay_s / _LINE_OHM / _LINE_CELLS / 2
+    seen: ComplexArray = impedance
     for _ in range(_LINE_CELLS):
-        impedance = 1 / (1 / impedance + half_shunt) + series
-        impedance = 1 / (1 / impedance + half_shunt)
-    return impedance
+        seen = np.asarray(1 / (half_shunt + 1 / (series + 1 / (half_shunt + 1 / seen))), dtype=np.complex128)
+    return seen

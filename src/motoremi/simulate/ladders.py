@@ -211,10 +211,8 @@ def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
     return Network(tuple(parts))
 
 
-def winding_line(
-    winding: Network, frame_farad: float, start: str, end: str, frame: str, cells: int = LINE_CELLS
-) -> tuple[Block | Part, ...]:
-    """A winding spread over many cells, with the capacitance to the frame spread along it.
+def winding_line(winding: Network, frame_farad: float, start: str, end: str, frame: str) -> tuple[Block | Part, ...]:
+    """A winding spread over many cells, with the capacitance to the frame spread along it; the ends carry half a share.
 
     Parameters
     ----------
@@ -224,9 +222,8 @@ def winding_line(
         Capacitance to the frame in all.
     start, end, frame : str
         Nodes of the outer network.
-    cells : int
-        The end nodes carry half a cell's capacitance.
     """
+    cells = LINE_CELLS
     nodes = [start, *(f"turn{number}" for number in range(1, cells)), end]
     items: list[Block | Part] = [Block(f"cell{number}", *ends, winding, 1 / cells) for number, ends in enumerate(pairwise(nodes))]
     for number, node in enumerate(nodes):
