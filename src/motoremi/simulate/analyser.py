@@ -277,15 +277,15 @@ def _draw_fault(name: str, rng: np.random.Generator) -> dict[str, float | str]:
     sign = 1.0 if rng.random() < 0.5 else -1.0
     match name:
         case "open-residual":
-            return {"capacitance_f": log_uniform(rng, 0.4e-12, 1.5e-12), "conductance": uniform(rng, 1.0, 3.0)}
+            return {"capacitance_f": uniform(rng, 0.9e-12, 1.5e-12), "conductance": uniform(rng, 1.0, 3.0)}
         case "short-residual":
-            return {"inductance_h": log_uniform(rng, 8e-9, 3e-8), "resistance_ohm": log_uniform(rng, 0.01, 0.05)}
+            return {"inductance_h": uniform(rng, 1.5e-8, 3e-8), "resistance_ohm": log_uniform(rng, 0.01, 0.05)}
         case "gain-error":
-            return {"gain_at_30_mhz": sign * uniform(rng, 0.03, 0.08)}
+            return {"gain_at_30_mhz": sign * uniform(rng, 0.05, 0.08)}
         case "cable-delay":
-            return {"delay_s": log_uniform(rng, 1e-10, 5e-10)}
+            return {"delay_s": log_uniform(rng, 2e-10, 5e-10)}
         case "contact-resistance":
-            return {"resistance_ohm": log_uniform(rng, 0.3, 2.0), "sweep": str(rng.choice(TERMINATIONS))}
+            return {"resistance_ohm": log_uniform(rng, 0.8, 2.0), "sweep": str(rng.choice(TERMINATIONS))}
         case _:  # range-step
             return {"frequency_hz": log_uniform(rng, 4e5, 8e6), "step": sign * log_uniform(rng, 1.5e-2, 3e-2)}
 

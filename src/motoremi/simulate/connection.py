@@ -19,7 +19,7 @@ def _apply_bearing(network: Network, elements: Elements, sizes: Sizes) -> Networ
 
 
 def _draw_strap(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    return {"inductance_h": log_uniform(rng, 4e-8, 3e-7), "resistance_ohm": log_uniform(rng, 1e-3, 0.1)}
+    return {"inductance_h": log_uniform(rng, 1.2e-7, 3e-7), "resistance_ohm": log_uniform(rng, 1e-3, 0.1)}
 
 
 def _apply_strap(network: Network, elements: Elements, sizes: Sizes) -> Network:
@@ -31,7 +31,7 @@ def _apply_strap(network: Network, elements: Elements, sizes: Sizes) -> Network:
 
 
 def _draw_lead(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    return {"inductance_h": log_uniform(rng, 4e-8, 3e-7), "resistance_ohm": log_uniform(rng, 1e-3, 0.05)}
+    return {"inductance_h": log_uniform(rng, 1e-7, 3e-7), "resistance_ohm": log_uniform(rng, 1e-3, 0.05)}
 
 
 def _apply_lead(network: Network, elements: Elements, sizes: Sizes) -> Network:
@@ -43,7 +43,7 @@ def _apply_lead(network: Network, elements: Elements, sizes: Sizes) -> Network:
 
 
 def _draw_terminal(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    return {"capacitance_f": uniform(rng, 3e-12, 2e-11)}
+    return {"capacitance_f": uniform(rng, 5e-12, 2e-11)}
 
 
 def _apply_terminal(network: Network, elements: Elements, sizes: Sizes) -> Network:
@@ -51,7 +51,7 @@ def _apply_terminal(network: Network, elements: Elements, sizes: Sizes) -> Netwo
 
 
 def _draw_drift(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    return {"capacitance_rise": uniform(rng, 0.005, 0.03)}
+    return {"capacitance_rise": uniform(rng, 0.01, 0.03)}
 
 
 def _apply_drift(network: Network, elements: Elements, sizes: Sizes) -> Network:

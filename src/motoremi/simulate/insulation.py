@@ -9,6 +9,8 @@ from motoremi.simulate.hidden import EffectKind, Elements, Sizes, beside, log_un
 from motoremi.simulate.parts import IN, OUT, Network
 
 _PLACES = ("Cf", "Ca", "Cr")
+# Above these the rest of the circuit hides the capacitor: Rr in series with Cr, and Cr beside Cf.
+_HIGHEST_CORNER_HZ = {"Cf": 4e6, "Ca": 1e7, "Cr": 2e6}
 
 
 def _loss(place: str) -> EffectKind:
@@ -23,7 +25,7 @@ def _loss(place: str) -> EffectKind:
 
 def _relaxation(place: str) -> EffectKind:
     def draw(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-        return {"strength": uniform(rng, 0.1, 0.4), "corner_hz": log_uniform(rng, 3e5, 1e7)}
+        return {"strength": uniform(rng, 0.2, 0.4), "corner_hz": log_uniform(rng, 3e5, _HIGHEST_CORNER_HZ[place])}
 
     def apply(network: Network, elements: Elements, sizes: Sizes) -> Network:
         farad = sizes["strength"] * elements[place]

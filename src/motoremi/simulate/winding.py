@@ -71,10 +71,10 @@ def _apply_core_loss(network: Network, elements: Elements, sizes: Sizes) -> Netw
 
 
 def _draw_field(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    henry, frequency, quality = log_uniform(rng, 1e-4, 5e-3), log_uniform(rng, 5e5, 2e7), log_uniform(rng, 2.0, 20.0)
+    henry, frequency, quality = log_uniform(rng, 1e-4, 5e-3), log_uniform(rng, 1e6, 1.5e7), log_uniform(rng, 3.0, 20.0)
     omega = 2 * np.pi * frequency
     return {
-        "coupling": uniform(rng, 0.1, 0.4),
+        "coupling": uniform(rng, 0.2, 0.4),
         "field_inductance_h": henry,
         "field_resistance_ohm": omega * henry / quality,
         "field_capacitance_f": 1 / (omega**2 * henry),
@@ -115,11 +115,11 @@ def _apply_distributed(network: Network, elements: Elements, sizes: Sizes) -> Ne
 
 
 def _draw_second(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    henry, frequency = elements["La"] * log_uniform(rng, 0.01, 0.1), log_uniform(rng, 3e6, 2.5e7)
+    henry, frequency = elements["La"] * log_uniform(rng, 0.02, 0.1), log_uniform(rng, 3e6, 2e7)
     return {
         "inductance_h": henry,
         "capacitance_f": 1 / ((2 * np.pi * frequency) ** 2 * henry),
-        "resistance_ohm": log_uniform(rng, 100.0, 2e3),
+        "resistance_ohm": log_uniform(rng, 200.0, 2e3),
     }
 
 
