@@ -397,6 +397,16 @@ def test_sweep_round_trip_is_exact(
             assert type(again.metadata[key]) is type(value)
 
 
+@pytest.mark.parametrize("key", ["null", "0E0", "12", "a:b", "#x", '"q"', "osc level", "-"])
+@pytest.mark.parametrize("value", ["", "5", "null", " blank ", "a: b", '"', "[1", 5, 0.1, None, True, [1, {"a": "Ω"}]])
+def test_metadata_keep_key_value_and_type(tmp_path: Path, key: str, value: object) -> None:
+    path = tmp_path / "out.csv"
+    write_impedance_csv(path, ImpedanceSweep("short", FREQUENCY, IMPEDANCE, None, {key: value}))
+    again = read_impedance(path, "short").metadata
+    assert again == {key: value, "source": "out.csv", "format": "csv"}
+    assert type(again[key]) is type(value)
+
+
 def test_native_sweep_survives_as_csv(tmp_path: Path) -> None:
     sweep = read_impedance(NATIVE, "short")
     write_impedance_csv(tmp_path / "copy.csv", sweep)

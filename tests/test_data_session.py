@@ -367,7 +367,7 @@ def test_reopen_adds_and_removes_nothing(session: Path) -> None:
     before = content(session)
     with reopen(session) as writer:
         writer.save_analysis("fit", {"chi2": float("inf")})
-        writer.save_analysis("ladder", {"steps": [1, 2]})
+        writer.save_analysis("ladder", {"steps": [{"n": 1}, {"n": 2}]})
         writer.save_file("report/report.html", b"new")
         writer.add_sweep(sweep("open", 2.0))
         writer.log_traffic({"write": "again"})
@@ -378,7 +378,7 @@ def test_reopen_adds_and_removes_nothing(session: Path) -> None:
     assert after["sweeps/open-1.csv"] == before["sweeps/open-1.csv"]
     loaded = load(session)
     assert loaded.analysis("fit") == {"chi2": None}
-    assert loaded.ladder == [1, 2]
+    assert loaded.ladder == [{"n": 1}, {"n": 2}]
     assert len(loaded.sweeps) == 4
     assert (loaded.status, loaded.interrupted) == ("done", False)
     assert len(loaded.traffic()) == 3
@@ -387,14 +387,14 @@ def test_reopen_adds_and_removes_nothing(session: Path) -> None:
 @pytest.mark.parametrize("end", [b"", b'{"seq":99,"ti'])
 def test_crash_while_adding_leaves_a_loadable_session_that_can_be_completed(session: Path, end: bytes) -> None:
     writer = reopen(session)
-    writer.save_analysis("ladder", {"steps": [1]})
+    writer.save_analysis("ladder", {"steps": [{"n": 1}]})
     writer.save_analysis("fit", {"n": 1})
     writer._log.close()  # what the death of the process does
     with open(session / "session.jsonl", "ab") as file:
         file.write(end)
     (session / "analysis" / ".fit.json.0000.pending").write_text("half")
     loaded = load(session)
-    assert (loaded.status, loaded.interrupted, loaded.ladder) == ("done", True, [1])
+    assert (loaded.status, loaded.interrupted, loaded.ladder) == ("done", True, [{"n": 1}])
     problems = verify(session)
     assert any("addition was interrupted" in problem for problem in problems)
     assert not any("changed" in problem or "missing" in problem for problem in problems)
@@ -528,9 +528,10 @@ def test_full_disk_while_a_file_is_written(tmp_path: Path, monkeypatch: pytest.M
     before = content(writer.path)
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", no_space)
-        for store in (lambda: writer.add_sweep(sweep()), lambda: writer.save_analysis("fit", {"n": 2})):
-            with pytest.raises(StorageError, match=r"No space left on device; what was stored before is kept"):
-                store()
+        with pytest.raises(StorageError, match=r"No space left on device; what was stored before is kept"):
+            writer.add_sweep(sweep())
+        with pytest.raises(StorageError, match=r"No space left on device; what was stored before is kept"):
+            writer.save_analysis("fit", {"n": 2})
     assert content(writer.path) == before
     writer.close("failed", "disk full")
     assert verify(tmp_path / "s") == []

@@ -95,6 +95,8 @@ class AppendFile:
         with told_as_storage_error(path):
             self._descriptor = os.open(path, flags, 0o666)
             self._size = os.fstat(self._descriptor).st_size
+            if not self._size:
+                sync_folder(path.parent)
 
     def append(self, line: str, *, sync: bool) -> None:
         """Add one line in one write.

@@ -114,7 +114,8 @@ def read_key_value(line: str, header: JsonDict) -> None:
     end = quoted.end() if quoted else max(body.find(":"), 0)
     key, rest = body[:end].strip(), body[end:].lstrip()
     if key and rest.startswith(":"):
-        header[clean_text(str(_json_or_text(key)))] = clean_value(_json_or_text(rest[1:].strip()))
+        name = str(_json_or_text(key)) if quoted else key
+        header[clean_text(name)] = clean_value(_json_or_text(rest[1:].strip()))
 
 
 def _json_or_text(text: str) -> object:
