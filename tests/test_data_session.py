@@ -337,6 +337,17 @@ def test_removed_lines_are_found(session: Path) -> None:
     assert verify(session)
 
 
+def test_changed_line_is_found_without_a_manifest(session: Path) -> None:
+    (session / "manifest.json").unlink()
+    path = session / "session.jsonl"
+    original = path.read_bytes()
+    for changed in (original.replace(b'"A17"', b'"A18"'), original.replace(b'"points":10', b'"points":11', 1)):
+        path.write_bytes(changed)
+        assert any("does not follow" in problem for problem in verify(session))
+        with pytest.raises(BadInput, match="does not follow"):
+            load(session)
+
+
 @pytest.mark.parametrize("manifest", [True, False])
 def test_changed_sweep_is_not_loaded(session: Path, manifest: bool) -> None:
     path = session / "sweeps" / "short-1.csv"
@@ -536,6 +547,19 @@ def test_full_disk_while_a_file_is_written(tmp_path: Path, monkeypatch: pytest.M
     writer.close("failed", "disk full")
     assert verify(tmp_path / "s") == []
     assert load(tmp_path / "s").analysis("fit") == {"n": 1}
+
+
+def test_full_log_while_an_analysis_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = SessionWriter.create(tmp_path / "s", {})
+    writer.save_analysis("fit", {"n": 1})
+    before = content(writer.path)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", no_space)  # the log alone is written by this call
+        with pytest.raises(StorageError):
+            writer.save_analysis("fit", {"n": 2})
+    assert content(writer.path) == before
+    assert load(tmp_path / "s").analysis("fit") == {"n": 1}
+    writer.close("done")
 
 
 def test_first_error_is_told_when_closing_fails_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -80,6 +80,6 @@ def _key_value(key: str, value: Any) -> str:
         read_back: dict[str, Any] = {}
         read_key_value(line, read_back)
         # Text that would come back as a number, or without its outer blanks, goes into quotes below.
-        if read_back == {key: value} and isinstance(read_back[key], str):
+        if read_back == {key: value}:
             return line
     return f"# {written_key}: {json.dumps(value, allow_nan=False)}"
