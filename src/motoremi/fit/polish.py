@@ -1,0 +1,106 @@
+"""Levenberg-Marquardt for a batch of start points at once, with bounds.
+
+Every member of the batch has its own damping; members that have converged leave the batch. Unknowns at a bound that the gradient
+pushes outwards are held for that step. Steps follow the curve of the valley by a geodesic correction (Transtrum and Sethna 2012),
+which costs one evaluation and saves many where effects and elements trade off along a bent ridge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import BoolArray, FloatArray
+from motoremi.fit.problem import Problem
+
+
+@dataclass(frozen=True)
+class Polished:
+    """Where each start ended.
+
+    Parameters
+    ----------
+    u : ndarray, shape (batch, k)
+    objective : ndarray, shape (batch,)
+    converged : ndarray of bool, shape (batch,)
+    evaluations : int
+        Evaluations of the model in all.
+    """
+
+    u: FloatArray
+    objective: FloatArray
+    converged: BoolArray
+    evaluations: int
+
+    @property
+    def best(self) -> int:
+        """Index of the lowest objective."""
+        return int(np.argmin(self.objective))
+
+    def joined(self, other: Polished) -> Polished:
+        """Both batches as one."""
+        return Polished(
+            np.concatenate([self.u, other.u]),
+            np.concatenate([self.objective, other.objective]),
+            np.concatenate([self.converged, other.converged]),
+            self.evaluations + other.evaluations,
+        )
+
+
+def polish(
+    problem: Problem, starts: FloatArray, iterations: int = 150, tolerance: float = 1e-3, relative: float = 1e-5
+) -> Polished:
+    """Minimise the problem's objective from each start.
+
+    Parameters
+    ----------
+    starts : ndarray, shape (batch, k)
+    tolerance, relative : float
+        Converged when a step is expected to gain less than `tolerance + relative * objective`.
+    """
+    u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
+    count, size = u.shape
+    state = problem.linearised(u)
+    damping = np.full(count, 1e-3)
+    converged = np.zeros(count, dtype=np.bool_)
+    evaluations = count
+    diagonal = np.arange(size)
+    for _ in range(iterations):
+        live = np.flatnonzero(~converged & (damping < 1e12))
+        if not live.size:
+            break
+        here = state if live.size == count else state.subset(live)
+        held = ((u[live] <= problem.low) & (here.gradient > 0)) | ((u[live] >= problem.high) & (here.gradient < 0))
+        system, right = here.matrix.copy(), np.where(held, 0.0, here.gradient)
+        system[held[:, :, None] | held[:, None, :]] = 0.0
+        spread = here.matrix[:, diagonal, diagonal]
+        system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damping[live, None]) + 1e-12)
+        step = _limited(-np.linalg.solve(system, right[..., None])[..., 0])
+        bend = np.where(held, 0.0, problem.curvature_pull(here, u[live], step))
+        turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
+        scale = np.sqrt(spread)
+        gentle = np.linalg.norm(turn * scale, axis=1) < 0.4 * np.linalg.norm(step * scale, axis=1)
+        step = _limited(step + np.where(gentle[:, None], turn, 0.0))
+        trial = problem.clip(u[live] + step)
+        expected = -np.sum(step * (2 * right + (here.matrix @ step[..., None])[..., 0]), axis=1)
+        new = problem.linearised(trial)
+        evaluations += 2 * live.size
+        better = new.objective <= here.objective
+        small = tolerance + relative * here.objective
+        # A small step means convergence only where damping did not make it small.
+        free = (damping[live] < 1e-2) | (damping[live] > 1e8)
+        converged[live] = free & ((np.abs(expected) < small) | (better & (here.objective - new.objective < 0.1 * small)))
+        taken = live[better]
+        u[taken] = trial[better]
+        state.put(taken, new.subset(np.flatnonzero(better)))
+        damping[taken] = np.maximum(damping[taken] * 0.15, 1e-9)
+        failed = live[~better]
+        damping[failed] = np.maximum(damping[failed] * 6, 1e-6)
+    return Polished(u, state.objective, converged, evaluations)
+
+
+def _limited(step: FloatArray) -> FloatArray:
+    """Steps of at most e^2 in a parameter: beyond, the linear model means nothing."""
+    limited: FloatArray = step * np.minimum(1.0, 2.0 / np.maximum(np.max(np.abs(step), axis=1), 1e-300))[:, None]
+    return limited

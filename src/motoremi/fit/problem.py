@@ -1,0 +1,418 @@
+"""The least-squares problem: a motor, a measurement, and the analyser's errors between them.
+
+The residual is ln(Z_measured / Z_model), complex, over the noise. Three kinds of unknowns move it:
+
+- the motor's parameters, as logarithms where they are positive;
+- what the fixture's compensation left at each connection (R, L, G, C), with Gaussian priors from the analyser's specification;
+- the analyser's gain error, smooth in log frequency and common to all sweeps. It adds to ln Z, so it is marginalised exactly: with
+  its basis B and unit normal coefficients the covariance of the residuals is 1 + B B', inverted once for all parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.analyser import Analyser, gain_basis
+from motoremi.data.measurement import Measurement
+from motoremi.data.sweep import MINIMUM_POINTS
+from motoremi.errors import BadInput
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Node, Series, Shunted, Tape
+from motoremi.model.laws import ValueAndSlopes
+from motoremi.model.motor import BASE_PARAMETERS, Motor
+from motoremi.model.parameter import Parameter
+
+Weights = Literal["likelihood", "log"]
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """One termination on the problem's grid."""
+
+    termination: str
+    frequency_hz: FloatArray
+    s: ComplexArray
+    log_measured: ComplexArray
+    sigma: FloatArray
+    tape: Tape
+    where: slice
+
+
+def informative_points(frequency_hz: FloatArray, impedance_ohm: ComplexArray, count: int) -> np.ndarray:
+    """Indices of about `count` points, dense where the impedance turns.
+
+    They are equally spaced along the curve (ln f, 0.5 ln Z), so a resonance gets its share however narrow it is.
+    """
+    if count >= frequency_hz.size:
+        return np.arange(frequency_hz.size)
+    x = np.log(frequency_hz)
+    turn = 0.5 * np.hypot(np.diff(np.log(np.abs(impedance_ohm))), np.diff(np.unwrap(np.angle(impedance_ohm))))
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), turn))])
+    return np.unique(np.searchsorted(length, np.linspace(0, length[-1] * (1 - 1e-12), count)))
+
+
+@dataclass
+class Linearised:
+    """A batch of points with what a Gauss-Newton step needs.
+
+    Parameters
+    ----------
+    objective : ndarray, shape (...)
+    gradient : ndarray, shape (..., k)
+        Half of the objective's gradient.
+    matrix : ndarray, shape (..., k, k)
+        Gauss-Newton matrix.
+    residual, jacobian, along : ndarray
+        Weighted residuals, their derivatives, and the derivatives along the gain error's directions.
+    """
+
+    objective: FloatArray
+    gradient: FloatArray
+    matrix: FloatArray
+    residual: ComplexArray
+    jacobian: ComplexArray
+    along: ComplexArray
+
+    def subset(self, index: np.ndarray) -> Linearised:
+        """Some members of the batch."""
+        return Linearised(
+            self.objective[index], self.gradient[index], self.matrix[index],
+            self.residual[index], self.jacobian[index], self.along[index],
+        )  # fmt: skip
+
+    def put(self, index: np.ndarray, other: Linearised) -> None:
+        """Replace some members."""
+        for name in ("objective", "gradient", "matrix", "residual", "jacobian", "along"):
+            getattr(self, name)[index] = getattr(other, name)
+
+
+class Problem:
+    """Unknowns, residuals and their exact derivatives.
+
+    Parameters
+    ----------
+    motor : Motor
+    measurement : Measurement
+    bounds : mapping, optional
+        Parameter name -> (low, high) in SI units; replaces the parameter's own range.
+    held : mapping, optional
+        Values of parameters that are not varied.
+    points : int, optional
+        Use about this many points a sweep.
+    highest_hz : float
+        Use points up to here only.
+    weights : {"likelihood", "log"}
+        `likelihood`: over the noise, gain error marginalised. `log`: every point alike and an ideal analyser, which is smooth far from
+        the solution and is where searches start.
+
+    Attributes
+    ----------
+    unknowns : tuple of Parameter
+        In the order of the vectors `u`, which hold logarithms (`log`) or multiples of `scale` (`linear`).
+    """
+
+    def __init__(
+        self,
+        motor: Motor,
+        measurement: Measurement,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        held: Mapping[str, float] | None = None,
+        points: int | None = None,
+        weights: Weights = "likelihood",
+        highest_hz: float = np.inf,
+    ) -> None:
+        self.motor, self.measurement, self.weights = motor, measurement, weights
+        self.bounds, self.held = dict(bounds or {}), dict(held or {})
+        analyser = measurement.analyser
+        with_residuals = weights == "likelihood" and not analyser.ideal
+        used = set().union(*(motor.used_parameters(t) for t in measurement.terminations))
+        parameters = [p for p in motor.parameters if p.name in used]
+        nuisance = [p for t in measurement.terminations for p in residual_parameters(analyser, t)] if with_residuals else []
+        self.everything: tuple[Parameter, ...] = (*parameters, *nuisance)
+        names = [p.name for p in self.everything]
+        varying = [i for i, p in enumerate(self.everything) if p.vary and p.name not in self.held]
+        self.unknowns = tuple(self.everything[i] for i in varying)
+        self._varying = np.array(varying, dtype=np.intp)
+        self._log = np.array([p.scale == "log" for p in self.unknowns])
+        self._scale = np.array([1.0 if p.scale == "log" else _linear_scale(p) for p in self.unknowns])
+        self._fixed = np.array([self.held.get(p.name, p.middle) for p in self.everything])
+        self.low, self.high = self._limits()
+        self.precision, self.centre = self._priors()
+        self._sweeps = self._prepare(names, points, with_residuals, highest_hz)
+        self.size = self._sweeps[-1].where.stop
+        self._weight = 1 / np.concatenate([sweep.sigma for sweep in self._sweeps])
+
+    def _limits(self) -> tuple[FloatArray, FloatArray]:
+        low, high = [], []
+        for parameter, is_log, scale in zip(self.unknowns, self._log, self._scale, strict=True):
+            bound = self.bounds.get(parameter.name, (parameter.low, parameter.high))
+            low.append(np.log(bound[0]) if is_log else bound[0] / scale)
+            high.append(np.log(bound[1]) if is_log else bound[1] / scale)
+        return np.array(low), np.array(high)
+
+    def _priors(self) -> tuple[FloatArray, FloatArray]:
+        """Precision and centre of the Gaussian priors, in units of `u`.
+
+        The analyser's errors have those of its specification. The shape parameters of effects get a wide one over their physical range,
+        which matters only along directions that the data leave open. The paper's seven elements have none.
+        """
+        paper = {p.name for p in BASE_PARAMETERS}
+        precision, centre = np.zeros(len(self.unknowns)), np.zeros(len(self.unknowns))
+        if self.weights == "log":  # no noise, so nothing to weigh a prior against
+            return precision, centre
+        for index, parameter in enumerate(self.unknowns):
+            if parameter.sigma is not None:
+                precision[index] = 1.0
+            elif parameter.name not in paper:
+                precision[index] = (2 / (self.high[index] - self.low[index])) ** 2
+                centre[index] = 0.5 * (self.high[index] + self.low[index])
+        return precision, centre
+
+    def _penalty(self, u: FloatArray) -> FloatArray:
+        total: FloatArray = np.sum(self.precision * (u - self.centre) ** 2, axis=-1)
+        return total
+
+    def _prepare(self, names: list[str], points: int | None, with_residuals: bool, highest_hz: float) -> tuple[_Sweep, ...]:
+        prepared: list[_Sweep] = []
+        start = 0
+        for sweep, noise in zip(self.measurement.sweeps, self.measurement.noise, strict=True):
+            mean = sweep.mean_ohm
+            low = max(int(np.searchsorted(sweep.frequency_hz, highest_hz, side="right")), MINIMUM_POINTS)
+            chosen = informative_points(sweep.frequency_hz[:low], mean[:low], points or mean.size)
+            frequency = sweep.frequency_hz[chosen]
+            circuit = self.motor.circuit(sweep.termination)
+            if with_residuals:
+                circuit = with_connection_residuals(circuit, self.measurement.analyser, sweep.termination, frequency)
+            log_measured = np.log(np.abs(mean[chosen])) + 1j * np.angle(mean[chosen])
+            sigma = noise.sigma[chosen] if self.weights == "likelihood" else np.ones(chosen.size)
+            where = slice(start, start + chosen.size)
+            prepared.append(
+                _Sweep(sweep.termination, frequency, 2j * np.pi * frequency, log_measured, sigma, Tape(circuit, names), where)
+            )
+            start += chosen.size
+        return tuple(prepared)
+
+    @cached_property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies of all residuals, sweep after sweep."""
+        return np.concatenate([sweep.frequency_hz for sweep in self._sweeps])
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Where each termination's residuals are."""
+        return {sweep.termination: sweep.where for sweep in self._sweeps}
+
+    @cached_property
+    def _gain(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Orthonormal basis of the weighted gain error, the share of each of its directions that is free, and B itself."""
+        analyser = self.measurement.analyser
+        everything = np.unique(self.frequency_hz)
+        basis = gain_basis(analyser, everything)[np.searchsorted(everything, self.frequency_hz)]
+        if self.weights == "log" or basis.shape[1] == 0:
+            return np.zeros((self.size, 0)), np.zeros(0), np.zeros((self.size, 0))
+        vectors, singular, _ = np.linalg.svd(basis * self._weight[:, None], full_matrices=False)
+        keep = singular > 1e-3
+        return vectors[:, keep], singular[keep] ** 2 / (1 + singular[keep] ** 2), basis
+
+    def physical(self, u: FloatArray) -> FloatArray:
+        """Values in SI units of all parameters, shape (..., p), from unknowns of shape (..., k)."""
+        values = np.broadcast_to(self._fixed, (*u.shape[:-1], self._fixed.size)).copy()
+        values[..., self._varying] = np.where(self._log, np.exp(np.where(self._log, u, 0.0)), u * self._scale)
+        return values
+
+    def vector(self, values: Mapping[str, float]) -> FloatArray:
+        """Unknowns from values in SI units; what is not given starts at zero or in the middle of its range; kept within bounds."""
+        u = np.empty(len(self.unknowns))
+        for index, parameter in enumerate(self.unknowns):
+            if parameter.name in values:
+                value = float(values[parameter.name])
+                u[index] = np.log(max(value, 1e-300)) if self._log[index] else value / self._scale[index]
+            else:
+                u[index] = 0.5 * (self.low[index] + self.high[index]) if self._log[index] else 0.0
+        return self.clip(u)
+
+    def named(self, u: FloatArray) -> dict[str, float]:
+        """Values in SI units by name."""
+        return {p.name: float(v) for p, v in zip(self.everything, self.physical(u), strict=True)}
+
+    def vector_scale(self, index: int) -> float:
+        """SI value of one unit of a linear unknown."""
+        return float(self._scale[index])
+
+    def clip(self, u: FloatArray) -> FloatArray:
+        """Unknowns moved into their bounds."""
+        return np.clip(u, self.low, self.high)
+
+    def deviation(self, u: FloatArray) -> ComplexArray:
+        """ln(Z_measured / Z_model), complex, phase wrapped, shape (..., n)."""
+        values = self.physical(u)
+        parts = []
+        for sweep in self._sweeps:
+            with np.errstate(all="ignore"):
+                model = sweep.tape.impedance(sweep.s, values)
+                parts.append(_wrapped(sweep.log_measured - np.log(model)))
+        joined: ComplexArray = np.concatenate(parts, axis=-1)
+        return np.nan_to_num(joined, nan=1e3, posinf=1e3, neginf=-1e3)
+
+    def model_ohm(self, u: FloatArray) -> dict[str, ComplexArray]:
+        """Impedance that the analyser should show (fixture residuals included, gain error not), by termination."""
+        values = self.physical(u)
+        return {sweep.termination: sweep.tape.impedance(sweep.s, values) for sweep in self._sweeps}
+
+    def objective(self, u: FloatArray) -> FloatArray:
+        """Minus twice the log likelihood (and prior), up to a constant, shape (...)."""
+        residual = self.deviation(u) * self._weight
+        return self._quadratic(residual) + self._penalty(u)
+
+    def _quadratic(self, residual: ComplexArray) -> FloatArray:
+        total: FloatArray = np.sum(residual.real**2 + residual.imag**2, axis=-1)
+        vectors, shares, _ = self._gain
+        if shares.size:
+            along = residual @ vectors
+            total = total - np.sum(shares * (along.real**2 + along.imag**2), axis=-1)
+        return total
+
+    def linearised(self, u: FloatArray) -> Linearised:
+        """The objective round `u`, shape (..., k), to second order."""
+        values = self.physical(u)
+        residuals, jacobians = [], []
+        chain = np.where(self._log, values[..., self._varying], self._scale)
+        for sweep in self._sweeps:
+            with np.errstate(all="ignore"):
+                model, slopes = sweep.tape.gradient(sweep.s, values)
+                residuals.append(_wrapped(sweep.log_measured - np.log(model)) / sweep.sigma)
+                relative = slopes[..., self._varying, :] / (model * sweep.sigma)[..., None, :]
+            jacobians.append(relative * -chain[..., None])
+        residual = np.concatenate(residuals, axis=-1)
+        jacobian = np.concatenate(jacobians, axis=-1)
+        if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
+            residual = np.nan_to_num(residual, nan=1e3, posinf=1e3, neginf=-1e3)
+            jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
+        # Real and imaginary parts side by side make the products real, and twice as fast.
+        flat = np.concatenate([jacobian.real, jacobian.imag], axis=-1)
+        matrix = flat @ np.swapaxes(flat, -1, -2)
+        vectors, shares, _ = self._gain
+        along = jacobian @ vectors
+        if shares.size:
+            matrix = matrix - ((along * shares).conj() @ np.swapaxes(along, -1, -2)).real
+        index = np.arange(len(self.unknowns))
+        matrix[..., index, index] += self.precision
+        objective = self._quadratic(residual) + self._penalty(u)
+        gradient = self._pulled(jacobian, along, residual) + self.precision * (u - self.centre)
+        return Linearised(objective, gradient, matrix, residual, jacobian, along)
+
+    def _pulled(self, jacobian: ComplexArray, along: ComplexArray, residual: ComplexArray) -> FloatArray:
+        """J' C^-1 r with the covariance C of the residuals, shape (..., k)."""
+        pulled: FloatArray = (jacobian.conj() @ residual[..., None])[..., 0].real
+        vectors, shares, _ = self._gain
+        if shares.size:
+            pulled = pulled - ((along * shares).conj() @ (residual @ vectors)[..., None])[..., 0].real
+        return pulled
+
+    def curvature_pull(self, here: Linearised, u: FloatArray, step: FloatArray, fraction: float = 0.1) -> FloatArray:
+        """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation."""
+        ahead = self.deviation(u + fraction * step) * self._weight
+        along_step = (step[..., None, :] @ here.jacobian)[..., 0, :]
+        turned = _wrapped((ahead - here.residual) / self._weight) * self._weight
+        second = 2 / fraction * (turned / fraction - along_step)
+        return self._pulled(here.jacobian, here.along, second)
+
+    def gain_error(self, u: FloatArray) -> ComplexArray:
+        """Most likely relative gain error of the analyser given the parameters, shape (n,)."""
+        vectors, shares, _ = self._gain
+        residual = self.deviation(u) * self._weight
+        error: ComplexArray = (vectors @ (shares * (vectors.T @ residual))) / self._weight
+        return error
+
+    def whitened(self, u: FloatArray) -> ComplexArray:
+        """Residuals whose covariance is one, shape (n,): what is left once the gain error has had its say."""
+        vectors, shares, _ = self._gain
+        residual = self.deviation(u) * self._weight
+        white: ComplexArray = residual - vectors @ ((1 - np.sqrt(1 - shares)) * (vectors.T @ residual))
+        return white
+
+    @property
+    def expected_objective(self) -> float:
+        """What a perfect model would leave of the objective `log`: random noise and the analyser's systematic errors."""
+        total = 0.0
+        for sweep, noise in zip(self.measurement.sweeps, self.measurement.noise, strict=True):
+            systematic = self.measurement.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
+            chosen = np.searchsorted(
+                sweep.frequency_hz, next(p for p in self._sweeps if p.termination == sweep.termination).frequency_hz
+            )
+            total += float(np.sum((2 * noise.sigma**2 + systematic**2)[chosen]))
+        return total
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Real residuals less unknowns that the data, not their priors, determine."""
+        return float(2 * self.size - np.count_nonzero(self.precision == 0))
+
+
+def _wrapped(logarithm: ComplexArray) -> ComplexArray:
+    """The phase moved into ±180 degrees."""
+    phase = np.remainder(logarithm.imag + np.pi, 2 * np.pi) - np.pi
+    result: ComplexArray = logarithm.real + 1j * phase
+    return result
+
+
+def _linear_scale(parameter: Parameter) -> float:
+    return parameter.sigma if parameter.sigma is not None else 0.5 * (parameter.high - parameter.low)
+
+
+def residual_parameters(analyser: Analyser, termination: str) -> tuple[Parameter, ...]:
+    """What compensation left at one connection."""
+    reason = "the analyser's specification"
+
+    def one(name: str, unit: str, sigma: float) -> Parameter:
+        return Parameter(f"{termination} connection {name}", unit, -8 * sigma, 8 * sigma, reason, "linear", sigma)
+
+    return (
+        one("R", "Ohm", analyser.resistance_sigma_ohm),
+        one("L", "H", analyser.inductance_sigma_h),
+        one("G", "1", 1.0),  # in multiples of the specified conductance, which depends on frequency
+        one("C", "F", analyser.capacitance_sigma_f),
+    )
+
+
+def with_connection_residuals(circuit: Node, analyser: Analyser, termination: str, frequency_hz: FloatArray) -> Node:
+    """The circuit behind a fixture whose compensation left small residuals."""
+    resistance, inductance, conductance, capacitance = residual_parameters(analyser, termination)
+    shape: ComplexArray = analyser.conductance_sigma_s(frequency_hz).astype(np.complex128)
+
+    def admittance(s: ComplexArray, multiple: FloatArray, c: FloatArray) -> ValueAndSlopes:
+        return multiple * shape + s * c, (shape, s)
+
+    series = Leaf(f"{termination} connection", laws.resistance_and_inductance, (resistance, inductance))
+    return Shunted(Series((circuit, series)), admittance, (conductance, capacitance))
+
+
+def checked_bounds(motor: Motor, bounds: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
+    """Bounds that make sense, or one clear line.
+
+    Raises
+    ------
+    BadInput
+        For an unknown parameter, crossed or non-finite bounds, or non-positive bounds of a positive quantity.
+    """
+    known = {p.name: p for p in motor.parameters}
+    checked = {}
+    for name, pair in (bounds or {}).items():
+        if name not in known:
+            raise BadInput(f"bounds for the unknown parameter {name!r}; the model has {', '.join(known)}")
+        try:
+            low, high = (float(value) for value in pair)
+        except (TypeError, ValueError) as error:
+            raise BadInput(f"bounds of {name} must be a pair (low, high) of numbers in {known[name].unit}, got {pair!r}") from error
+        if not (np.isfinite(low) and np.isfinite(high)) or low >= high:
+            raise BadInput(f"bounds of {name} are crossed or not finite: ({low:g}, {high:g}) {known[name].unit}")
+        if known[name].scale == "log" and low <= 0:
+            raise BadInput(f"the lower bound of {name} must be above 0 {known[name].unit}, got {low:g}")
+        checked[name] = (low, high)
+    return checked

@@ -1,0 +1,345 @@
+"""A circuit is a value: leaves are laws, inner nodes compose them.
+
+`Tape` evaluates a circuit for a whole batch of parameter sets at all frequencies. One pass forward gives the impedance
+of every node; one pass backward carries dZ/dZ_node down to the leaves, where it meets the exact derivative of each law.
+All quantities are holomorphic, so complex derivatives suffice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.model.laws import Law
+from motoremi.model.parameter import Parameter
+
+Values: TypeAlias = Sequence[Any]  # real arrays of shape (..., 1), one for each parameter of a node
+
+
+@dataclass(frozen=True)
+class Node:
+    """Common face of all circuit parts."""
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        """Parts of this one."""
+        return ()
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of this node alone."""
+        return ()
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        """Impedance in ohm from the impedances of the children."""
+        raise NotImplementedError
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        """Derivatives for each child's impedance and for each own parameter."""
+        raise NotImplementedError
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        """The same node over other children."""
+        return self
+
+
+@dataclass(frozen=True)
+class Leaf(Node):
+    """One element: a law of impedance and its parameters."""
+
+    name: str
+    law: Law
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        return self.parameters
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        return self.law(s, *values)[0]
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        return (), self.law(s, *values)[1]
+
+
+@dataclass(frozen=True)
+class Series(Node):
+    """Sum of impedances."""
+
+    members: tuple[Node, ...]
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return self.members
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        total = parts[0]
+        for part in parts[1:]:
+            total = total + part
+        return total
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        return [None] * len(parts), ()  # None stands for a derivative of one
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Series(children)
+
+
+@dataclass(frozen=True)
+class Parallel(Node):
+    """Sum of admittances."""
+
+    members: tuple[Node, ...]
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return self.members
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        total = 1 / parts[0]
+        for part in parts[1:]:
+            total = total + 1 / part
+        result: ComplexArray = 1 / total
+        return result
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        return [(impedance / part) ** 2 for part in parts], ()
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Parallel(children)
+
+
+@dataclass(frozen=True)
+class Scaled(Node):
+    """Impedance times a dispersive factor: Z = Z_child g(s)."""
+
+    child: Node
+    law: Law
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.child,)
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        return self.parameters
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        return parts[0] * self.law(s, *values)[0]
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        factor, slopes = self.law(s, *values)
+        return [factor], [parts[0] * slope for slope in slopes]
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Scaled(children[0], self.law, self.parameters)
+
+
+@dataclass(frozen=True)
+class Shunted(Node):
+    """Impedance with an admittance across it: Z = Z_child / (1 + Y Z_child). Y may be zero or negative."""
+
+    child: Node
+    law: Law
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.child,)
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        return self.parameters
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        result: ComplexArray = parts[0] / (1 + self.law(s, *values)[0] * parts[0])
+        return result
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        slopes = self.law(s, *values)[1]
+        return [(impedance / parts[0]) ** 2], [-(impedance**2) * slope for slope in slopes]
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Shunted(children[0], self.law, self.parameters)
+
+
+@dataclass(frozen=True)
+class ThroughCable(Node):
+    """Impedance seen through a lossless line of 50 ohm whose tanh(s tau) the law gives."""
+
+    child: Node
+    law: Law
+    parameters: tuple[Parameter, ...]
+
+    REFERENCE_OHM = 50.0
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.child,)
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        return self.parameters
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        tangent, z0 = self.law(s, *values)[0], self.REFERENCE_OHM
+        result: ComplexArray = z0 * (parts[0] + z0 * tangent) / (z0 + parts[0] * tangent)
+        return result
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        tangent, slopes = self.law(s, *values)
+        z0 = self.REFERENCE_OHM
+        bottom = (z0 + parts[0] * tangent) ** 2
+        by_tangent = z0 * (z0**2 - parts[0] ** 2) / bottom
+        return [z0**2 * (1 - tangent**2) / bottom], [by_tangent * slope for slope in slopes]
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return ThroughCable(children[0], self.law, self.parameters)
+
+
+@dataclass(frozen=True)
+class Line(Node):
+    """Uniform line with total series impedance `series` and total shunt impedance `shunt`, its far end closed by `load` or shorted.
+
+    With a = Z_series, y = 1/Z_shunt, u = a y and T(u) = tanh(sqrt u)/sqrt u, its input is (Z_load + a T) / (1 + Z_load y T).
+    """
+
+    series: Node
+    shunt: Node
+    load: Node | None = None
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.series, self.shunt) if self.load is None else (self.series, self.shunt, self.load)
+
+    @staticmethod
+    def _tangent(u: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """T(u) and dT/du; a power series where the closed form would cancel."""
+        small = np.abs(u) < 1e-2
+        root = np.sqrt(np.where(small, 1.0, u))
+        tanh = np.tanh(root)
+        value = np.where(small, 1 - u / 3 + 2 * u**2 / 15 - 17 * u**3 / 315 + 62 * u**4 / 2835, tanh / root)
+        slope = np.where(
+            small,
+            -1 / 3 + 4 * u / 15 - 17 * u**2 / 105 + 248 * u**3 / 2835 - 1382 * u**4 / 31185,
+            ((1 - tanh**2) * root - tanh) / (2 * root**3),
+        )
+        return value, slope
+
+    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+        a, y = parts[0], 1 / parts[1]
+        t, _ = self._tangent(a * y)
+        if self.load is None:
+            return a * t
+        result: ComplexArray = (parts[2] + a * t) / (1 + parts[2] * y * t)
+        return result
+
+    def backward(
+        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
+        a, y = parts[0], 1 / parts[1]
+        u = a * y
+        t, dt = self._tangent(u)
+        y_by_shunt = -(y**2)
+        if self.load is None:
+            return [t + u * dt, a**2 * dt * y_by_shunt], ()
+        load = parts[2]
+        top, bottom = load + a * t, 1 + load * y * t
+        by_a = ((t + u * dt) * bottom - top * load * y**2 * dt) / bottom**2
+        by_y = (a**2 * dt * bottom - top * load * (t + u * dt)) / bottom**2
+        return [by_a, by_y * y_by_shunt, (1 - u * t**2) / bottom**2], ()
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Line(*children)
+
+
+def walk(node: Node) -> Iterator[Node]:
+    """All nodes of a circuit, children before their parent."""
+    for child in node.children:
+        yield from walk(child)
+    yield node
+
+
+def replace_leaf(node: Node, name: str, change: Callable[[Node], Node]) -> Node:
+    """The circuit with the element called `name` replaced by `change(element)`."""
+    if isinstance(node, Leaf):
+        return change(node) if node.name == name else node
+    return node.rebuilt(tuple(replace_leaf(child, name, change) for child in node.children))
+
+
+def find(node: Node, name: str) -> Node | None:
+    """The element called `name`, or None."""
+    return next((part for part in walk(node) if isinstance(part, Leaf) and part.name == name), None)
+
+
+class Tape:
+    """A circuit made ready for fast evaluation.
+
+    Parameters
+    ----------
+    root : Node
+    names : sequence of str
+        Order of the parameters in the vectors that the methods take.
+    """
+
+    def __init__(self, root: Node, names: Sequence[str]) -> None:
+        position = {name: index for index, name in enumerate(names)}
+        self._size = len(names)
+        self._steps: list[tuple[Node, tuple[int, ...], tuple[int, ...]]] = []
+        self._record(root, position)
+
+    def _record(self, node: Node, position: dict[str, int]) -> int:
+        children = tuple(self._record(child, position) for child in node.children)
+        self._steps.append((node, children, tuple(position[p.name] for p in node.own_parameters)))
+        return len(self._steps) - 1
+
+    def _forward(self, s: ComplexArray, values: FloatArray) -> tuple[list[ComplexArray], list[list[FloatArray]]]:
+        computed: list[ComplexArray] = []
+        taken: list[list[FloatArray]] = []
+        for node, children, indices in self._steps:
+            own = [values[..., index, None] for index in indices]
+            computed.append(node.forward(s, [computed[child] for child in children], own))
+            taken.append(own)
+        return computed, taken
+
+    def impedance(self, s: ComplexArray, values: FloatArray) -> ComplexArray:
+        """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units."""
+        return self._forward(s, values)[0][-1]
+
+    def gradient(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Impedance, shape (..., n), and its derivative for each parameter, shape (..., p, n)."""
+        computed, taken = self._forward(s, values)
+        last = len(self._steps) - 1
+        sensitivity: list[Any] = [None] * len(self._steps)  # None stands for one
+        gradient = np.zeros((*values.shape, s.size), dtype=np.complex128)
+        for index in range(last, -1, -1):
+            node, children, indices = self._steps[index]
+            if not children and not indices:
+                continue
+            parts = [computed[child] for child in children]
+            by_child, by_parameter = node.backward(s, parts, taken[index], computed[index])
+            own = sensitivity[index]
+            for child, slope in zip(children, by_child, strict=True):
+                sensitivity[child] = own if slope is None else slope if own is None else own * slope
+            for position, slope in zip(indices, by_parameter, strict=True):
+                gradient[..., position, :] += slope if own is None else own * slope
+        return computed[last], gradient

@@ -1,0 +1,81 @@
+"""Leads, terminals and the frame strap: between the motor and the fixture."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Series, Shunted
+from motoremi.model.effects.effect import Effect
+from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
+
+
+def _lead(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    lead = Leaf("lead", laws.resistance_and_inductance, (parameters["resistance_ohm"], parameters["inductance_h"]))
+    return motor.attached(lambda node: Series((node, lead)))
+
+
+def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    return motor.attached(lambda node: Shunted(node, laws.capacitance_only, (parameters["capacitance_f"],)))
+
+
+def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    strap = Leaf("strap", laws.resistance_and_inductance, (parameters["resistance_ohm"], parameters["inductance_h"]))
+    return dataclasses.replace(motor, frame=Series((motor.frame, strap)))
+
+
+EFFECTS = (
+    Effect(
+        name="lead-inductance",
+        group="connection",
+        title="inductance and resistance of the leads",
+        formula="Z + resistance_ohm + s * inductance_h",
+        parameters=(
+            Parameter("resistance_ohm", "Ohm", 1e-3, 0.5, "1 - 50 mOhm and the skin effect at MHz"),
+            Parameter("inductance_h", "H", 15e-9, 1e-6, "0.7 - 1 nH a millimetre, 20 mm to 1 m"),
+        ),
+        limit="resistance_ohm, inductance_h -> 0",
+        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0},
+        signature="the same inductive difference in both sweeps, growing with f; a series resonance at high f",
+        look_alikes=("short-residual", "gain-error", "ground-strap-inductance"),
+        deciding="add a known 50 mm of lead; measure a short bar and a 100 pF standard on the same fixture",
+        source="physics notes A.1 effect 9",
+        change=_lead,
+        starts=({"resistance_ohm": 0.02, "inductance_h": 1e-7},),
+    ),
+    Effect(
+        name="terminal-capacitance",
+        group="connection",
+        title="stray capacitance across the terminals",
+        formula="Z / (1 + s * capacitance_f * Z)",
+        parameters=(Parameter("capacitance_f", "F", 0.8e-12, 60e-12, "terminal blocks of 1 - 20 pF, filters more"),),
+        limit="capacitance_f -> 0",
+        limit_values={"capacitance_f": 0.0},
+        signature="adds to Ca in the short-circuit sweep and shunts everything in the open one: the two disagree on Ca",
+        look_alikes=("open-residual", "temperature-drift"),
+        deciding="lift the lead and measure the terminal block alone",
+        source="physics notes A.1 effect 10",
+        change=_terminal,
+        starts=({"capacitance_f": 2e-12}, {"capacitance_f": 1e-11}, {"capacitance_f": 3e-11}),
+    ),
+    Effect(
+        name="ground-strap-inductance",
+        group="connection",
+        title="inductance and resistance of the frame strap",
+        formula="Z_frame + resistance_ohm + s * inductance_h",
+        parameters=(
+            Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "1 - 100 mOhm and the path through the laminations"),
+            Parameter("inductance_h", "H", 5e-9, 1e-6, "10 - 300 nH for a strap or a wire"),
+        ),
+        limit="resistance_ohm, inductance_h -> 0",
+        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0},
+        signature="open-circuit sweep only, inductive at high f; series resonance with Cf",
+        look_alikes=("lead-inductance",),
+        deciding="shorten or double the strap",
+        source="physics notes A.1 effect 14; Mirafzal et al. 2009",
+        change=_strap,
+        starts=tuple({"resistance_ohm": 0.02, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+    ),
+)

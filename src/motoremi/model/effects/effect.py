@@ -1,0 +1,124 @@
+"""An effect: a function from motor to motor, plus what a person needs to know about it."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from motoremi.arrays import JsonDict
+from motoremi.errors import BadInput
+from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
+
+Group: TypeAlias = Literal["winding", "insulation", "connection", "rotor", "instrument"]
+# (motor, place, parameters by short name) -> motor
+Change: TypeAlias = Callable[[Motor, str, Mapping[str, Parameter]], Motor]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One entry of the catalogue.
+
+    Parameters
+    ----------
+    name : str
+        Identifier of the contract, without place.
+    group : str
+        Part of the set-up it lives in.
+    title : str
+        What it is, in a few words.
+    places : tuple of str
+        Elements it may attach to (`dielectric-loss@Cf`); empty where there is only one place.
+    formula : str
+        The law as text, in the parameters' short names and `s`; a test holds it against the code.
+    parameters : tuple of Parameter
+        With ranges; `name` is the short name here.
+    limit : str
+        Where the effect vanishes.
+    limit_values : mapping
+        Parameter values deep in that limit.
+    signature, look_alikes, deciding, source : str
+        How it shows, what it is mistaken for, the measurement that decides, where the formula and the ranges come from.
+    change : callable
+        Adds the effect to a motor.
+    starts : tuple of mapping
+        Start values worth trying, by short name.
+    repeatable : bool
+        Whether a motor may have several.
+    """
+
+    name: str
+    group: Group
+    title: str
+    formula: str
+    parameters: tuple[Parameter, ...]
+    limit: str
+    limit_values: Mapping[str, float]
+    signature: str
+    look_alikes: tuple[str, ...]
+    deciding: str
+    source: str
+    change: Change
+    starts: tuple[Mapping[str, float], ...]
+    places: tuple[str, ...] = ()
+    repeatable: bool = False
+
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """All names under which it can be added."""
+        return tuple(f"{self.name}@{place}" for place in self.places) or (self.name,)
+
+    def to_dict(self) -> JsonDict:
+        """What a person or a program may want to know."""
+        plain = {
+            key: getattr(self, key)
+            for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source", "repeatable")
+        }
+        plain["identifiers"] = list(self.identifiers)
+        plain["look_alikes"] = list(self.look_alikes)
+        plain["parameters"] = [
+            {"name": p.name, "unit": p.unit, "low": p.low, "high": p.high, "reason": p.reason} for p in self.parameters
+        ]
+        return plain
+
+
+@dataclass(frozen=True)
+class AddedEffect:
+    """An effect at a place, ready to be added."""
+
+    effect: Effect
+    identifier: str
+    place: str
+    held: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    def added_to(self, motor: Motor) -> Motor:
+        """The motor with this effect.
+
+        Raises
+        ------
+        BadInput
+            If the motor has it already and it cannot occur twice.
+        """
+        count = motor.effects.count(self.identifier)
+        if count and not self.effect.repeatable:
+            raise BadInput(f"{self.identifier} is in the model already; drop it first or add another effect")
+        label = self.identifier if not count else f"{self.identifier}#{count + 1}"
+        parameters = {p.name: dataclasses.replace(p, name=f"{label}.{p.name}") for p in self.effect.parameters}
+        changed = self.effect.change(motor, self.place, parameters)
+        return dataclasses.replace(changed, effects=(*motor.effects, self.identifier))
+
+    def label_in(self, motor: Motor) -> str:
+        """Prefix of its parameters once it has been added to `motor`."""
+        count = motor.effects.count(self.identifier)
+        return self.identifier if not count else f"{self.identifier}#{count + 1}"
+
+
+def split_identifier(text: str) -> tuple[str, str]:
+    """`name@element` in its two parts; the second may be empty."""
+    match = re.fullmatch(r"([a-z][a-z-]*)(?:@([A-Za-z]+))?", text)
+    if match is None:
+        raise BadInput(f"{text!r} is not an effect: write for example 'eddy-laminations' or 'dielectric-loss@Cf'")
+    return match.group(1), match.group(2) or ""

@@ -1,0 +1,75 @@
+"""What insulation does beyond a constant capacitance; each of these can sit at Ca, Cr or Cf."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Parallel
+from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.winding import scale
+from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
+
+PLACES = ("Ca", "Cr", "Cf")
+
+
+def _leakage(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    leak = Leaf("leak", laws.resistor, tuple(parameters.values()))
+    return motor.replaced(place, lambda leaf: Parallel((leaf, leak)))
+
+
+EFFECTS = (
+    Effect(
+        name="dielectric-loss",
+        group="insulation",
+        title="dielectric loss with a constant loss angle",
+        formula="C * (s / (2 * pi * 1e6))**(-2 * atan(tan_delta) / pi)",
+        parameters=(Parameter("tan_delta", "", 5e-4, 0.2, "0.002 - 0.05 for slot liners and enamel, more when damp"),),
+        limit="tan_delta -> 0",
+        limit_values={"tan_delta": 0.0},
+        signature="phase of the capacitive part stays at -(90 - delta) deg; C falls slowly",
+        look_alikes=("dielectric-relaxation", "insulation-leakage", "core-loss"),
+        deciding="a sweep from 40 Hz (leakage falls as 1/f, a constant angle stays, a relaxation is a bell), temperature, drying",
+        source="constant-phase element; physics notes A.1 effect 6",
+        change=scale("", laws.constant_phase_factor),
+        starts=({"tan_delta": 0.004}, {"tan_delta": 0.03}),
+        places=PLACES,
+    ),
+    Effect(
+        name="dielectric-relaxation",
+        group="insulation",
+        title="relaxation of the insulation",
+        formula="C * (1 + strength / (1 + (s / (2 * pi * corner_hz))**exponent))",
+        parameters=(
+            Parameter("strength", "", 0.005, 1.0, "0.02 - 0.5 for slot insulation, wider for damp material"),
+            Parameter("corner_hz", "Hz", 1e4, 60e6, "1 kHz - 10 MHz; below 10 kHz nothing shows in this band"),
+            Parameter("exponent", "", 0.4, 1.0, "1 is Debye, less is Cole-Cole; one sweep hardly tells"),
+        ),
+        limit="strength -> 0",
+        limit_values={"strength": 0.0, "corner_hz": 1e6, "exponent": 1.0},
+        signature="C drops across the corner frequency, tan delta is a bell",
+        look_alikes=("dielectric-loss", "insulation-leakage", "range-step"),
+        deciding="a second temperature (the corner moves, the strength stays), a sweep from 40 Hz",
+        source="Debye, Cole and Cole 1941; physics notes A.1 effect 7",
+        change=scale("", laws.relaxation_factor),
+        starts=tuple({"strength": d, "corner_hz": f, "exponent": 0.95} for d in (0.02, 0.15) for f in (2e5, 1e6, 4e6, 1.2e7)),
+        places=PLACES,
+    ),
+    Effect(
+        name="insulation-leakage",
+        group="insulation",
+        title="leakage through damp or dirty insulation",
+        formula="1 / (s * C + 1 / resistance_ohm)",
+        parameters=(Parameter("resistance_ohm", "Ohm", 100.0, 1e7, "above 1 MOhm invisible in this band; below 100 Ohm a fault"),),
+        limit="resistance_ohm -> infinity",
+        limit_values={"resistance_ohm": 1e18},
+        signature="tan delta falls as 1/f",
+        look_alikes=("dielectric-loss", "bearing-film"),
+        deciding="insulation resistance at DC, a sweep from 40 Hz, drying at 60 - 80 °C",
+        source="physics notes A.1 effect 8",
+        change=_leakage,
+        starts=({"resistance_ohm": 2e5}, {"resistance_ohm": 2e4}, {"resistance_ohm": 1e3}),
+        places=PLACES,
+    ),
+)

@@ -1,0 +1,257 @@
+"""What a winding does beyond Ra, La and Ca, and the rotor's bearing film."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Parallel, Scaled, Series
+from motoremi.model.effects.effect import Change, Effect
+from motoremi.model.laws import Law
+from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
+
+
+def scale(element: str, law: Law) -> Change:
+    """A change that multiplies one element's impedance by a factor."""
+
+    def change(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+        target = element or place
+        return motor.replaced(target, lambda leaf: Scaled(leaf, law, tuple(parameters.values())))
+
+    return change
+
+
+def _core_loss(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    shunt = Leaf("Re", laws.resistor, tuple(parameters.values()))
+    return motor.replaced("La", lambda leaf: Parallel((leaf, shunt)))
+
+
+def _second_resonance(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    cell = Leaf("cell", laws.resonant_cell, tuple(parameters.values()))
+    return dataclasses.replace(motor, winding=Series((motor.winding, cell)))
+
+
+def _distributed(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    return dataclasses.replace(motor, distribution=parameters["share"])
+
+
+def _film(element: str) -> Change:
+    """A contact with its film, R parallel C, in series with an element."""
+
+    def change(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+        film = Parallel(
+            (
+                Leaf("film R", laws.resistor, (parameters["resistance_ohm"],)),
+                Leaf("film C", laws.capacitor, (parameters["capacitance_f"],)),
+            )
+        )
+        return motor.replaced(element, lambda leaf: Series((leaf, film)))
+
+    return change
+
+
+EFFECTS = (
+    Effect(
+        name="skin-effect",
+        group="winding",
+        title="skin effect in round wire",
+        formula="Ra * x * I0(x) / (2 * I1(x)), x = radius_m * sqrt(s * mu0 * sigma_copper)",
+        parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"),),
+        limit="radius_m -> 0",
+        limit_values={"radius_m": 1e-7},
+        signature="R grows as sqrt(f), phase of the extra part +45 deg, the resonance of La and Ca is damped a little",
+        look_alikes=("proximity-effect", "eddy-laminations"),
+        deciding="a sweep from 40 Hz (the corner shows below 150 kHz) and the DC resistance",
+        source="Bessel solution for a round conductor; physics notes A.1 effect 1; copper at 20 °C",
+        change=scale("Ra", laws.skin_factor),
+        starts=({"radius_m": 0.4e-3},),
+    ),
+    Effect(
+        name="proximity-effect",
+        group="winding",
+        title="proximity effect in a layered winding",
+        formula="Ra * (y / tanh(y) + (layers**2 - 1) / 3 * 2 * y * tanh(y / 2)), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
+        parameters=(
+            Parameter("height_m", "m", 0.05e-3, 2e-3, "equivalent foil height of 0.06 to 2.3 mm wire"),
+            Parameter("layers", "", 1.0, 20.0, "one layer to a full slot"),
+        ),
+        limit="height_m -> 0",
+        limit_values={"height_m": 1e-8, "layers": 2.0},
+        signature="R grows as f^2, then as sqrt(f), far above the skin effect's; the inductance falls",
+        look_alikes=("skin-effect", "eddy-laminations", "core-loss"),
+        deciding="a sweep from 40 Hz (region of f^2), rotor removed, DC resistance at two temperatures",
+        source="Dowell 1966 (textbook form, porosity 0.8 assumed: unconfirmed for a given motor); physics notes A.1 effect 2",
+        change=scale("Ra", laws.dowell_factor),
+        starts=({"height_m": 0.2e-3, "layers": 4.0}, {"height_m": 0.08e-3, "layers": 8.0}, {"height_m": 0.05e-3, "layers": 3.0}),
+    ),
+    Effect(
+        name="eddy-laminations",
+        group="winding",
+        title="eddy currents in the core's laminations",
+        formula="s * La * (1 - share + share * tanh(x) / x), x = sqrt(s / (pi * corner_hz))",
+        parameters=(
+            Parameter("share", "", 0.01, 0.95, "share of La whose flux crosses laminations"),
+            Parameter(
+                "corner_hz",
+                "Hz",
+                300.0,
+                1e6,
+                "steel sheet of 0.35 to 0.65 mm; up to 1 MHz for thin or resistive material",
+            ),
+        ),
+        limit="share -> 0",
+        limit_values={"share": 0.0, "corner_hz": 1e5},
+        signature="L falls as f^-0.5 and R grows as f^0.5 over decades, without a resonance of its own",
+        look_alikes=("skin-effect", "proximity-effect", "permeability-relaxation"),
+        deciding="a sweep from 40 Hz (knee at the corner frequency), DC bias, rotor in and out",
+        source="one-dimensional diffusion in a sheet; physics notes A.1 effect 3",
+        change=scale("La", laws.lamination_factor),
+        starts=({"share": 0.05, "corner_hz": 1e4}, {"share": 0.3, "corner_hz": 1e4}, {"share": 0.3, "corner_hz": 2e5}),
+    ),
+    Effect(
+        name="permeability-relaxation",
+        group="winding",
+        title="magnetic relaxation of the core",
+        formula="s * La * (1 - share + share / (1 + s / (2 * pi * corner_hz)))",
+        parameters=(
+            Parameter("share", "", 0.01, 0.95, "share of La that relaxes"),
+            Parameter(
+                "corner_hz",
+                "Hz",
+                5e4,
+                1e9,
+                "MnZn 1 - 5 MHz, NiZn 10 - 300 MHz, bonded magnets to 1 GHz (textbook values)",
+            ),
+        ),
+        limit="share -> 0",
+        limit_values={"share": 0.0, "corner_hz": 1e6},
+        signature="one step of L round the corner frequency, R as f^2 below it and flat above",
+        look_alikes=("core-loss", "field-coupling", "eddy-laminations"),
+        deciding="DC bias (moves permeability, not a shorted turn), rotor in and out",
+        source="Debye permeability; physics notes A.1 effect 4",
+        change=scale("La", laws.debye_permeability_factor),
+        starts=(
+            *({"share": 0.03, "corner_hz": f} for f in (3e5, 1e6, 4e6, 12e6)),
+            *({"share": 0.3, "corner_hz": f} for f in (1e6, 8e6, 6e7)),
+        ),
+    ),
+    Effect(
+        name="core-loss",
+        group="winding",
+        title="core loss as a resistance across La",
+        formula="s * La * resistance_ohm / (s * La + resistance_ohm)",
+        parameters=(Parameter("resistance_ohm", "Ohm", 30.0, 100e3, "0.5 - 20 kOhm in motors of 0.1 - 10 kW, a decade beyond"),),
+        limit="resistance_ohm -> infinity",
+        limit_values={"resistance_ohm": 1e15},
+        signature="flattens the resonance of La and Ca, R grows as f^2 below it, |Z| far from it unchanged",
+        look_alikes=("dielectric-loss@Ca", "permeability-relaxation", "proximity-effect"),
+        deciding="shape of R below the resonance over a decade (f^2 here, f^3 for tan delta, f^0.5 for laminations)",
+        source="physics notes A.1 effect 5; Mirafzal et al. 2007",
+        change=_core_loss,
+        starts=({"resistance_ohm": 5e2}, {"resistance_ohm": 3e3}, {"resistance_ohm": 3e4}),
+    ),
+    Effect(
+        name="second-resonance",
+        group="winding",
+        title="a second resonant cell (first turns, end winding)",
+        formula="1 / (1 / (s * inductance_h) + s / ((2 * pi * resonance_hz)**2 * inductance_h) + 1 / resistance_ohm)",
+        parameters=(
+            Parameter("inductance_h", "H", 1e-9, 1e-4, "0.001 to 0.1 of La, with room for large windings"),
+            Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones"),
+            Parameter("resistance_ohm", "Ohm", 1.0, 50e3, "0.05 - 2 kOhm in motors, wider for light and heavy damping"),
+        ),
+        limit="inductance_h -> 0",
+        limit_values={"inductance_h": 1e-18, "resonance_hz": 1e7, "resistance_ohm": 1e3},
+        signature="a local bump with a dip of phase at one frequency, in both sweeps",
+        look_alikes=("field-coupling", "distributed-winding"),
+        deciding="touch or tape an end turn: the bump moves; several regular bumps mean a distributed winding",
+        source="physics notes A.1 effect 11; Mirafzal et al. 2007",
+        change=_second_resonance,
+        # Weak cells on a fine grid (each step is narrower than a bump), and strong ones on a coarse one.
+        starts=(
+            *({"inductance_h": 2e-8, "resonance_hz": f, "resistance_ohm": 1e-6 * f} for f in np.geomspace(4e5, 29e6, 30)),
+            *({"inductance_h": 3e-7, "resonance_hz": f, "resistance_ohm": 200.0} for f in (3e6, 6e6, 11e6, 18e6)),
+        ),
+        repeatable=True,
+    ),
+    Effect(
+        name="distributed-winding",
+        group="winding",
+        title="capacitance to the frame spread along the winding",
+        formula=(
+            "Zc * tanh(theta), theta = sqrt(Za * share * s * Cf), Zc = sqrt(Za / (share * s * Cf)), "
+            "Za = (Ra + s * La) / (1 + s * Ca * (Ra + s * La))"
+        ),
+        parameters=(Parameter("share", "", 0.002, 0.95, "share of Cf that is not at the far end"),),
+        limit="share -> 0",
+        limit_values={"share": 1e-12},
+        signature="the short-circuit sweep turns capacitive and resonant below La-Ca; several regular bumps",
+        look_alikes=("second-resonance", "terminal-capacitance"),
+        deciding="swap the terminals; ground the far end as a third termination",
+        source="uniform line; physics notes A.1 effect 12; Mirafzal et al. 2009",
+        change=_distributed,
+        starts=({"share": 0.01}, {"share": 0.03}, {"share": 0.1}, {"share": 0.3}),
+    ),
+    Effect(
+        name="field-coupling",
+        group="winding",
+        title="coupling to the field winding or a damper",
+        formula="s * La * (1 - coupling**2 * s**2 / (s**2 + s * w / quality + w**2)), w = 2 * pi * resonance_hz",
+        parameters=(
+            Parameter("coupling", "", 0.003, 0.95, "0 - 0.3 with crossed axes, up to 0.9 for series windings"),
+            Parameter("resonance_hz", "Hz", 1e4, 60e6, "self-resonance of the other winding"),
+            Parameter("quality", "", 0.05, 200.0, "a shorted damper to a free winding"),
+        ),
+        limit="coupling -> 0",
+        limit_values={"coupling": 0.0, "resonance_hz": 1e6, "quality": 5.0},
+        signature="a narrow pair of bump and dip at the other winding's resonance, in both sweeps",
+        look_alikes=("permeability-relaxation", "second-resonance"),
+        deciding="open and short the field winding",
+        source="coupled coils; physics notes A.1 effect 16",
+        change=scale("La", laws.coupled_winding_factor),
+        starts=(
+            *({"coupling": 0.04, "resonance_hz": f, "quality": 10.0} for f in np.geomspace(2e5, 25e6, 24)),
+            *({"coupling": 0.2, "resonance_hz": f, "quality": q} for f in (1e5, 5e5, 2e6, 6e6, 15e6) for q in (0.5, 10.0)),
+        ),
+    ),
+    Effect(
+        name="brush-contact",
+        group="winding",
+        title="brush and commutator contact with its film",
+        formula="Ra + resistance_ohm / (1 + s * resistance_ohm * capacitance_f)",
+        parameters=(
+            Parameter("resistance_ohm", "Ohm", 5e-3, 20.0, "5 - 500 mOhm at rated current, more when unloaded"),
+            Parameter("capacitance_f", "F", 0.1e-9, 1e-6, "film of copper oxide (estimate)"),
+        ),
+        limit="resistance_ohm -> 0",
+        limit_values={"resistance_ohm": 1e-12, "capacitance_f": 1e-9},
+        signature="R falls from a low-frequency value: nearly invisible beside Ra",
+        look_alikes=("contact-resistance",),
+        deciding="turn the rotor, DC bias of 0 - 1 A, measure on the bars",
+        source="physics notes A.1 effect 15",
+        change=_film("Ra"),
+        starts=({"resistance_ohm": 2.0, "capacitance_f": 2e-8},),
+    ),
+    Effect(
+        name="bearing-film",
+        group="rotor",
+        title="oil film of the bearings",
+        formula="Rr + resistance_ohm / (1 + s * resistance_ohm * capacitance_f)",
+        parameters=(
+            Parameter("resistance_ohm", "Ohm", 0.1, 1e6, "metal contact to an intact film"),
+            Parameter("capacitance_f", "F", 20e-12, 5e-9, "20 - 500 pF a bearing (textbook), standing races more"),
+        ),
+        limit="resistance_ohm -> 0",
+        limit_values={"resistance_ohm": 1e-12, "capacitance_f": 1e-10},
+        signature="none at standstill; while turning Cr shrinks and the sweep scatters",
+        look_alikes=("insulation-leakage@Cr", "dielectric-relaxation@Cr"),
+        deciding="at rest against turning slowly, shaft grounded by a brush, level of the drive",
+        source="physics notes A.1 effect 13",
+        change=_film("Rr"),
+        starts=tuple({"resistance_ohm": r, "capacitance_f": c} for r in (5.0, 300.0, 5e3) for c in (1e-10, 1e-9)),
+    ),
+)

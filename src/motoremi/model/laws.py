@@ -1,0 +1,190 @@
+"""Immittance laws: value and exact derivative in one call.
+
+A law takes the complex angular frequency `s` (shape (n,)) and its parameters (each broadcast against `s`, shape (..., 1))
+and returns its value and the partial derivative for each parameter, all complex with shape (..., n). What the value means
+depends on the node that holds the law: an impedance in ohm, an admittance in siemens, or a pure factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from scipy.special import ive
+
+from motoremi.arrays import ComplexArray
+
+# (s, *parameters) -> (value, derivatives). Parameters are real arrays; `Any` spares each law a cast.
+ValueAndSlopes: TypeAlias = tuple[ComplexArray, tuple[ComplexArray, ...]]
+Law: TypeAlias = Callable[..., ValueAndSlopes]
+TWO_PI = 2 * np.pi
+# Permeability of vacuum times the conductivity of copper at 20 °C (5.8e7 S/m), in s/m².
+COPPER_MU_SIGMA = 4e-7 * np.pi * 5.8e7
+
+
+def resistor(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
+    """Z = R."""
+    one = np.ones_like(s + resistance)
+    return resistance * one, (one,)
+
+
+def inductor(s: ComplexArray, inductance: Any) -> ValueAndSlopes:
+    """Z = s L."""
+    return s * inductance, (s + 0 * inductance,)
+
+
+def capacitor(s: ComplexArray, capacitance: Any) -> ValueAndSlopes:
+    """Z = 1 / (s C)."""
+    impedance = 1 / (s * capacitance)
+    return impedance, (-impedance / capacitance,)
+
+
+def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistance: Any) -> ValueAndSlopes:
+    """Parallel L, C, R by its resonance: Z = 1 / (1/(s L) + s/(w0^2 L) + 1/R), w0 = 2 pi f0."""
+    w0 = TWO_PI * resonance_hz
+    reactive = (1 / s + s / w0**2) / inductance
+    impedance = 1 / (reactive + 1 / resistance)
+    square = impedance**2
+    return impedance, (
+        square * reactive / inductance,
+        square * 2 * s / (w0**2 * inductance) / resonance_hz,
+        square / resistance**2,
+    )
+
+
+def skin_factor(s: ComplexArray, radius: Any) -> ValueAndSlopes:
+    """Round copper wire: x I0(x) / (2 I1(x)), x = radius sqrt(s mu0 sigma). 1 for a thin wire."""
+    root = np.sqrt(s * COPPER_MU_SIGMA)
+    x = radius * root
+    # Scaled Bessel functions: the exponentials cancel in the ratio and would overflow one by one.
+    ratio = ive(0, x) / ive(1, x)
+    value = x * ratio / 2
+    slope = (ratio + x * (1 - ratio**2 + ratio / x)) / 2
+    return value, (slope * root,)
+
+
+def dowell_factor(s: ComplexArray, height: Any, layers: Any) -> ValueAndSlopes:
+    """Layers of copper foil (Dowell 1966): M + (m^2 - 1)/3 D.
+
+    M = y coth(y), D = 2 y tanh(y/2), y = height sqrt(s mu0 sigma eta), porosity eta = 0.8.
+    """
+    root = np.sqrt(s * (COPPER_MU_SIGMA * 0.8))
+    y = height * root
+    tanh, half = np.tanh(y), np.tanh(y / 2)
+    m_term, d_term = y / tanh, 2 * y * half
+    share = (layers**2 - 1) / 3
+    slope = 1 / tanh - y * (1 / tanh**2 - 1) + share * (2 * half + y * (1 - half**2))
+    return m_term + share * d_term, (slope * root, 2 * layers / 3 * d_term)
+
+
+def lamination_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
+    """Flux in laminations: (1 - k) + k tanh(x)/x, x = sqrt(s / (pi fe))."""
+    x = np.sqrt(s / (np.pi * corner_hz))
+    tanh = np.tanh(x)
+    shape = tanh / x
+    slope = (1 - tanh**2 - shape) / x
+    return 1 - share + share * shape, (shape - 1, share * slope * (-x / (2 * corner_hz)))
+
+
+def debye_permeability_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
+    """Magnetic relaxation: (1 - k) + k / (1 + s/wm)."""
+    pole = 1 / (1 + s / (TWO_PI * corner_hz))
+    return 1 - share + share * pole, (pole - 1, share * pole * (1 - pole) / corner_hz)
+
+
+def coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any) -> ValueAndSlopes:
+    """A winding coupled to La, closed by its own capacitance: 1 - k^2 s^2 / (s^2 + s ww/Q + ww^2)."""
+    w = TWO_PI * resonance_hz
+    denominator = s**2 + s * w / quality + w**2
+    shape = s**2 / denominator
+    slope_w = -shape / denominator * (s / quality + 2 * w)
+    return 1 - coupling**2 * shape, (
+        -2 * coupling * shape,
+        -(coupling**2) * slope_w * TWO_PI,
+        -(coupling**2) * shape / denominator * s * w / quality**2,
+    )
+
+
+def constant_phase_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:
+    """Impedance of a capacitance with a constant loss angle: (s/w0)^(2 delta/pi), w0 = 2 pi 1 MHz."""
+    logarithm = np.log(s / (TWO_PI * 1e6))
+    value = np.exp(2 / np.pi * np.arctan(tan_delta) * logarithm)
+    return value, (value * logarithm * (2 / np.pi) / (1 + tan_delta**2),)
+
+
+def relaxation_factor(s: ComplexArray, strength: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
+    """Impedance of a relaxing capacitance (Cole-Cole): 1 / (1 + d / (1 + (s/wd)^a))."""
+    ratio = s / (TWO_PI * corner_hz)
+    power = ratio**exponent
+    pole = 1 / (1 + power)
+    value = 1 / (1 + strength * pole)
+    outer = -(value**2)
+    slope = -strength * pole**2 * power
+    return value, (outer * pole, outer * slope * (-exponent / corner_hz), outer * slope * np.log(ratio))
+
+
+def conductance_and_capacitance(s: ComplexArray, conductance: Any, capacitance: Any) -> ValueAndSlopes:
+    """Y = G + s C."""
+    one = np.ones_like(s + conductance)
+    return conductance + s * capacitance, (one, s * one)
+
+
+def capacitance_only(s: ComplexArray, capacitance: Any) -> ValueAndSlopes:
+    """Y = s C."""
+    return s * capacitance, (s + 0 * capacitance,)
+
+
+def resistance_and_inductance(s: ComplexArray, resistance: Any, inductance: Any) -> ValueAndSlopes:
+    """Z = R + s L."""
+    one = np.ones_like(s + resistance)
+    return resistance + s * inductance, (one, s * one)
+
+
+def positive_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
+    """Z = R where R > 0, else nothing."""
+    on = (resistance > 0) + np.zeros_like(s)
+    return resistance * on, (on,)
+
+
+def negative_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
+    """Z = -R where R < 0, else nothing."""
+    on = (resistance < 0) + np.zeros_like(s)
+    return -resistance * on, (-on,)
+
+
+def square_law_gain(s: ComplexArray, error: Any) -> ValueAndSlopes:
+    """Load error of a fixture: 1 + e (f / 30 MHz)^2."""
+    shape = -((s / (TWO_PI * 30e6)) ** 2)
+    return 1 + error * shape, (shape + 0 * error,)
+
+
+def gain_step(s: ComplexArray, real_step: Any, imaginary_step: Any, frequency_hz: Any) -> ValueAndSlopes:
+    """Range switching: exp(u + j v) from `frequency_hz` upwards, 1 below."""
+    above = ((s.imag >= TWO_PI * frequency_hz * (1 - 1e-12)) + 0j) * np.ones_like(real_step)
+    value = np.exp((real_step + 1j * imaginary_step) * above)
+    return value, (value * above, 1j * value * above, 0 * value)
+
+
+def split_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
+    """Impedance of a share of a capacitance: 1 / b."""
+    one = np.ones_like(s + share)
+    return one / share, (-one / share**2,)
+
+
+def rest_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
+    """Impedance of what is left of a capacitance: 1 / (1 - b)."""
+    one = np.ones_like(s + share)
+    return one / (1 - share), (one / (1 - share) ** 2,)
+
+
+def drift_factor(s: ComplexArray, change: Any) -> ValueAndSlopes:
+    """Impedance of a capacitance that has grown by a share: 1 / (1 + c)."""
+    one = np.ones_like(s + change)
+    return one / (1 + change), (-one / (1 + change) ** 2,)
+
+
+def line_tangent(s: ComplexArray, delay: Any) -> ValueAndSlopes:
+    """tanh(s tau) of a lossless line; signed, since a reference plane may lie on either side."""
+    tanh = np.tanh(s * delay)
+    return tanh, (s * (1 - tanh**2),)

@@ -1,0 +1,155 @@
+"""The DC motor of Liu, Wang and Nan (2011), fig. 2, and the places where effects attach."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+from motoremi.errors import BadInput
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, replace_leaf, walk
+from motoremi.model.parameter import Parameter
+
+Terminations: TypeAlias = tuple[Literal["short", "open"], ...]
+BOTH: Terminations = ("short", "open")
+
+BASE_PARAMETERS = (
+    Parameter("Ra", "Ohm", 1e-3, 10e3, "from a copper bar to a thin winding whose core losses at MHz are lumped in"),
+    Parameter("La", "H", 10e-9, 0.1, "from one turn to the field coil of a small motor"),
+    Parameter("Ca", "F", 0.1e-12, 100e-9, "turn-to-turn capacitance, from a few turns to a large winding"),
+    Parameter("Rr", "Ohm", 1e-3, 1e6, "laminations and bearing: metal contact to a dry oil film"),
+    Parameter("Lr", "H", 1e-9, 10e-3, "from a few millimetres of shaft to the whole core"),
+    Parameter("Cr", "F", 0.1e-12, 1e-6, "winding to slot, from a toy motor to a traction motor"),
+    Parameter("Cf", "F", 0.1e-12, 1e-6, "winding to frame, from a toy motor to a traction motor"),
+)
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Something between the analyser and the motor: wraps the circuit of the terminations it applies to."""
+
+    wrap: Callable[[Node], Node]
+    terminations: Terminations = BOTH
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor as two circuits that share their elements.
+
+    Parameters
+    ----------
+    winding : Node
+        Between the armature terminals: (Ra + s La) parallel Ca, eq. (1).
+    frame : Node
+        From the far end of the winding to the frame: (Rr + s Lr + 1/s Cr) parallel Cf, the second term of eq. (2).
+    distribution : Parameter, optional
+        Share of Cf that is spread along the winding.
+    capacitance_drift : Parameter, optional
+        Relative growth of Ca between the short- and the open-circuit sweep.
+    attachments : tuple of Attachment
+        From the motor outwards to the analyser.
+    effects : tuple of str
+        Identifiers of the effects added so far, in order.
+    """
+
+    winding: Node
+    frame: Node
+    distribution: Parameter | None = None
+    capacitance_drift: Parameter | None = None
+    attachments: tuple[Attachment, ...] = ()
+    effects: tuple[str, ...] = ()
+
+    def circuit(self, termination: str) -> Node:
+        """The one-port that the analyser sees with the far end `short` or `open`."""
+        if termination not in BOTH:
+            raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
+        winding, frame = self.winding, self.frame
+        drift = self.capacitance_drift
+        if drift is not None and termination == "open":
+            winding = replace_leaf(winding, "Ca", lambda leaf: Scaled(leaf, laws.drift_factor, (drift,)))
+        share = self.distribution
+        seen: Node
+        if share is not None:
+            spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
+            rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
+            seen = Line(winding, spread, rest if termination == "open" else None)
+        else:
+            seen = Series((winding, frame)) if termination == "open" else winding
+        for attachment in self.attachments:
+            if termination in attachment.terminations:
+                seen = attachment.wrap(seen)
+        return seen
+
+    def _insulation(self, name: str) -> Node:
+        """The element with everything that effects have made of it (dielectric loss and the like)."""
+        best: Node | None = None
+        for node in walk(self.frame):
+            inner = node
+            while isinstance(inner, Scaled):
+                inner = inner.child
+            if isinstance(inner, Leaf) and inner.name == name:
+                best = node  # parents come after children, so the last one is the outermost
+        if best is None:
+            raise BadInput(f"the motor has no element {name}")
+        return best
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters, those of the paper first, each once."""
+        seen: dict[str, Parameter] = {parameter.name: parameter for parameter in BASE_PARAMETERS}
+        for termination in BOTH:
+            for node in walk(self.circuit(termination)):
+                for parameter in node.own_parameters:
+                    seen.setdefault(parameter.name, parameter)
+        return tuple(seen.values())
+
+    def used_parameters(self, termination: str) -> set[str]:
+        """Names of the parameters that one termination depends on."""
+        return {p.name for node in walk(self.circuit(termination)) for p in node.own_parameters}
+
+    def replaced(self, element: str, change: Callable[[Node], Node]) -> Motor:
+        """The motor with one element changed wherever it occurs."""
+        return dataclasses.replace(
+            self, winding=replace_leaf(self.winding, element, change), frame=replace_leaf(self.frame, element, change)
+        )
+
+    def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
+        """The motor with one more part between it and the analyser."""
+        return dataclasses.replace(self, attachments=(*self.attachments, Attachment(wrap, terminations)))
+
+    def __repr__(self) -> str:
+        return f"Motor(effects={list(self.effects)})"
+
+
+def dc_motor() -> Motor:
+    """The seven-element circuit of the paper: eq. (1) between the terminals, eq. (2) from terminal to frame.
+
+    Returns
+    -------
+    Motor
+        With parameters Ra, La, Ca, Rr, Lr, Cr, Cf in ohm, henry and farad.
+    """
+    ra, la, ca, rr, lr, cr, cf = BASE_PARAMETERS
+    return Motor(
+        winding=Parallel(
+            (
+                Series((Leaf("Ra", laws.resistor, (ra,)), Leaf("La", laws.inductor, (la,)))),
+                Leaf("Ca", laws.capacitor, (ca,)),
+            )
+        ),
+        frame=Parallel(
+            (
+                Series(
+                    (
+                        Leaf("Rr", laws.resistor, (rr,)),
+                        Leaf("Lr", laws.inductor, (lr,)),
+                        Leaf("Cr", laws.capacitor, (cr,)),
+                    )
+                ),
+                Leaf("Cf", laws.capacitor, (cf,)),
+            )
+        ),
+    )
