@@ -14,7 +14,19 @@ from motoremi.errors import InstrumentError
 
 
 class Agilent4294A(ImpedanceAnalyser):
-    """The 4294A by its own mnemonics; sources: Programming Manual, chapters on fixture compensation, data transfer and status."""
+    """The 4294A by its own mnemonics; sources: Programming Manual, chapters on fixture compensation, data transfer and status.
+
+    Parameters
+    ----------
+    transport : Transport
+    poll_s : float
+        Seconds between two looks at the event register.
+
+    Attributes
+    ----------
+    binary : bool
+        64-bit blocks (FORM3) if True, ASCII (FORM4) if False, for adapters that spoil binary data.
+    """
 
     model = "4294A"
     analyser = "4294a"
@@ -133,9 +145,7 @@ class Agilent4294A(ImpedanceAnalyser):
             self.transport.write("FORM3")
             block = self.transport.query_block(query)
             if len(block) % 8:
-                raise InstrumentError(
-                    f"{self}: the block in answer to {query!r} has {len(block)} bytes, not 8 for each value"
-                )
+                raise InstrumentError(f"{self}: the block in answer to {query!r} has {len(block)} bytes, not 8 for each value")
             values = np.frombuffer(block, dtype=">f8").astype(np.float64)
         else:
             self.transport.write("FORM4")
@@ -143,9 +153,7 @@ class Agilent4294A(ImpedanceAnalyser):
             try:
                 values = np.array([float(field) for field in answer.split(",")])
             except ValueError as error:
-                raise InstrumentError(
-                    f"{self}: {answer[:40]!r} in answer to {query!r} is no list of numbers"
-                ) from error
+                raise InstrumentError(f"{self}: {answer[:40]!r} in answer to {query!r} is no list of numbers") from error
         self.check_errors(query)
         if not np.all(np.isfinite(values)):
             raise InstrumentError(f"{self}: the answer to {query!r} holds values that are not finite")

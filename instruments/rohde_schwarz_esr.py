@@ -85,9 +85,7 @@ class RohdeSchwarzESR(EmiReceiver):
             )
         metadata = {"receiver": "esr", "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
-        return Spectrum(
-            detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata
-        )
+        return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)
 
     @staticmethod
     def _axis(settings: JsonDict) -> FloatArray:

@@ -1,1 +1,1 @@
-"""Transports, recording, procedures and the runner."""
+"""Transports, recording, replay, procedures, the runner and the simulated bench."""

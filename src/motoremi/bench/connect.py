@@ -132,9 +132,7 @@ class VisaBench:
         Resources that may be opened at all; None allows every one.
     """
 
-    def __init__(
-        self, resources: Mapping[str, str] | None = None, backend: str = "", allow: Collection[str] | None = None
-    ) -> None:
+    def __init__(self, resources: Mapping[str, str] | None = None, backend: str = "", allow: Collection[str] | None = None) -> None:
         self._resources = dict(resources or {})
         self._allow = allow
         self._manager = open_manager(backend)

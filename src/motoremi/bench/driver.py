@@ -82,9 +82,7 @@ class Setting(Generic[T]):
         try:
             return self._read(answer)
         except (ValueError, KeyError) as error:
-            raise InstrumentError(
-                f"{instance}: cannot read {answer!r} as {self.name} in answer to '{self.command}?'"
-            ) from error
+            raise InstrumentError(f"{instance}: cannot read {answer!r} as {self.name} in answer to '{self.command}?'") from error
 
     def __set__(self, instance: Driver, value: T) -> None:
         instance.tell(f"{self.command} {self._write(self.checked(instance, value))} {self.unit.upper()}".rstrip())
@@ -140,6 +138,8 @@ class Driver(abc.ABC):
     safe_commands: ClassVar[tuple[str, ...]]
     # The queues hold ten entries or thirty; a queue that never empties is an instrument out of its mind.
     _QUEUE_LIMIT: ClassVar[int] = 50
+    # A receiver's preset takes many seconds, during which it answers nothing.
+    RESET_S: ClassVar[float] = 60.0
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
@@ -167,7 +167,8 @@ class Driver(abc.ABC):
     def reset(self) -> None:
         """Bring the instrument into a known, idle state."""
         self.transport.write("*CLS")
-        self.tell("*RST")
+        with self.transport.patience(self.RESET_S):
+            self.tell("*RST")
 
     def safe(self) -> None:
         """Stop measuring and take the stimulus away; called however a run ends."""
@@ -216,9 +217,7 @@ class Driver(abc.ABC):
             try:
                 number_ = int(code)
             except ValueError as error:
-                raise InstrumentError(
-                    f"{self}: {entry!r} is no entry of an error queue ({self.error_query})"
-                ) from error
+                raise InstrumentError(f"{self}: {entry!r} is no entry of an error queue ({self.error_query})") from error
             if number_ == 0:
                 break
             errors.append(f"{number_} {text.strip()}")

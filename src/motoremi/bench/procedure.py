@@ -39,6 +39,7 @@ def _known_driver(name: str) -> str:
     return name
 
 
+Role = Literal["analyser", "receiver"]
 AnalyserHertz = Annotated[float, _quantity("Hz", 40, 110e6)]
 ReceiverHertz = Annotated[float, _quantity("Hz", 10, 26.5e9)]
 
@@ -153,7 +154,7 @@ class Procedure(_Strict):
     """A bench procedure: instruments by role, what to measure, and the steps in order."""
 
     title: str = Field(min_length=1)
-    instruments: dict[Literal["analyser", "receiver"], InstrumentSpec]
+    instruments: dict[Role, InstrumentSpec]
     sweep: SweepSpec | None = None
     spectrum: SpectrumSpec | None = None
     steps: tuple[Step, ...] = Field(min_length=1)
@@ -179,13 +180,28 @@ class Procedure(_Strict):
 
 
 class BenchFile(_Strict):
-    """What belongs to one laboratory rather than to the procedure."""
+    """What belongs to one laboratory rather than to the procedure.
+
+    Parameters
+    ----------
+    backend : str
+        What PyVISA takes, for example `@py`; empty for the system's VISA or PyVISA-py; `sim` for the embedded simulated bench.
+    resources : dict
+        Role to VISA resource; overrides the procedure.
+    allow : frozenset of str, optional
+        Resources that may be opened at all.
+    operator : str
+    calibrated : dict
+        Role to the date of the last calibration.
+    seed, effects
+        Of the simulated bench: what its motor is and what it hides.
+    """
 
     backend: str = ""
-    resources: dict[str, str] = Field(default_factory=dict)
+    resources: dict[Role, str] = Field(default_factory=dict)
     allow: frozenset[str] | None = None
     operator: str = ""
-    calibrated: dict[str, date] = Field(default_factory=dict)
+    calibrated: dict[Role, date] = Field(default_factory=dict)
     seed: int = Field(default=1, ge=0)
     effects: tuple[str, ...] = ()
 

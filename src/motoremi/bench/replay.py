@@ -6,7 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from motoremi.bench.clock import VirtualClock
-from motoremi.bench.recording import decode_bytes
+from motoremi.bench.connect import Connection, attach
+from motoremi.bench.driver import Driver
+from motoremi.bench.recording import TrafficSink, decode_bytes
 from motoremi.bench.transport import Transport
 from motoremi.errors import InstrumentError
 
@@ -86,6 +88,43 @@ class ReplayTransport(Transport):
         if record["direction"] == "error" and record["during"] == during:
             self._position += 1
             raise InstrumentError(str(record["error"]))
+
+
+class ReplayBench:
+    """A bench whose instruments are recordings.
+
+    Parameters
+    ----------
+    traffic : iterable of mapping
+        All records of a session, as `Session.traffic()` gives them.
+    """
+
+    def __init__(self, traffic: Iterable[Mapping[str, Any]]) -> None:
+        self._traffic = list(traffic)
+        self._transports: list[ReplayTransport] = []
+        self._connections = 0
+
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+        """Connect the driver of a role to what was recorded of that role."""
+        records = [record for record in self._traffic if record["instrument"] == role]
+        if not records:
+            raise InstrumentError(f"{role}: the session holds no recorded traffic of it")
+        transport = ReplayTransport(str(records[0]["resource"]), records)
+        self._transports.append(transport)
+        return attach(transport, role, driver, sink)
+
+    def connect(self, what: Connection) -> int:
+        """Count as the recorded run did."""
+        self._connections += 1
+        return self._connections
+
+    def finish(self) -> None:
+        """Raise if a recorded exchange was not played."""
+        for transport in self._transports:
+            transport.finish()
+
+    def close(self) -> None:
+        """Nothing to give back."""
 
 
 def _show(record: Mapping[str, Any]) -> str:

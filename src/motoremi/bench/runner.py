@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -18,7 +17,7 @@ from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.errors import BadInput, InstrumentError
+from motoremi.errors import BadInput, InstrumentError, MotoremiError
 
 
 class Writer(Protocol):
@@ -78,7 +77,7 @@ def make_bench(bench_file: BenchFile) -> Bench:
     """The bench that a bench file describes."""
     if bench_file.backend == "sim":
         return SimulatedBench(bench_file.seed, bench_file.effects)
-    return VisaBench(bench_file.resources, bench_file.backend, bench_file.allow)
+    return VisaBench({**bench_file.resources}, bench_file.backend, bench_file.allow)
 
 
 def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
@@ -135,7 +134,7 @@ def run(
         writer.close("interrupted", f"stopped by the operator in {state.where}")
         raise
     except BaseException as error:
-        writer.close("failed", f"{state.where}: {error or type(error).__name__}")
+        writer.close("failed", f"{state.where}: {str(error) or type(error).__name__}")
         raise
     writer.close("done")
     return Outcome(len(procedure.steps), tuple(state.verdicts))
@@ -144,9 +143,7 @@ def run(
 class _Run:
     """The state of one run: who is connected, and what has been said."""
 
-    def __init__(
-        self, procedure: Procedure, bench: Bench, writer: Writer, analyse: Analyse, prompt: Callable[[str], None]
-    ) -> None:
+    def __init__(self, procedure: Procedure, bench: Bench, writer: Writer, analyse: Analyse, prompt: Callable[[str], None]) -> None:
         self.procedure = procedure
         self.bench = bench
         self.writer = writer
@@ -156,6 +153,7 @@ class _Run:
         self.verdicts: list[JsonDict] = []
         self.where = "the start"
         self._connected: tuple[Connection, int] | None = None
+        self._leaving = False
 
     def step(self, number: int, step: Step) -> None:
         """Do one step, between its two documents."""
@@ -185,22 +183,37 @@ class _Run:
 
     def leave_safe(self) -> None:
         """Bring every connected instrument into its safe state and let it go; says so, and never hides the first error."""
+        self._leaving = True
+        problems = dict.fromkeys(self.drivers, "")
         for role, driver in self.drivers.items():
-            problem = ""
             try:
                 driver.safe()
             except InstrumentError as error:
-                problem = str(error)
+                problems[role] = str(error)
             finally:
-                with suppress(InstrumentError):
-                    driver.close()
+                driver.close()
+        # Written last: what cannot be stored must not keep the next instrument from its safe state.
+        for role, problem in problems.items():
             self.writer.emit("safe", role=role, safe=not problem, problem=problem)
+
+    def _log(self, record: Mapping[str, Any]) -> None:
+        try:
+            self.writer.log_traffic(record)
+        except MotoremiError:
+            # A full disk ends the run, but does not stand between an instrument and its safe state.
+            if not self._leaving:
+                raise
 
     def _identify(self) -> None:
         for role, spec in self.procedure.instruments.items():
-            driver = self.bench.open(role, spec.driver, spec.resource, self.writer.log_traffic)
+            driver = self.bench.open(role, spec.driver, spec.resource, self._log)
+            try:
+                identity = driver.identify()
+            except BaseException:
+                # What answers may be anything; commands that make ours safe could harm it.
+                driver.close()
+                raise
             self.drivers[role] = driver
-            identity = driver.identify()
             driver.reset()
             self.writer.emit(
                 "instrument",
@@ -214,9 +227,7 @@ class _Run:
     def _configure(self, driver: Driver) -> JsonDict:
         sweep, spectrum = self.procedure.sweep, self.procedure.spectrum
         if isinstance(driver, ImpedanceAnalyser) and sweep is not None:
-            return driver.configure(
-                sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator
-            )
+            return driver.configure(sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator)
         if isinstance(driver, EmiReceiver) and spectrum is not None:
             return driver.configure(
                 spectrum.start, spectrum.stop, spectrum.step, spectrum.bandwidth, spectrum.dwell, spectrum.attenuation

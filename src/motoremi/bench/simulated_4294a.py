@@ -57,7 +57,6 @@ class Simulated4294A(SimulatedDevice):
 
     def status_byte(self) -> int:
         """Bit 2 summarises the event register, bit 5 the standard register, bit 6 requests service."""
-        self._settle()
         summary = super().status_byte() | (4 if self._events & int(self.value("event_mask")) else 0)
         return summary | (64 if summary & int(self.value("service_mask")) else 0)
 
@@ -81,18 +80,16 @@ class Simulated4294A(SimulatedDevice):
         if self._running and self.clock.now() >= self._running[0]:
             self._events |= self._running[1]
             self._running = None
+        super()._settle()
 
     def _raw(self, frequency_hz: FloatArray) -> ComplexArray:
         """What the bridge sees: the device under test behind the fixture."""
         s = 2j * np.pi * frequency_hz
         device = self.wiring.impedance_ohm(frequency_hz, int(self.value("bandwidth_factor")))
-        raw: ComplexArray = (
-            FIXTURE_OHM + s * FIXTURE_HENRY + device / (1 + device * (FIXTURE_SIEMENS + s * FIXTURE_FARAD))
-        )
+        raw: ComplexArray = FIXTURE_OHM + s * FIXTURE_HENRY + device / (1 + device * (FIXTURE_SIEMENS + s * FIXTURE_FARAD))
         return raw
 
     def _sweep(self) -> None:
-        self._settle()
         impedance = self._raw(self._axis())
         short = self._standard("B", impedance.size)
         open_ = self._standard("A", impedance.size)
@@ -110,7 +107,6 @@ class Simulated4294A(SimulatedDevice):
 
     def _measure_standard(self, letter: str) -> None:
         """COMA reads what is left with nothing connected, COMB with a short; both switch their compensation on."""
-        self._settle()
         self._standards[letter] = self._raw(self._axis())
         self._enabled[letter] = True
         self._begin(COMPENSATION_COMPLETE)
@@ -125,13 +121,11 @@ class Simulated4294A(SimulatedDevice):
         self._running = None
 
     def _read_events(self) -> bytes:
-        self._settle()
         events, self._events = self._events, 0
         return str(events).encode()
 
     def _clear_status(self, argument: str) -> None:
         super()._clear_status(argument)
-        self._settle()
         self._events = 0
 
     def _reset(self, argument: str) -> None:

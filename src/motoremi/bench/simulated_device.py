@@ -74,10 +74,8 @@ class SimulatedDevice(Device):
         for interface, terminators in data["eom"].items():
             self.add_eom(interface, terminators["q"], terminators["r"])
         parser.update_component(name, self, data)
-        self._settable = {
-            row["setter"]["q"].rpartition(" ")[0]: key for key, row in data["properties"].items() if "setter" in row
-        }
-        self._operation_complete = False
+        self._settable = {row["setter"]["q"].rpartition(" ")[0]: key for key, row in data["properties"].items() if "setter" in row}
+        self._completion_asked = False
         self._commands = {
             "*CLS": self._clear_status,
             "*RST": self._reset,
@@ -98,6 +96,7 @@ class SimulatedDevice(Device):
 
     def status_byte(self) -> int:
         """The IEEE 488.2 status byte."""
+        self._settle()
         standard = int(self._status_registers[b"*ESR?"].value)
         return 32 if standard & int(self.value("standard_mask")) else 0
 
@@ -137,6 +136,7 @@ class SimulatedDevice(Device):
     def _answer(self, message: str) -> bytes | None:
         header, _, argument = message.partition(" ")
         header, argument = self.fold(header), argument.strip()
+        self._settle()
         if header in self._commands:
             return self._commands[header](argument)
         if header in self._settable and argument:
@@ -173,7 +173,7 @@ class SimulatedDevice(Device):
             register.clear()
         for queue in self._error_queues.values():
             queue.clear()
-        self._operation_complete = False
+        self._completion_asked = False
 
     def _reset(self, _: str) -> None:
         for name, row in self._data["properties"].items():
@@ -181,7 +181,13 @@ class SimulatedDevice(Device):
                 self._properties[name].init_value(row["default"])
 
     def _note_completion(self, _: str) -> None:
-        self._operation_complete = True
+        self._completion_asked = True
+
+    def _settle(self) -> None:
+        """Let what has ended by now show in the registers."""
+        if self._completion_asked and self.clock.now() >= self.busy_until():
+            self._status_registers[b"*ESR?"].set("operation_complete")
+            self._completion_asked = False
 
     def _wait(self, _: str) -> None:
         self.clock.sleep(self.busy_until() - self.clock.now())

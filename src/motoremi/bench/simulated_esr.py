@@ -43,6 +43,11 @@ class SimulatedESR(SimulatedDevice):
         """When the running scan ends."""
         return self._ends_s
 
+    def status_byte(self) -> int:
+        """Bit 2 tells of an entry in the error queue, bit 6 requests service."""
+        summary = super().status_byte() | (4 if self._error_queues[b"SYST:ERR?"]._queue else 0)
+        return summary | (64 if summary & int(self.value("service_mask")) else 0)
+
     def fold(self, header: str) -> str:
         """Long forms to short forms: four letters, three if the fourth is a vowel; `SENSe` may be left out."""
         nodes = [_short(node) for node in header.upper().strip(":").split(":")]
@@ -52,7 +57,7 @@ class SimulatedESR(SimulatedDevice):
 
     def _scan(self) -> None:
         start, stop, step = (float(self.value(name)) for name in ("start", "stop", "step"))
-        frequency_hz: FloatArray = start + step * np.arange(int((stop - start) / step + 1e-6) + 1)
+        frequency_hz = start + step * np.arange(int((stop - start) / step + 1e-6) + 1, dtype=np.float64)
         arriving = self.wiring.level_dbuv(frequency_hz, DETECTORS[self.value("detector")])
         attenuation = float(self.value("attenuation"))
         if np.any(arriving - attenuation > MIXER_LIMIT_DBUV):
@@ -82,6 +87,6 @@ class SimulatedESR(SimulatedDevice):
 
 def _short(node: str) -> str:
     letters = node.rstrip("0123456789?")
-    if letters.startswith("*") or len(letters) <= 4:
+    if not letters.isalpha() or len(letters) <= 4:
         return node
     return letters[: 3 if letters[3] in "AEIOU" else 4] + node[len(letters) :]

@@ -1,0 +1,67 @@
+"""Every driver, walked by the same tests."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from motoremi.bench.analyser import ImpedanceAnalyser
+from motoremi.bench.connect import BUILT_IN, DRIVER_GROUP, driver_class, driver_names
+from motoremi.bench.driver import Driver, Setting
+from motoremi.bench.receiver import EmiReceiver
+
+UNITS = {"_hz": "Hz", "_volt": "V", "_s": "s", "_db": "dB"}
+EVERY_DRIVER = sorted(driver_names())
+EVERY_SETTING = [
+    pytest.param(name, setting, id=f"{name}.{key}") for name in EVERY_DRIVER for key, setting in driver_class(name).table().items()
+]
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVER)
+def test_a_driver_is_complete(name: str) -> None:
+    driver = driver_class(name)
+    assert issubclass(driver, Driver)
+    assert not inspect.isabstract(driver)
+    assert issubclass(driver, ImpedanceAnalyser | EmiReceiver)
+    re.compile(driver.model)
+    assert driver.error_query.endswith("?")
+    assert driver.safe_commands
+    assert driver.__doc__
+    assert driver.table()
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVER)
+def test_a_driver_documents_its_methods(name: str) -> None:
+    for key, member in inspect.getmembers(driver_class(name), inspect.isfunction):
+        if not key.startswith("_"):
+            assert inspect.getdoc(member), f"{name}.{key}"
+
+
+@pytest.mark.parametrize(("name", "setting"), EVERY_SETTING)
+def test_a_setting_says_what_it_controls_and_in_which_range(name: str, setting: Setting[Any]) -> None:
+    assert setting.__doc__ is not None
+    assert re.match(r"Control .*\.$", setting.__doc__)
+    expected = next((unit for suffix, unit in UNITS.items() if setting.name.endswith(suffix)), "")
+    assert setting.unit == expected
+    if setting.span is not None:
+        assert setting.span[0] < setting.span[1]
+    if expected:
+        assert setting.span is not None
+    assert "?" not in setting.command
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVER)
+def test_no_command_controls_two_settings(name: str) -> None:
+    commands = [setting.command for setting in driver_class(name).table().values()]
+    assert len(set(commands)) == len(commands)
+
+
+def test_the_built_in_drivers_are_the_published_ones() -> None:
+    """The list for source trees must not drift from the entry points."""
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+    assert project["project"]["entry-points"][DRIVER_GROUP] == BUILT_IN

@@ -1,0 +1,194 @@
+"""Links: text, blocks, deadlines, recording and replay."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from motoremi.bench.connect import VisaBench, attach, driver_class, open_manager, open_transport
+from motoremi.bench.recording import RecordingTransport, decode_bytes, encode_bytes
+from motoremi.bench.replay import ReplayTransport
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.transport import VisaTransport
+from motoremi.errors import BadInput, InstrumentError
+
+
+@pytest.fixture
+def bench() -> Iterator[SimulatedBench]:
+    bench = SimulatedBench(3)
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def link(bench: SimulatedBench) -> VisaTransport:
+    return open_transport(bench.resource_manager, bench.resources["analyser"], clock=bench.clock)
+
+
+def record(direction: str, **content: str) -> dict[str, str]:
+    return {"direction": direction, **content}
+
+
+def test_a_command_and_its_answer(link: VisaTransport) -> None:
+    link.write("POIN 11")
+    assert link.query("POIN?") == "+11"
+
+
+def test_the_deadline_is_kept_and_told_in_one_line(link: VisaTransport) -> None:
+    with link.patience(0.02), pytest.raises(InstrumentError) as caught:
+        link.query("POIN 11")
+    assert "GPIB0::17::INSTR" in str(caught.value)
+    assert "'POIN 11' within 0.02 s" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert link.timeout_s == 5.0
+
+
+def test_device_clear_forgets_a_waiting_answer(link: VisaTransport) -> None:
+    link.write("*IDN?")
+    link.clear()
+    assert link.query("POIN?") == "+201"
+
+
+def test_an_unknown_resource_is_an_error(bench: SimulatedBench) -> None:
+    with pytest.raises(InstrumentError, match="GPIB0::5::INSTR: cannot be opened"):
+        open_transport(bench.resource_manager, "GPIB0::5::INSTR")
+
+
+def test_a_name_that_is_no_resource_is_an_error(bench: SimulatedBench) -> None:
+    with pytest.raises(InstrumentError, match="nonsense: cannot be opened"):
+        open_transport(bench.resource_manager, "nonsense")
+
+
+def test_a_missing_backend_is_an_error() -> None:
+    with pytest.raises(InstrumentError, match="@nowhere"):
+        open_manager("@nowhere")
+
+
+def test_text_that_is_not_ascii_is_refused(link: VisaTransport) -> None:
+    with pytest.raises(InstrumentError, match="not ASCII"):
+        link.write("TITL µ")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [b"1.0,2.0\n", b"#", b"#0abc\n", b"#x12\n", b"#3", b"#216only seven\n", b"#13too long\n"],
+    ids=["text", "cut at #", "indefinite", "no digit", "no count", "short", "long"],
+)
+def test_a_malformed_block_is_an_error(answer: bytes) -> None:
+    link = ReplayTransport("TEST", [record("write", text="OUTP?\n"), record("read", **encode_bytes(answer))])
+    with pytest.raises(InstrumentError, match=r"TEST: .*block.*'OUTP\?'"):
+        link.query_block("OUTP?")
+
+
+@pytest.mark.parametrize("end", [b"\n", b""])
+def test_a_block_may_end_with_a_newline_or_without(end: bytes) -> None:
+    link = ReplayTransport("TEST", [record("write", text="OUTP?\n"), record("read", **encode_bytes(b"#13a\nb" + end))])
+    assert link.query_block("OUTP?") == b"a\nb"
+
+
+@pytest.mark.parametrize("data", [b"STAR?\n", b"", b'0,"No error"\r\n', b"#13\x00\xff\n", bytes(range(256)), "µ".encode()])
+def test_every_byte_survives_the_record(data: bytes) -> None:
+    assert decode_bytes(encode_bytes(data)) == data
+
+
+def test_readable_bytes_stay_readable() -> None:
+    assert encode_bytes(b"STAR?\n") == {"text": "STAR?\n"}
+    assert "base64" in encode_bytes(b"#11\x80")
+
+
+def test_a_recording_holds_every_exchange_and_error_in_order(link: VisaTransport) -> None:
+    records: list[Any] = []
+    recorded = RecordingTransport(link, "analyser", records.append)
+    recorded.query("POIN?")
+    with recorded.patience(0.01), pytest.raises(InstrumentError, match="'POIN 5'"):
+        recorded.query("POIN 5")
+    recorded.clear()
+    assert [entry["direction"] for entry in records] == ["write", "read", "write", "error", "clear"]
+    assert records[1]["text"] == "+201\n"
+    assert "no answer" in records[3]["error"]
+    assert {entry["instrument"] for entry in records} == {"analyser"}
+    assert all(entry["time"].endswith("+00:00") for entry in records)
+
+
+def test_a_recording_replays_with_its_errors(link: VisaTransport) -> None:
+    records: list[Any] = []
+    recorded = RecordingTransport(link, "analyser", records.append)
+    recorded.query("*IDN?")
+    with recorded.patience(0.01), pytest.raises(InstrumentError) as first:
+        recorded.query("POIN 5")
+    replayed = ReplayTransport("GPIB0::17::INSTR", records)
+    assert replayed.query("*IDN?").split(",")[1] == "4294A"
+    with pytest.raises(InstrumentError) as again:
+        replayed.query("POIN 5")
+    assert str(again.value) == str(first.value)
+    replayed.finish()
+
+
+def test_a_replay_shows_expected_and_came() -> None:
+    replayed = ReplayTransport("TEST", [record("write", text="STAR 1 HZ\n")])
+    with pytest.raises(InstrumentError, match=r"exchange 1: expected b'STAR 1 HZ\\n', got b'STAR 2 HZ\\n'"):
+        replayed.write("STAR 2 HZ")
+
+
+def test_a_replay_that_goes_on_too_long_or_ends_early_is_an_error() -> None:
+    with pytest.raises(InstrumentError, match="end of the record"):
+        ReplayTransport("TEST", []).write("STAR?")
+    with pytest.raises(InstrumentError, match="1 recorded exchanges left"):
+        ReplayTransport("TEST", [record("read", text="1\n")]).finish()
+    with pytest.raises(InstrumentError, match="expected read"):
+        ReplayTransport("TEST", [record("read", text="1\n")]).write("STAR?")
+
+
+def test_a_block_over_a_socket_may_hold_newlines() -> None:
+    """On a socket only the newline ends a message, and the block below holds three."""
+    payload = b"\n" + bytes(range(64)) + b"\n\n"
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        with connection:
+            for answer in (b"hello\n", b"#267" + payload + b"\n", b"after\n"):
+                connection.recv(100)
+                connection.sendall(answer)
+            connection.recv(100)
+
+    threading.Thread(target=serve, daemon=True).start()
+    manager = open_manager("@py")
+    link = open_transport(manager, f"TCPIP0::127.0.0.1::{server.getsockname()[1]}::SOCKET", timeout_s=2.0)
+    assert link.stream
+    assert link.query("*IDN?") == "hello"
+    assert link.query_block("DATA?") == payload
+    assert link.query("*OPC?") == "after"
+    link.close()
+    server.close()
+
+
+def test_a_closed_port_is_one_clear_line() -> None:
+    server = socket.create_server(("127.0.0.1", 0))
+    port = server.getsockname()[1]
+    server.close()
+    with pytest.raises(InstrumentError) as caught:
+        open_transport(open_manager("@py"), f"TCPIP0::127.0.0.1::{port}::SOCKET", timeout_s=0.2).query("*IDN?")
+    assert "\n" not in str(caught.value)
+
+
+def test_the_allow_list_refuses_other_resources() -> None:
+    bench = VisaBench({"analyser": "GPIB0::9::INSTR"}, "@py", allow={"GPIB0::17::INSTR"})
+    with pytest.raises(BadInput, match="GPIB0::9::INSTR is not on the bench's allow-list"):
+        bench.open("analyser", "4294a", "GPIB0::17::INSTR", lambda record: None)
+    bench.close()
+
+
+def test_unknown_drivers_are_named() -> None:
+    with pytest.raises(BadInput, match="unknown instrument driver '4924a': known are 4294a, esr"):
+        driver_class("4924a")
+
+
+def test_a_driver_is_put_on_a_recorded_link(link: VisaTransport) -> None:
+    records: list[Any] = []
+    assert attach(link, "analyser", "4294a", records.append).identify().model == "4294A"
+    assert len(records) == 2
