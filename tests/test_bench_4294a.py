@@ -294,3 +294,9 @@ def test_two_benches_do_not_share_anything(bench: SimulatedBench, analyser: Agil
     assert Agilent4294A(link).points == 201
     assert analyser.points == 51
     other.close()
+
+
+def test_an_empty_answer_is_an_answer(raw: pyvisa.resources.MessageBasedResource) -> None:
+    assert raw.query("TITL?").strip() == ""
+    raw.write('TITL "Motor 7"')
+    assert raw.query("TITL?").strip() == '"Motor 7"'

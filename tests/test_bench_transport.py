@@ -192,3 +192,11 @@ def test_a_driver_is_put_on_a_recorded_link(link: VisaTransport) -> None:
     records: list[Any] = []
     assert attach(link, "analyser", "4294a", records.append).identify().model == "4294A"
     assert len(records) == 2
+
+
+def test_a_bus_that_is_not_there_is_one_clear_line() -> None:
+    bench = VisaBench(backend="@py")
+    with pytest.raises(InstrumentError, match="GPIB0::17::INSTR: cannot be opened") as caught:
+        bench.open("analyser", "4294a", "GPIB0::17::INSTR", lambda record: None)
+    assert "\n" not in str(caught.value)
+    bench.close()

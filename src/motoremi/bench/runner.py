@@ -77,7 +77,7 @@ def make_bench(bench_file: BenchFile) -> Bench:
     """The bench that a bench file describes."""
     if bench_file.backend == "sim":
         return SimulatedBench(bench_file.seed, bench_file.effects)
-    return VisaBench({**bench_file.resources}, bench_file.backend, bench_file.allow)
+    return VisaBench({str(role): name for role, name in bench_file.resources.items()}, bench_file.backend, bench_file.allow)
 
 
 def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:

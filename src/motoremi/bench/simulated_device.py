@@ -1,7 +1,7 @@
 """A PyVISA-sim device that can compute: what all simulated instruments share.
 
-PyVISA-sim takes identity, settings, ranges and errors from YAML, matches commands byte for byte, and computes nothing. The override
-of `Device._match` and the buffers and tables it works on are private, hence the pinned version in `pyproject.toml`.
+PyVISA-sim takes identity, settings, ranges and errors from YAML, matches commands byte for byte, and computes nothing. What is
+overridden here, `Device._match` and the buffers and tables it works on, is private: hence the pinned version in `pyproject.toml`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ class SimulatedDevice(Device):
     ----------
     profile : str
         File in `motoremi.sim_profiles`.
-    stand : Wiring
+    wiring : Wiring
+        What it is connected to.
     clock : Clock
     """
 
@@ -126,7 +127,7 @@ class SimulatedDevice(Device):
             # IEEE 488.2: a new message while an answer waits is a query error, and the answer is gone.
             self._output_buffers.clear()
             self.error_response("query_error")
-        answers = [answer for message in self._messages(query.decode("latin-1")) if (answer := self._answer(message))]
+        answers = [a for message in self._messages(query.decode("latin-1")) if (a := self._answer(message)) is not None]
         return b";".join(answers) if answers else NoResponse
 
     @staticmethod
