@@ -51,11 +51,7 @@ def solve(netlist_lines: Iterable[str], positive: str, negative: str, frequency_
                     "set numdgt=14",
                     "set wr_singlescale",
                     "set appendwrite",
-                    *(
-                        line
-                        for f in frequencies
-                        for line in (f"ac lin 1 {f:.16g} {f:.16g}", f"wrdata {data} v({positive})", "destroy all")
-                    ),
+                    *(line for f in frequencies for line in (f"ac lin 1 {f:.16g} {f:.16g}", f"wrdata {data} v({positive})", "destroy all")),
                     "quit",
                     ".endc",
                     ".end",

@@ -8,12 +8,12 @@ from importlib.resources import as_file, files
 import numpy as np
 import pytest
 import pyvisa
-from motoremi.instruments.agilent_4294a import Agilent4294A
 
 from motoremi.bench.connect import open_transport
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.instruments.agilent_4294a import Agilent4294A
 
 
 @pytest.fixture
@@ -178,9 +178,7 @@ def test_a_sweep_that_never_ends_meets_its_deadline(bench: SimulatedBench, analy
         analyser.wait_until_complete()
 
 
-def test_a_silent_instrument_meets_the_deadline(
-    bench: SimulatedBench, analyser: Agilent4294A, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silent_instrument_meets_the_deadline(bench: SimulatedBench, analyser: Agilent4294A, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench.devices["analyser"], "write", lambda data: None)
     with analyser.transport.patience(0.02), pytest.raises(InstrumentError, match=r"no answer to 'STAR\?' within 0.02 s"):
         _ = analyser.start_hz
@@ -239,9 +237,7 @@ def test_a_new_message_before_the_answer_is_read_is_a_query_error(raw: pyvisa.re
 
 
 @pytest.mark.parametrize(("command", "datatype", "big"), [("FORM2", "f", True), ("FORM3", "d", True), ("FORM5", "f", False)])
-def test_pyvisa_reads_every_binary_format(
-    raw: pyvisa.resources.MessageBasedResource, command: str, datatype: str, big: bool
-) -> None:
+def test_pyvisa_reads_every_binary_format(raw: pyvisa.resources.MessageBasedResource, command: str, datatype: str, big: bool) -> None:
     raw.write(f"STAR 1E3;STOP 2E3;POIN 3;{command}")
     values = raw.query_binary_values("OUTPSWPRM?", datatype=datatype, is_big_endian=big)  # type: ignore[arg-type]
     np.testing.assert_allclose(values, [1e3, 1.5e3, 2e3], rtol=1e-6)

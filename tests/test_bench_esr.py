@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import pyvisa
-from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
 
 from motoremi.bench.connect import open_transport
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
 from motoremi.simulate import emission
 
 
@@ -108,9 +108,7 @@ def test_a_detector_that_this_receiver_lacks(receiver: RohdeSchwarzESR) -> None:
         receiver.scan("loud")
 
 
-def test_levels_that_do_not_fit_the_scan_table(
-    bench: SimulatedBench, receiver: RohdeSchwarzESR, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_levels_that_do_not_fit_the_scan_table(bench: SimulatedBench, receiver: RohdeSchwarzESR, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(receiver, "_levels", lambda query: np.zeros(600))
     with pytest.raises(InstrumentError, match="600 levels came, the scan table has 664 steps"):
         receiver.scan("peak")

@@ -144,8 +144,7 @@ def test_files_that_are_none(tmp_path: Path, content: bytes | None, message: str
 def test_a_bench_file(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(
-        'operator = "Liu"\nallow = ["GPIB0::9::INSTR"]\n[resources]\nanalyser = "GPIB0::9::INSTR"\n'
-        "[calibrated]\nanalyser = 2026-03-01\n",
+        'operator = "Liu"\nallow = ["GPIB0::9::INSTR"]\n[resources]\nanalyser = "GPIB0::9::INSTR"\n[calibrated]\nanalyser = 2026-03-01\n',
         encoding="utf-8",
     )
     bench = load_bench_file(path)

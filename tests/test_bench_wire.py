@@ -8,13 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 import pytest
-from motoremi.instruments.agilent_4294a import Agilent4294A
-from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
 
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import encode_bytes
 from motoremi.bench.replay import ReplayTransport
 from motoremi.errors import InstrumentError
+from motoremi.instruments.agilent_4294a import Agilent4294A
+from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
 
 D = TypeVar("D", bound=Driver)
 FINE_4294A = ("OUTPERRO?", '0,"NO ERRORS"')

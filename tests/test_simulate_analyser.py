@@ -98,9 +98,7 @@ def test_same_calls_same_data() -> None:
     assert not np.any(first[0] == first[1])
 
 
-def ratio(
-    faults: tuple[str, ...], true: ComplexArray, termination: Termination = "short", compensated: bool = True
-) -> ComplexArray:
+def ratio(faults: tuple[str, ...], true: ComplexArray, termination: Termination = "short", compensated: bool = True) -> ComplexArray:
     """A faulty analyser against a sound one of the same seed, noise removed by using the same stream."""
     faulty, sound = SimulatedAnalyser(3, faults=faults, compensated=compensated), SimulatedAnalyser(3)
     value: ComplexArray = faulty.measure(termination, BAND, true) / sound.measure(termination, BAND, true)

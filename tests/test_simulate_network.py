@@ -58,11 +58,7 @@ def test_transformer(coupling: float) -> None:
     """Loaded secondary: Z = s L1 - s^2 M^2 / (s L2 + R); the secondary shares no node with the primary."""
     first, second, load = 12e-6, 3e-3, 50.0
     network = (
-        Network()
-        .inductor("p", "a", "b", first)
-        .inductor("q", "c", "d", second)
-        .resistor("r", "c", "d", load)
-        .couple("p", "q", coupling)
+        Network().inductor("p", "a", "b", first).inductor("q", "c", "d", second).resistor("r", "c", "d", load).couple("p", "q", coupling)
     )
     expected = S * first - S**2 * coupling**2 * first * second / (S * second + load)
     # With k = 1 the two terms nearly cancel, so that compares with the terms' size.
@@ -71,9 +67,7 @@ def test_transformer(coupling: float) -> None:
 
 
 def test_coupled_inductors_in_series() -> None:
-    network = (
-        Network().inductor("p", "a", "m", 2e-6).inductor("q", "m", "b", 8e-6).capacitor("c", "a", "b", 22e-12).couple("p", "q", 0.4)
-    )
+    network = Network().inductor("p", "a", "m", 2e-6).inductor("q", "m", "b", 8e-6).capacitor("c", "a", "b", 22e-12).couple("p", "q", 0.4)
     total = 10e-6 + 2 * 0.4 * 4e-6
     assert worst(impedance(network, "a", "b", FREQUENCY), 1 / (1 / (S * total) + S * 22e-12)) < 1e-11
 

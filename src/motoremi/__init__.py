@@ -1,1 +1,77 @@
-"""Common-mode impedance and conducted emission of DC motors."""
+"""Common-mode impedance and conducted emission of DC motors: measure, fit, find the missing effect, report.
+
+>>> import motoremi as me
+>>> fit = me.fit(me.dc_motor(), [short, open_])   # doctest: +SKIP
+>>> me.diagnose(fit)                              # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from motoremi.data.session import Session, load, verify
+    from motoremi.data.spectrum import Spectrum
+    from motoremi.data.sweep import ImpedanceSweep
+    from motoremi.diagnosis.compare import Comparison, Tolerance, compare
+    from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
+    from motoremi.errors import BadInput, InstrumentError, MotoremiError
+    from motoremi.fitting.fit import fit
+    from motoremi.fitting.result import Fit
+    from motoremi.model.motor import Motor, dc_motor
+
+__version__ = "0.1.0"
+
+# Loaded when first asked for, so that `import motoremi` and `motoremi --help` stay quick.
+_HOMES = {
+    "Session": "motoremi.data.session",
+    "load": "motoremi.data.session",
+    "verify": "motoremi.data.session",
+    "Spectrum": "motoremi.data.spectrum",
+    "ImpedanceSweep": "motoremi.data.sweep",
+    "Comparison": "motoremi.diagnosis.compare",
+    "Tolerance": "motoremi.diagnosis.compare",
+    "compare": "motoremi.diagnosis.compare",
+    "Diagnosis": "motoremi.diagnosis.diagnosis",
+    "diagnose": "motoremi.diagnosis.diagnosis",
+    "BadInput": "motoremi.errors",
+    "InstrumentError": "motoremi.errors",
+    "MotoremiError": "motoremi.errors",
+    "Fit": "motoremi.fitting.result",
+    "fit": "motoremi.fitting.fit",
+    "Motor": "motoremi.model.motor",
+    "dc_motor": "motoremi.model.motor",
+}
+__all__ = [
+    "BadInput",
+    "Comparison",
+    "Diagnosis",
+    "Fit",
+    "ImpedanceSweep",
+    "InstrumentError",
+    "Motor",
+    "MotoremiError",
+    "Session",
+    "Spectrum",
+    "Tolerance",
+    "__version__",
+    "compare",
+    "dc_motor",
+    "diagnose",
+    "fit",
+    "load",
+    "verify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(importlib.import_module(_HOMES[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'motoremi' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from quantiphy import Quantity, QuantiPhyError
+from quantiphy import QuantiPhyError, Quantity
 
 from motoremi.errors import BadInput
 

@@ -92,9 +92,7 @@ def open_manager(backend: str = "") -> pyvisa.ResourceManager:
         raise InstrumentError(f"no VISA library for backend {backend!r}: {str(error).splitlines()[0]}") from error
 
 
-def open_transport(
-    manager: pyvisa.ResourceManager, resource: str, timeout_s: float = 5.0, clock: Clock | None = None
-) -> VisaTransport:
+def open_transport(manager: pyvisa.ResourceManager, resource: str, timeout_s: float = 5.0, clock: Clock | None = None) -> VisaTransport:
     """Open a VISA resource.
 
     Raises

@@ -43,9 +43,7 @@ class ReplayTransport(Transport):
         record = self._next("write", f"{data!r} to be sent")
         expected = decode_bytes(record)
         if expected != data:
-            raise InstrumentError(
-                f"{self.resource_name}: replay differs at exchange {self._position}: expected {expected!r}, got {data!r}"
-            )
+            raise InstrumentError(f"{self.resource_name}: replay differs at exchange {self._position}: expected {expected!r}, got {data!r}")
         self._raise_recorded_error("write")
 
     def receive(self) -> bytes:
@@ -66,8 +64,7 @@ class ReplayTransport(Transport):
         left = len(self._records) - self._position
         if left:
             raise InstrumentError(
-                f"{self.resource_name}: replay ended early: {left} recorded exchanges left, "
-                f"next {_show(self._records[self._position])}"
+                f"{self.resource_name}: replay ended early: {left} recorded exchanges left, next {_show(self._records[self._position])}"
             )
 
     def _next(self, direction: str, asked: str) -> Mapping[str, Any]:

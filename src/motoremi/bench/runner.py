@@ -229,9 +229,7 @@ class _Run:
         if isinstance(driver, ImpedanceAnalyser) and sweep is not None:
             return driver.configure(sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator)
         if isinstance(driver, EmiReceiver) and spectrum is not None:
-            return driver.configure(
-                spectrum.start, spectrum.stop, spectrum.step, spectrum.bandwidth, spectrum.dwell, spectrum.attenuation
-            )
+            return driver.configure(spectrum.start, spectrum.stop, spectrum.step, spectrum.bandwidth, spectrum.dwell, spectrum.attenuation)
         return driver.settings()
 
     def _connect(self, what: Connection) -> int:

@@ -117,6 +117,5 @@ def _impedance(parameter: str, first: FloatArray, second: FloatArray, name: str)
     if words in _R_AND_X:
         return np.asarray(first + 1j * second, dtype=np.complex128)
     raise BadInput(
-        f"{name}: the traces hold {clean_text(parameter, 60)!r}; "
-        "set them to impedance magnitude and phase, or to R and X, and save again"
+        f"{name}: the traces hold {clean_text(parameter, 60)!r}; set them to impedance magnitude and phase, or to R and X, and save again"
     )

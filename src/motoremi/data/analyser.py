@@ -171,8 +171,6 @@ def gain_basis(analyser: Analyser, frequency_hz: FloatArray) -> FloatArray:
     keep = eigenvalues > 1e-4 * eigenvalues[-1]
     modes = vectors[:, keep] * np.sqrt(eigenvalues[keep])
     columns = np.array([np.interp(logarithm, knots, mode) for mode in modes.T]).T
-    steps = [
-        analyser.step_share * (frequency_hz > f) for f in analyser.step_frequencies_hz if frequency_hz[0] < f < frequency_hz[-1]
-    ]
+    steps = [analyser.step_share * (frequency_hz > f) for f in analyser.step_frequencies_hz if frequency_hz[0] < f < frequency_hz[-1]]
     everything = np.column_stack([columns, *steps]) if steps else columns
     return np.asarray(everything * sigma[:, None], dtype=np.float64)

@@ -73,9 +73,7 @@ def find_columns(table: Table) -> dict[str, Column]:
                 continue
             if meaning in found:
                 first = clean_text(table.columns[found[meaning].index], 40)
-                raise BadInput(
-                    f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one"
-                )
+                raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
             found[meaning] = Column(index, spellings[name])
     return found
 

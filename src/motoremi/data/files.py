@@ -211,9 +211,7 @@ def _frequency(table: Table, found: dict[str, Column], needed: str, what: str) -
         place = table.where(int(row) + 1)
         if steps[row] == 0:
             raise BadInput(f"{place}: the frequency {frequency[row]:g} Hz occurs twice; keep one row for each frequency")
-        raise BadInput(
-            f"{place}: frequencies must increase, but {frequency[row + 1]:g} Hz follows {frequency[row]:g} Hz; sort the rows"
-        )
+        raise BadInput(f"{place}: frequencies must increase, but {frequency[row + 1]:g} Hz follows {frequency[row]:g} Hz; sort the rows")
     return frequency
 
 

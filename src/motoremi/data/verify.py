@@ -126,9 +126,7 @@ def _against_documents(folder: Path, records: dict[str, FileRecord], chain: Chai
     return problems
 
 
-def _against_older_manifest(
-    folder: Path, records: dict[str, FileRecord], manifest: Manifest, data: bytes, chain: Chain
-) -> list[str]:
+def _against_older_manifest(folder: Path, records: dict[str, FileRecord], manifest: Manifest, data: bytes, chain: Chain) -> list[str]:
     """What the manifest of an earlier closing still says: logs may only have grown, other files need a document."""
     vouched = vouched_sha256(chain)
     problems = []

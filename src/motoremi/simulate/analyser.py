@@ -91,9 +91,7 @@ def tolerance_percent(
     level_adder, admittance_scale, impedance_scale = _oscillator(frequency, bandwidth_adder, oscillator_volt)
     z_offset = bandwidth_scale * impedance_scale * offset_ohm(frequency)
     y_offset = bandwidth_scale * admittance_scale * offset_siemens(frequency)
-    total: FloatArray = (
-        basic_percent(frequency) + bandwidth_adder + level_adder + 100 * (z_offset / magnitude + y_offset * magnitude)
-    )
+    total: FloatArray = basic_percent(frequency) + bandwidth_adder + level_adder + 100 * (z_offset / magnitude + y_offset * magnitude)
     return total
 
 
@@ -175,9 +173,7 @@ class SimulatedAnalyser:
         self.seed = seed
         self.model = model
         self.compensated = compensated
-        self.faults: dict[str, dict[str, float | str]] = {
-            name: _draw_fault(name, self._rng(name)) for name in dict.fromkeys(faults)
-        }
+        self.faults: dict[str, dict[str, float | str]] = {name: _draw_fault(name, self._rng(name)) for name in dict.fromkeys(faults)}
         self._noise = self._rng("noise")
         self._fixture = {name: value * uniform(self._rng(name), 0.8, 1.2) for name, value in _RAW_FIXTURE.items()}
 
@@ -240,9 +236,7 @@ class SimulatedAnalyser:
             step = uniform(rng, 0.1, 0.3) * np.exp(2j * np.pi * rng.random())
             shape = shape + np.where(frequency_hz > edge, step, 0)
         # The specification jumps at 1 MHz; the error itself need not.
-        amplitude = np.where(
-            frequency_hz > 800, np.maximum(0.075, np.minimum(1e-7 * frequency_hz, 1.5)), basic_percent(frequency_hz)
-        )
+        amplitude = np.where(frequency_hz > 800, np.maximum(0.075, np.minimum(1e-7 * frequency_hz, 1.5)), basic_percent(frequency_hz))
         error: ComplexArray = amplitude / 300 * shape
         if fault := self.faults.get("gain-error"):
             error = error + float(fault["gain_at_30_mhz"]) * (frequency_hz / 30e6) ** 2

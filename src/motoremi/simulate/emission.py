@@ -15,12 +15,7 @@ from motoremi.simulate.network import Network, impedance
 
 # Impulse bandwidth of the 9 kHz filter of CISPR band B.
 IMPULSE_BANDWIDTH_HZ = 9.45e3
-_LISN = (
-    Network()
-    .inductor("L", "line", "damped", 50e-6)
-    .resistor("R", "damped", "ground", 5.0)
-    .resistor("receiver", "line", "ground", 50.0)
-)
+_LISN = Network().inductor("L", "line", "damped", 50e-6).resistor("R", "damped", "ground", 5.0).resistor("receiver", "line", "ground", 50.0)
 # How much higher each detector reads on receiver noise than the average does, in dB.
 _NOISE_ABOVE_AVERAGE_DB = {"average": 0.0, "quasi-peak": 6.0, "peak": 11.0}
 

@@ -116,9 +116,7 @@ def wire_inductance(ohm: float, radius_m: float, conductivity_s_per_m: float = C
     return MU_0 / 8 * radius_m**2 * conductivity_s_per_m * ohm
 
 
-def foil_winding(
-    ohm: float, height_m: float, layers: int, conductivity_s_per_m: float = COPPER_S_PER_M, refine: int = 1
-) -> Network:
+def foil_winding(ohm: float, height_m: float, layers: int, conductivity_s_per_m: float = COPPER_S_PER_M, refine: int = 1) -> Network:
     """Layers of foil in each other's field.
 
     A layer's own current meets it from both faces with opposite field, the field of the layers below it with the same field.

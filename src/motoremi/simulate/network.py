@@ -157,9 +157,7 @@ def _references(edges: _Edges, inductors: list[Part], negative: str) -> set[str]
     return set(chosen.values())
 
 
-def _modified_nodal(
-    network: Network, edges: _Edges, inductors: list[Part], positive: str, negative: str, s: ComplexArray
-) -> ComplexArray:
+def _modified_nodal(network: Network, edges: _Edges, inductors: list[Part], positive: str, negative: str, s: ComplexArray) -> ComplexArray:
     """Node voltages and the currents of the coupled inductors, by batched dense solution."""
     references = _references(edges, inductors, negative)
     if positive in references:

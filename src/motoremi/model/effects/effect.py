@@ -48,6 +48,8 @@ class Effect:
         Start values worth trying, by short name.
     repeatable : bool
         Whether a motor may have several.
+    kin : str
+        Finer grouping than `group`, for tables; which effects the *data* cannot tell apart is computed, never read from here.
     """
 
     name: str
@@ -65,6 +67,12 @@ class Effect:
     starts: tuple[Mapping[str, float], ...]
     places: tuple[str, ...] = ()
     repeatable: bool = False
+    kin: str = ""
+
+    @property
+    def family(self) -> str:
+        """Grouping for tables."""
+        return self.kin or self.group
 
     @property
     def identifiers(self) -> tuple[str, ...]:
@@ -79,9 +87,7 @@ class Effect:
         }
         plain["identifiers"] = list(self.identifiers)
         plain["look_alikes"] = list(self.look_alikes)
-        plain["parameters"] = [
-            {"name": p.name, "unit": p.unit, "low": p.low, "high": p.high, "reason": p.reason} for p in self.parameters
-        ]
+        plain["parameters"] = [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high, "reason": p.reason} for p in self.parameters]
         return plain
 
 

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Node, Scaled, Series, Shunted, ThroughCable
+from motoremi.model.circuit import Leaf, Scaled, Series, Shunted, ThroughCable
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.laws import Law
 from motoremi.model.motor import BOTH, Motor, Terminations

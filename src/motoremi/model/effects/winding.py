@@ -58,6 +58,7 @@ EFFECTS = (
     Effect(
         name="skin-effect",
         group="winding",
+        kin="winding-loss",
         title="skin effect in round wire",
         formula="Ra * x * I0(x) / (2 * I1(x)), x = radius_m * sqrt(s * mu0 * sigma_copper)",
         parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"),),
@@ -73,6 +74,7 @@ EFFECTS = (
     Effect(
         name="proximity-effect",
         group="winding",
+        kin="winding-loss",
         title="proximity effect in a layered winding",
         formula="Ra * (y / tanh(y) + (layers**2 - 1) / 3 * 2 * y * tanh(y / 2)), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
         parameters=(
@@ -91,6 +93,7 @@ EFFECTS = (
     Effect(
         name="eddy-laminations",
         group="winding",
+        kin="winding-loss",
         title="eddy currents in the core's laminations",
         formula="s * La * (1 - share + share * tanh(x) / x), x = sqrt(s / (pi * corner_hz))",
         parameters=(
@@ -115,6 +118,7 @@ EFFECTS = (
     Effect(
         name="permeability-relaxation",
         group="winding",
+        kin="winding-loss",
         title="magnetic relaxation of the core",
         formula="s * La * (1 - share + share / (1 + s / (2 * pi * corner_hz)))",
         parameters=(
@@ -142,6 +146,7 @@ EFFECTS = (
     Effect(
         name="core-loss",
         group="winding",
+        kin="winding-loss",
         title="core loss as a resistance across La",
         formula="s * La * resistance_ohm / (s * La + resistance_ohm)",
         parameters=(Parameter("resistance_ohm", "Ohm", 30.0, 100e3, "0.5 - 20 kOhm in motors of 0.1 - 10 kW, a decade beyond"),),
@@ -157,6 +162,7 @@ EFFECTS = (
     Effect(
         name="second-resonance",
         group="winding",
+        kin="winding-resonance",
         title="a second resonant cell (first turns, end winding)",
         formula="1 / (1 / (s * inductance_h) + s / ((2 * pi * resonance_hz)**2 * inductance_h) + 1 / resistance_ohm)",
         parameters=(
@@ -181,6 +187,7 @@ EFFECTS = (
     Effect(
         name="distributed-winding",
         group="winding",
+        kin="winding-resonance",
         title="capacitance to the frame spread along the winding",
         formula=(
             "Zc * tanh(theta), theta = sqrt(Za * share * s * Cf), Zc = sqrt(Za / (share * s * Cf)), "
@@ -199,6 +206,7 @@ EFFECTS = (
     Effect(
         name="field-coupling",
         group="winding",
+        kin="winding-resonance",
         title="coupling to the field winding or a damper",
         formula="s * La * (1 - coupling**2 * s**2 / (s**2 + s * w / quality + w**2)), w = 2 * pi * resonance_hz",
         parameters=(
@@ -221,6 +229,7 @@ EFFECTS = (
     Effect(
         name="brush-contact",
         group="winding",
+        kin="contact",
         title="brush and commutator contact with its film",
         formula="Ra + resistance_ohm / (1 + s * resistance_ohm * capacitance_f)",
         parameters=(

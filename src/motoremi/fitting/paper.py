@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.fit.problem import Problem
+from motoremi.fitting.problem import Problem
 
 CANDIDATES = 30
 ANTS = 150

@@ -59,9 +59,7 @@ def _rational(
         if not np.all(np.isfinite(solution)):
             break
         coefficients = solution
-        denominator = sum(c * s**p for c, p in zip(coefficients[len(top) :], bottom, strict=True)) + (
-            0 if known_top is not None else 1
-        )
+        denominator = sum(c * s**p for c, p in zip(coefficients[len(top) :], bottom, strict=True)) + (0 if known_top is not None else 1)
         denominator = np.where(np.abs(denominator) < 1e-9, 1e-9, denominator)
     return coefficients[: len(top)], coefficients[len(top) :]
 

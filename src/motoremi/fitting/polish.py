@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray
-from motoremi.fit.problem import Problem
+from motoremi.fitting.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,15 @@ class Polished:
         """Index of the lowest objective."""
         return int(np.argmin(self.objective))
 
+    def distinct(self, count: int) -> FloatArray:
+        """The best solutions that do not lie in the same valley, as told by their objectives, shape (at most count, k)."""
+        order = np.argsort(self.objective)
+        taken = [int(order[0])]
+        for index in order[1:]:
+            if len(taken) < count and self.objective[index] > 1.01 * self.objective[taken[-1]]:
+                taken.append(int(index))
+        return self.u[taken]
+
     def joined(self, other: Polished) -> Polished:
         """Both batches as one."""
         return Polished(
@@ -48,9 +57,7 @@ class Polished:
         )
 
 
-def polish(
-    problem: Problem, starts: FloatArray, iterations: int = 150, tolerance: float = 1e-3, relative: float = 1e-5
-) -> Polished:
+def polish(problem: Problem, starts: FloatArray, iterations: int = 150, tolerance: float = 1e-3, relative: float = 1e-5) -> Polished:
     """Minimise the problem's objective from each start.
 
     Parameters
@@ -74,7 +81,7 @@ def polish(
         held = ((u[live] <= problem.low) & (here.gradient > 0)) | ((u[live] >= problem.high) & (here.gradient < 0))
         system, right = here.matrix.copy(), np.where(held, 0.0, here.gradient)
         system[held[:, :, None] | held[:, None, :]] = 0.0
-        spread = here.matrix[:, diagonal, diagonal]
+        spread: FloatArray = here.matrix[:, diagonal, diagonal]
         system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damping[live, None]) + 1e-12)
         step = _limited(-np.linalg.solve(system, right[..., None])[..., 0])
         bend = np.where(held, 0.0, problem.curvature_pull(here, u[live], step))

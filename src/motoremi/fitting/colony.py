@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.fit.problem import Problem
+from motoremi.fitting.problem import Problem
 
 ARCHIVE = 60
 ANTS = 60

@@ -192,9 +192,7 @@ class Problem:
             log_measured = np.log(np.abs(mean[chosen])) + 1j * np.angle(mean[chosen])
             sigma = noise.sigma[chosen] if self.weights == "likelihood" else np.ones(chosen.size)
             where = slice(start, start + chosen.size)
-            prepared.append(
-                _Sweep(sweep.termination, frequency, 2j * np.pi * frequency, log_measured, sigma, Tape(circuit, names), where)
-            )
+            prepared.append(_Sweep(sweep.termination, frequency, 2j * np.pi * frequency, log_measured, sigma, Tape(circuit, names), where))
             start += chosen.size
         return tuple(prepared)
 
@@ -343,9 +341,7 @@ class Problem:
         total = 0.0
         for sweep, noise in zip(self.measurement.sweeps, self.measurement.noise, strict=True):
             systematic = self.measurement.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
-            chosen = np.searchsorted(
-                sweep.frequency_hz, next(p for p in self._sweeps if p.termination == sweep.termination).frequency_hz
-            )
+            chosen = np.searchsorted(sweep.frequency_hz, next(p for p in self._sweeps if p.termination == sweep.termination).frequency_hz)
             total += float(np.sum((2 * noise.sigma**2 + systematic**2)[chosen]))
         return total
 
@@ -371,7 +367,8 @@ def residual_parameters(analyser: Analyser, termination: str) -> tuple[Parameter
     reason = "the analyser's specification"
 
     def one(name: str, unit: str, sigma: float) -> Parameter:
-        return Parameter(f"{termination} connection {name}", unit, -8 * sigma, 8 * sigma, reason, "linear", sigma)
+        # Four standard deviations: beyond that it is no longer within specification, and an effect of the catalogue.
+        return Parameter(f"{termination} connection {name}", unit, -4 * sigma, 4 * sigma, reason, "linear", sigma)
 
     return (
         one("R", "Ohm", analyser.resistance_sigma_ohm),

@@ -1,0 +1,253 @@
+"""Model against measurement: error over frequency, per band, where it fails, pass or fail."""
+
+from __future__ import annotations
+
+import html
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit
+from motoremi.quantities import show_band
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# The bands of the paper's discussion; what a sweep covers beyond them gets bands of its own.
+BAND_EDGES_HZ = (150e3, 500e3, 5e6, 20e6, 30e6)
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What the model's error may be, at every point; None is not judged.
+
+    Parameters
+    ----------
+    error_percent : float, optional
+        Of |Z_model/Z_measured - 1|.
+    magnitude_db : float, optional
+    phase_deg : float, optional
+    """
+
+    error_percent: float | None = None
+    magnitude_db: float | None = None
+    phase_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("error_percent", "magnitude_db", "phase_deg"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise BadInput(f"the tolerance {name} must be above 0, got {value}")
+
+    @property
+    def judges(self) -> bool:
+        """Whether anything is judged."""
+        return any(value is not None for value in (self.error_percent, self.magnitude_db, self.phase_deg))
+
+
+# Twice the 1 dB class of EMI work is too coarse for a model; 10 % is what the paper's stop rule (deviation 0.1) asks of it.
+PAPER_TOLERANCE = Tolerance(error_percent=10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Error of one sweep over frequency, shape (n,) each.
+
+    Parameters
+    ----------
+    error_percent, magnitude_db, phase_deg : ndarray
+        |Z_model/Z_measured - 1|, and its magnitude and phase.
+    uncertainty_percent : ndarray
+        Expanded (twice the standard) uncertainty of the measurement: random noise and the analyser's specification.
+    fails : ndarray of bool
+        Beyond the tolerance and beyond the uncertainty.
+    """
+
+    frequency_hz: FloatArray
+    error_percent: FloatArray
+    magnitude_db: FloatArray
+    phase_deg: FloatArray
+    uncertainty_percent: FloatArray
+    fails: BoolArray
+
+    @property
+    def significant(self) -> BoolArray:
+        """Where the error exceeds what the measurement itself may be wrong by."""
+        return self.error_percent > self.uncertainty_percent
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The verdict of model against measurement. Immutable.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Effects in the model.
+    tolerance : Tolerance
+    curves : dict
+        Termination -> Curve.
+    bands : tuple of dict
+        Error per sweep and band.
+    where : tuple of dict
+        Spans that hold most of the squared error, worst first.
+    passed : bool
+    """
+
+    effects: tuple[str, ...]
+    tolerance: Tolerance
+    curves: dict[str, Curve]
+    bands: tuple[JsonDict, ...]
+    where: tuple[JsonDict, ...]
+    passed: bool
+
+    @property
+    def verdict(self) -> str:
+        """`pass` or `fail`."""
+        return "pass" if self.passed else "fail"
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "schema": "motoremi.comparison/1",
+            "effects": list(self.effects),
+            "tolerance": {
+                "error_percent": self.tolerance.error_percent,
+                "magnitude_db": self.tolerance.magnitude_db,
+                "phase_deg": self.tolerance.phase_deg,
+            },
+            "verdict": self.verdict,
+            "bands": [dict(band) for band in self.bands],
+            "where": [dict(span) for span in self.where],
+        }
+
+    def _lines(self) -> list[tuple[str, str, str, str, str, str]]:
+        return [
+            (
+                band["sweep"],
+                show_band(*band["band_hz"]),
+                f"{band['rms_error_percent']:.3g} %",
+                f"{band['max_error_db']:.3g} dB",
+                f"{band['max_phase_deg']:.3g} deg",
+                f"{band['verdict']}, {100 * band['share_beyond_uncertainty']:.0f} % of points beyond the uncertainty",
+            )
+            for band in self.bands
+        ]
+
+    def __repr__(self) -> str:
+        lines = [f"Model against measurement: {self.verdict.upper()}"]
+        lines += ["  {:6s} {:22s} rms {:>9s}  max {:>9s}  {:>10s}  {}".format(*line) for line in self._lines()]
+        for span in self.where:
+            text = show_band(*span["band_hz"])
+            lines.append(f"  fails most: {span['sweep']} {text}, {100 * span['share']:.0f} % of the squared error")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{name}</th>" for name in ("sweep", "band", "rms", "max magnitude", "max phase", "verdict"))
+        rows = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in line)}</tr>" for line in self._lines())
+        return f"<table><tr>{head}</tr>{rows}</table>"
+
+    def plot(self) -> Figure:
+        """Error over frequency against the uncertainty, a panel for each sweep."""
+        from motoremi.report.plots import comparison_figure
+
+        return comparison_figure(self)
+
+
+def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:
+    """Hold a fitted model against its measurement.
+
+    Parameters
+    ----------
+    fit : Fit
+    tolerance : Tolerance, optional
+        By default the paper's own criterion, 10 % at every point.
+    """
+    asked = tolerance if tolerance is not None and tolerance.judges else PAPER_TOLERANCE
+    errors = fit.errors()
+    curves: dict[str, Curve] = {}
+    for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True):
+        ratio = 1 + errors[sweep.termination]
+        systematic = fit.measurement.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
+        error = 100 * np.abs(ratio - 1)
+        magnitude, phase = 20 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
+        uncertainty = 200 * np.sqrt(2 * noise.sigma**2 + systematic**2)
+        beyond = np.zeros(error.shape, dtype=np.bool_)
+        for value, limit in ((error, asked.error_percent), (np.abs(magnitude), asked.magnitude_db), (np.abs(phase), asked.phase_deg)):
+            if limit is not None:
+                beyond |= value > limit
+        curves[sweep.termination] = Curve(sweep.frequency_hz, error, magnitude, phase, uncertainty, beyond & (error > uncertainty))
+    bands = tuple(_band(name, curve, low, high) for name, curve in curves.items() for low, high in _bands(curve.frequency_hz))
+    return Comparison(fit.effects, asked, curves, bands, tuple(_where(curves)), not any(np.any(c.fails) for c in curves.values()))
+
+
+def _bands(frequency_hz: FloatArray) -> list[tuple[float, float]]:
+    """Bands that a sweep covers, its own ends included."""
+    first, last = float(frequency_hz[0]), float(frequency_hz[-1])
+    edges = [first, *(edge for edge in BAND_EDGES_HZ if first * 1.001 < edge < last * 0.999), last]
+    return list(itertools.pairwise(edges))
+
+
+def _band(sweep: str, curve: Curve, low: float, high: float) -> JsonDict:
+    last = high >= curve.frequency_hz[-1]
+    inside = (curve.frequency_hz >= low) & ((curve.frequency_hz <= high) if last else (curve.frequency_hz < high))
+    if not np.any(inside):
+        inside[np.argmin(np.abs(np.log(curve.frequency_hz / np.sqrt(low * high))))] = True
+    error, magnitude, phase = curve.error_percent[inside], np.abs(curve.magnitude_db[inside]), np.abs(curve.phase_deg[inside])
+    return {
+        "sweep": sweep,
+        "band_hz": [low, high],
+        "points": int(inside.sum()),
+        "rms_error_percent": float(np.sqrt(np.mean(error**2))),
+        "max_error_percent": float(error.max()),
+        "rms_error_db": float(np.sqrt(np.mean(magnitude**2))),
+        "max_error_db": float(magnitude.max()),
+        "rms_phase_deg": float(np.sqrt(np.mean(phase**2))),
+        "max_phase_deg": float(phase.max()),
+        "share_beyond_uncertainty": float(np.mean(curve.significant[inside])),
+        "verdict": "fail" if np.any(curve.fails[inside]) else "pass",
+        "fails_hz": _spans(curve.frequency_hz, curve.fails & inside),
+    }
+
+
+def _spans(frequency_hz: FloatArray, marked: BoolArray) -> list[list[float]]:
+    """Contiguous spans of marked points."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
+    return [[float(frequency_hz[a]), float(frequency_hz[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _where(curves: dict[str, Curve], most: int = 4) -> Sequence[JsonDict]:
+    """The spans that hold most of the significant squared error, worst first."""
+    total = sum(float(np.sum(np.where(c.significant, c.error_percent, 0.0) ** 2)) for c in curves.values())
+    if total == 0:
+        return []
+    found: list[JsonDict] = []
+    for sweep, curve in curves.items():
+        squared = np.where(curve.significant, curve.error_percent, 0.0) ** 2
+        # A span is a hill of the error smoothed over a fiftieth of the sweep, down to a tenth of its top.
+        smooth = gaussian_filter1d(squared, max(1.0, len(squared) / 50))
+        left = smooth.copy()
+        for _ in range(most):
+            top = int(np.argmax(left))
+            if left[top] <= 0:
+                break
+            inside = np.zeros(len(squared), dtype=np.bool_)
+            low = high = top
+            while low > 0 and smooth[low - 1] > 0.1 * smooth[top] and left[low - 1] > 0:
+                low -= 1
+            while high < len(squared) - 1 and smooth[high + 1] > 0.1 * smooth[top] and left[high + 1] > 0:
+                high += 1
+            inside[low : high + 1] = True
+            left[inside] = 0
+            share = float(np.sum(squared[inside])) / total
+            if share >= 0.05:
+                band = [float(curve.frequency_hz[low]), float(curve.frequency_hz[high])]
+                rms = float(np.sqrt(np.mean(curve.error_percent[inside] ** 2)))
+                found.append({"sweep": sweep, "band_hz": band, "share": share, "rms_error_percent": rms})
+    return sorted(found, key=lambda span: -float(span["share"]))[:most]

@@ -1,0 +1,153 @@
+"""Evidence for each effect: the refitted model's marginal likelihood, and whether its parameters are physically possible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+from motoremi.fitting.fit import scout_effect, settled
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import Scouted, good_enough
+from motoremi.model.effects import find_effect, identifiers
+from motoremi.quantities import show
+
+# Candidates whose first look ends within this factor (and so many units of chi-squared) of the best are refitted on all points.
+PROMISING_FACTOR = 2.0
+PROMISING_MARGIN = 100.0
+# A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
+BOUND_PENALTY = 5.0
+# How many candidates get a thorough search when none leads down to the noise.
+THOROUGH = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A model with one more effect, refitted.
+
+    Parameters
+    ----------
+    effect : str
+    fit : Fit
+    log_evidence : float
+        Of its model, bounds counted against it; comparable among models of the same data only.
+    at_bound : tuple of str
+        Parameters of the effect that the data push against a bound.
+    """
+
+    effect: str
+    fit: Fit
+    log_evidence: float
+    at_bound: tuple[str, ...]
+
+    @property
+    def plausible(self) -> bool:
+        """Whether all its parameters lie within their physical range."""
+        return not self.at_bound
+
+    @property
+    def good(self) -> bool:
+        """Whether the model describes the data down to the noise."""
+        return is_good(self.fit)
+
+    def parameters(self) -> JsonDict:
+        """Its own parameters by short name, SI units."""
+        label = own_label(self.fit, self.effect)
+        found = {}
+        for parameter in self.fit.motor.parameters:
+            if parameter.name.startswith(f"{label}."):
+                sigma = self.fit.sigma[parameter.name]
+                found[parameter.short_name] = {
+                    "value": self.fit.parameters[parameter.name],
+                    "sigma": float(sigma) if np.isfinite(sigma) else None,
+                    "at_bound": parameter.short_name in self.at_bound,
+                    "unit": parameter.unit,
+                }
+        return found
+
+    def describe(self) -> str:
+        """Its parameters in a line of text."""
+        return ", ".join(f"{name} = {show(entry['value'], entry['unit'])}" for name, entry in self.parameters().items())
+
+
+def own_label(fit: Fit, effect: str) -> str:
+    """Prefix of the parameters of the last occurrence of an effect in a fit."""
+    count = fit.effects.count(effect)
+    return effect if count <= 1 else f"{effect}#{count}"
+
+
+def is_good(fit: Fit) -> bool:
+    """Whether a fit's objective is what noise and analyser leave of a perfect model."""
+    return bool(fit.objective < good_enough(fit.problem))
+
+
+def at_bound(fit: Fit, effect: str) -> tuple[str, ...]:
+    """Parameters of an effect that the data, not just the prior, push against a bound."""
+    label = own_label(fit, effect)
+    problem, u = fit.problem, fit.unknowns
+    gradient = problem.linearised(u).gradient
+    pushed = []
+    for index, parameter in enumerate(problem.unknowns):
+        if not parameter.name.startswith(f"{label}.") or parameter.sigma is not None:
+            continue
+        span = problem.high[index] - problem.low[index]
+        edge = u[index] < problem.low[index] + 1e-6 * span or u[index] > problem.high[index] - 1e-6 * span
+        # Moving a fifth of the range back into the middle would cost more than two units of chi-squared.
+        if edge and abs(gradient[index]) * 0.2 * span > 1.0 and parameter.short_name not in _SOFT:
+            pushed.append(parameter.short_name)
+    return tuple(pushed)
+
+
+# One is the Debye law itself, not a limit of what is possible; a lead's resistance below a milliohm is none at all.
+_SOFT = frozenset({"exponent", "resistance_ohm"})
+
+
+def evaluate(before: Fit, effect: str, scouted: Scouted, thorough: bool = False, polished: bool = True) -> Candidate:
+    """The candidate that a first look leads to."""
+    fit = settled(scouted, before, thorough, polished)
+    bounds = at_bound(fit, effect)
+    return Candidate(effect, fit, fit.log_evidence - BOUND_PENALTY * len(bounds), bounds)
+
+
+def possible_effects(fit: Fit) -> list[str]:
+    """Effects that could be added to a fit, given its sweeps."""
+    names = []
+    for name in identifiers():
+        effect = find_effect(name).effect
+        if name in fit.effects and not effect.repeatable:
+            continue
+        motor = find_effect(name).added_to(fit.motor)
+        label = find_effect(name).label_in(fit.motor)
+        seen = set().union(*(motor.used_parameters(t) for t in fit.measurement.terminations))
+        if any(parameter.startswith(f"{label}.") for parameter in seen):
+            names.append(name)
+    return names
+
+
+def rank(before: Fit, progress: Callable[[str, int, int], None] | None = None, names: Sequence[str] | None = None) -> list[Candidate]:
+    """Refit with every possible effect, the promising ones on all points; best evidence first.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Told the effect's name, how many are done, and of how many.
+    """
+    chosen = list(names) if names is not None else possible_effects(before)
+    looks: dict[str, Scouted] = {}
+    for index, name in enumerate(chosen):
+        if progress is not None:
+            progress(name, index, len(chosen))
+        looks[name] = scout_effect(before, name)
+    best = min(look.objective for look in looks.values())
+    limit = PROMISING_FACTOR * best + PROMISING_MARGIN
+    ranked = [evaluate(before, name, look, polished=look.objective <= limit) for name, look in looks.items()]
+    ranked.sort(key=lambda candidate: -candidate.log_evidence)
+    if not any(candidate.good for candidate in ranked):
+        # Nothing leads down to the noise: send ants out for the best few.
+        for index, candidate in enumerate(ranked[:THOROUGH]):
+            again = evaluate(before, candidate.effect, looks[candidate.effect], thorough=True)
+            ranked[index] = max(again, candidate, key=lambda c: c.log_evidence)
+        ranked.sort(key=lambda candidate: -candidate.log_evidence)
+    return ranked

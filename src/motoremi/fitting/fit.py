@@ -1,0 +1,196 @@
+"""`fit`: from sweeps to a circuit with error bars; `refit_with` and `refit_without`: one effect more or less."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from motoremi.data.measurement import Measurement
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.errors import BadInput
+from motoremi.fitting.paper import paper_colony
+from motoremi.fitting.problem import Problem, checked_bounds
+from motoremi.fitting.result import METHODS, Fit, summarise
+from motoremi.fitting.search import Scouted, Task, base_starts, scout, search_base, settle
+from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
+
+
+def fit(
+    model: Motor | None,
+    sweeps: Iterable[ImpedanceSweep] | Measurement,
+    *,
+    seed: int = 1,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    method: str = "ant-colony",
+    analyser: str | None = None,
+    held: Mapping[str, float] | None = None,
+) -> Fit:
+    """Fit a motor's circuit to its impedance sweeps.
+
+    Parameters
+    ----------
+    model : Motor
+        `dc_motor()`, with or without effects.
+    sweeps : iterable of ImpedanceSweep
+        Short- and open-circuit sweeps; several of one termination are repeats and give the noise.
+    seed : int
+        The search is deterministic for a seed.
+    bounds : mapping, optional
+        Parameter name -> (low, high) in SI units, for example `{"La": (1e-6, 1e-4)}`.
+    method : {"ant-colony", "paper"}
+        The default searches with ants and polishes to the noise floor; `paper` is the algorithm as printed.
+    analyser : str, optional
+        Whose systematic errors to allow for: `4294a` (default), `e4990a`, `nanovna`, `none`.
+    held : mapping, optional
+        Parameters that are not fitted, in SI units: for example Ra from a DC measurement.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    BadInput
+        For sweeps, bounds or names that cannot be used.
+    """
+    started = time.perf_counter()
+    motor = model if model is not None else dc_motor()
+    if method not in METHODS:
+        raise BadInput(f"unknown method {method!r}: use one of {', '.join(METHODS)}")
+    measurement = sweeps if isinstance(sweeps, Measurement) else Measurement.of(sweeps, analyser)
+    _check_informative(measurement)
+    limits, fixed = checked_bounds(motor, bounds), _checked_held(motor, held)
+    base = dc_motor()
+    paper_names = {p.name for p in BASE_PARAMETERS}
+    base_bounds = {n: b for n, b in limits.items() if n in paper_names}
+    base_held = {n: v for n, v in fixed.items() if n in paper_names}
+    task = Task(base, measurement, base_bounds, base_held)
+    result = _by_the_paper(task, seed) if method == "paper" else _by_ants(task, seed)
+    for effect in motor.effects:
+        result = refit_with(result, effect, {n: v for n, v in fixed.items() if n.startswith(effect)}, limits)
+    return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
+
+
+def _checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, float]:
+    names = {p.name for p in motor.parameters}
+    for name, value in (held or {}).items():
+        if name not in names:
+            raise BadInput(f"held value for the unknown parameter {name!r}; the model has {', '.join(sorted(names))}")
+        if not np.isfinite(value):
+            raise BadInput(f"held value of {name} is not a finite number")
+    return {name: float(value) for name, value in (held or {}).items()}
+
+
+def _check_informative(measurement: Measurement) -> None:
+    for sweep in measurement.sweeps:
+        magnitude = np.abs(sweep.mean_ohm)
+        if np.ptp(magnitude) < 1e-9 * magnitude.max() and np.ptp(np.angle(sweep.mean_ohm)) < 1e-9:
+            raise BadInput(f"the {sweep.termination} sweep is the same at all frequencies: this is not a motor's impedance")
+
+
+def _by_ants(task: Task, seed: int) -> Fit:
+    found = search_base(task, seed)
+    result = summarise(task.full, found.u, found.converged, "ant-colony", seed, found.evaluations, found.history)
+    return dataclasses.replace(result, search_parameters=found.searched)
+
+
+def _by_the_paper(task: Task, seed: int) -> Fit:
+    search = Problem(task.motor, task.measurement, task.bounds, task.held, weights="log")
+    outcome = paper_colony(search, np.random.default_rng(seed))
+    u = task.full.vector(search.named(outcome.u))
+    result = summarise(task.full, u, outcome.converged, "paper", seed, outcome.evaluations, outcome.history)
+    remark = (
+        f"the paper's colony met its stop rule (deviation {outcome.deviation:.3g} <= 0.1)"
+        if outcome.converged
+        else f"the paper's colony did not meet its stop rule: deviation {outcome.deviation:.3g}, wanted 0.1"
+    )
+    return dataclasses.replace(result, warnings=(*result.warnings, remark))
+
+
+def scout_effect(
+    before: Fit, effect: str, held: Mapping[str, float] | None = None, limits: Mapping[str, tuple[float, float]] | None = None
+) -> Scouted:
+    """A first look at a fit with one more effect, on a thinned grid."""
+    added = find_effect(effect)
+    label = added.label_in(before.motor)
+    motor = added.added_to(before.motor)
+    names = {p.name for p in motor.parameters}
+    fixed = {**before.held, **(held or {})}
+    scanned = any(not p.vary for p in added.effect.parameters)
+    if scanned and not any(name.startswith(f"{label}.") for name in fixed):
+        fixed.update(_scanned_step(before, label))
+    bounds = {name: b for name, b in {**before.bounds, **(limits or {})}.items() if name in names}
+    bases = base_starts({**before.parameters, **before.search_parameters}, before.measurement, few=len(added.effect.starts) > 8)
+    starts = [{**base, **{f"{label}.{k}": v for k, v in start.items()}} for start in added.effect.starts for base in bases]
+    return scout(Task(motor, before.measurement, bounds, fixed), starts)
+
+
+def refit_with(
+    before: Fit,
+    effect: str,
+    held: Mapping[str, float] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    thorough: bool = True,
+) -> Fit:
+    """Add an effect to a fitted motor and fit again."""
+    return settled(scout_effect(before, effect, held, limits), before, thorough)
+
+
+def refit_without(before: Fit, effect: str | None = None) -> Fit:
+    """Take an effect (the last one by default) out of a fitted motor and fit again."""
+    if not before.effects:
+        raise BadInput("the model is the paper's circuit: there is no effect to drop")
+    gone = effect if effect is not None else before.effects[-1]
+    find_effect(gone)
+    if gone not in before.effects:
+        raise BadInput(f"{gone} is not in the model; it has {', '.join(before.effects)}")
+    kept = list(before.effects)
+    del kept[len(kept) - 1 - kept[::-1].index(gone)]
+    motor = add_effects(dc_motor(), kept)
+    names = {p.name for p in motor.parameters}
+    task = Task(
+        motor,
+        before.measurement,
+        {name: b for name, b in before.bounds.items() if name in names},
+        {name: value for name, value in before.held.items() if name in names},
+    )
+    if not kept:
+        started = time.perf_counter()
+        return dataclasses.replace(_by_ants(task, before.seed), elapsed_s=time.perf_counter() - started)
+    own = {name: value for name, value in before.parameters.items() if name in names}
+    starts = [{**own, **base} for base in base_starts(own, before.measurement, few=False)]
+    return settled(scout(task, starts), before, thorough=True)
+
+
+def settled(scouted: Scouted, before: Fit, thorough: bool, polished: bool = True) -> Fit:
+    """The fit that a first look leads to, on all points."""
+    started = time.perf_counter()
+    task = scouted.task
+    found = settle(scouted, before.seed, thorough, polished)
+    result = summarise(task.full, found.u, found.converged, before.method, before.seed, found.evaluations, before.history)
+    return dataclasses.replace(result, elapsed_s=time.perf_counter() - started, search_parameters=found.searched)
+
+
+def _scanned_step(before: Fit, label: str) -> dict[str, float]:
+    """The frequency at which a step of gain would explain most, over all points."""
+    problem = before.problem
+    white = problem.deviation(before.unknowns) - problem.gain_error(before.unknowns)
+    sigma = np.concatenate([noise.sigma for noise in before.measurement.noise])
+    frequency = problem.frequency_hz
+    candidates = np.unique(frequency)[2:-2]
+    gains = []
+    for f in candidates:
+        # A step is seen in the change between the few points on either side, in every sweep that covers it.
+        near = np.abs(np.log(frequency / f)) < 0.15
+        above, below = near & (frequency >= f), near & (frequency < f)
+        if above.sum() < 2 or below.sum() < 2:
+            gains.append(0.0)
+            continue
+        jump = np.mean(white[above]) - np.mean(white[below])
+        variance = np.mean(sigma[near] ** 2) * (1 / above.sum() + 1 / below.sum())
+        gains.append(abs(jump) ** 2 / variance)
+    return {f"{label}.frequency_hz": float(candidates[int(np.argmax(gains))])}

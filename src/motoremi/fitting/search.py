@@ -1,0 +1,220 @@
+"""How solutions are searched: ants, start values, continuation in frequency, and the polish that ends each of them.
+
+Searching happens on the residual `log` over a thinned grid, where the landscape is wide; the likelihood on all points has the last word.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.measurement import Measurement
+from motoremi.fitting.colony import Colony
+from motoremi.fitting.polish import Polished, polish
+from motoremi.fitting.problem import Problem
+from motoremi.fitting.starts import data_driven_starts
+from motoremi.model.motor import Motor
+
+# Points a sweep for searching; the final polish uses all.
+SEARCH_POINTS = 48
+EFFECT_POINTS = 80
+FIRST_STEPS = 7
+FOLLOWED = 6
+GENERATIONS = 12
+ROUNDS = 3
+ROUGH = {"tolerance": 1e-7, "relative": 1e-4}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be fitted: a motor's circuit to a measurement, within bounds, some parameters held."""
+
+    motor: Motor
+    measurement: Measurement
+    bounds: Mapping[str, tuple[float, float]]
+    held: Mapping[str, float]
+
+    @cached_property
+    def full(self) -> Problem:
+        """The likelihood on all points."""
+        return Problem(self.motor, self.measurement, self.bounds, self.held)
+
+    def thinned(self, points: int, highest_hz: float = np.inf) -> Problem:
+        """The search problem on about `points` points a sweep."""
+        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A solution of the likelihood, and the best of the search on the way there.
+
+    Parameters
+    ----------
+    u : ndarray, shape (k,)
+    converged : bool
+    evaluations : int
+    history : tuple of dict
+    searched : dict
+        Parameters of the best solution of the search problem, SI units: where the next effect starts from.
+    """
+
+    u: FloatArray
+    converged: bool
+    evaluations: int
+    history: tuple[JsonDict, ...]
+    searched: dict[str, float]
+
+
+def good_enough(problem: Problem) -> float:
+    """An objective that only the right valley reaches.
+
+    Five standard deviations above its expectation, with the noise itself uncertain by 10 %.
+    """
+    return problem.degrees_of_freedom * (1.1 + 5 * float(np.sqrt(2 / problem.degrees_of_freedom)))
+
+
+def moved(u: FloatArray, source: Problem, target: Problem) -> FloatArray:
+    """Unknowns of one problem as those of another, shape (batch, k)."""
+    return np.array([target.vector(source.named(row)) for row in u])
+
+
+def search_base(task: Task, seed: int) -> Found:
+    """The paper's circuit: start values from the data first, then rounds of ants until the noise floor is reached or rounds end."""
+    search, full = task.thinned(SEARCH_POINTS), task.full
+    seeds = np.array([search.vector(start) for start in data_driven_starts(task.measurement)]).reshape(-1, len(search.unknowns))
+    colony: Colony | None = None
+    best: Polished | None = None
+    searched: dict[str, float] = {}
+    searched_objective = np.inf
+    evaluations = 0
+    history: list[JsonDict] = []
+    for round_number in range(ROUNDS + 1):
+        if round_number == 0:
+            if not len(seeds):
+                continue
+            candidates = seeds
+        else:
+            if colony is None:
+                colony = Colony(search, np.random.default_rng(seed), seeds)
+            done = colony.evaluations
+            for index, mean_square in enumerate(colony.walk(GENERATIONS)):
+                count = evaluations + (index + 1) * (colony.evaluations - done) // GENERATIONS
+                history.append({"evaluations": count, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
+            evaluations += colony.evaluations - done
+            candidates = colony.different(8)
+        rough = polish(search, candidates, iterations=40, **ROUGH)
+        evaluations += rough.evaluations
+        if rough.objective[rough.best] < 0.999 * searched_objective:
+            searched, searched_objective = search.named(rough.u[rough.best]), float(rough.objective[rough.best])
+            final = polish(full, moved(rough.distinct(2), search, full), iterations=80)
+            evaluations += final.evaluations
+            if best is None or final.objective[final.best] < best.objective[best.best]:
+                best = final
+        assert best is not None
+        mean_square = float(np.mean(np.abs(full.deviation(best.u[best.best])) ** 2))
+        history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
+        if best.objective[best.best] < good_enough(full):
+            break
+    assert best is not None
+    return Found(best.u[best.best], bool(best.converged[best.best]), evaluations, tuple(history), searched)
+
+
+@dataclass(frozen=True)
+class Scouted:
+    """Where start values led on the search problem: the problem, the starts as its unknowns, and the ends."""
+
+    task: Task
+    search: Problem
+    starts: FloatArray
+    found: Polished
+
+    @cached_property
+    def likely(self) -> Polished:
+        """The ends polished by the likelihood, still on the thinned grid."""
+        task = self.task
+        thinned = Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
+        return polish(thinned, moved(self.found.distinct(2), self.search, thinned), iterations=60, tolerance=0.1, relative=1e-3)
+
+    @property
+    def objective(self) -> float:
+        """Minus twice the log likelihood of the best end, on the thinned grid."""
+        return float(self.likely.objective[self.likely.best])
+
+
+def scout(task: Task, starts: Sequence[Mapping[str, float]]) -> Scouted:
+    """Search from start values."""
+    search = task.thinned(EFFECT_POINTS)
+    first = np.array([search.vector(start) for start in starts])
+    # Successive halving: a few steps tell the hopeless starts, and only the best are followed.
+    found = polish(search, first, iterations=FIRST_STEPS, **ROUGH)
+    found = polish(search, found.u[np.argsort(found.objective)[:FOLLOWED]], iterations=40, **ROUGH)
+    if found.objective[found.best] > 0.1 * search.expected_objective:
+        found = found.joined(_climb(task, search, first))
+    return Scouted(task, search, first, found)
+
+
+def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:
+    """Polish on all points; `thorough` sends ants out as well where the starts do not lead down to the noise.
+
+    Without `polished`, the solution on the thinned grid is taken as it is.
+    """
+    search, found, full = scouted.search, scouted.found, scouted.task.full
+    # Both problems of the likelihood have the same unknowns.
+    final = polish(full, scouted.likely.distinct(2), iterations=150 if polished else 0)
+    if thorough and final.objective[final.best] > good_enough(full):
+        colony = Colony(search, np.random.default_rng(seed), np.concatenate([scouted.starts, found.u]))
+        colony.walk(GENERATIONS)
+        ends = polish(search, colony.different(12), iterations=40, **ROUGH)
+        final = final.joined(polish(full, moved(ends.distinct(3), search, full)))
+        found = found.joined(ends)
+    best = final.best
+    return Found(
+        final.u[best],
+        bool(final.converged[best]),
+        found.evaluations + scouted.likely.evaluations + final.evaluations,
+        (),
+        search.named(found.u[found.best]),
+    )
+
+
+def _climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
+    """Fit the low end of the band first and raise its upper edge: a wrong resonance higher up cannot mislead what it does not reach."""
+    lowest, highest = float(search.frequency_hz.min()), float(search.frequency_hz.max())
+    u, evaluations = starts, 0
+    for share in (0.36, 0.5, 0.63, 0.75, 0.88):
+        part = task.thinned(60, lowest * (highest / lowest) ** share)
+        stage = polish(part, u, iterations=25, tolerance=1e-6, relative=1e-3)
+        evaluations += stage.evaluations
+        u = stage.u[np.argsort(stage.objective)[: max(FOLLOWED, len(u) // 2)]]
+    last = polish(search, u, iterations=40, **ROUGH)
+    return dataclasses.replace(last, evaluations=last.evaluations + evaluations)
+
+
+def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool) -> list[dict[str, float]]:
+    """Values of the elements to start an effect from.
+
+    A model that lacks an effect bends its elements, so besides the fit itself there are the values that the data give away (the frame's
+    from the difference of the two sweeps, which no effect in the winding touches), and Ra without the losses that it had to carry.
+    """
+    searched = dict(parameters)
+    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[-1:])]
+    if few:
+        return bases
+    bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]
+    if "Cf" in searched:
+        bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
+    return bases
+
+
+def _neutral_frame(capacitance_f: float, measurement: Measurement) -> dict[str, float]:
+    """A frame that keeps its low-frequency capacitance and resonates, well damped, a third of the way below the end of the band."""
+    omega = 2 * np.pi * 0.35 * max(sweep.frequency_hz[-1] for sweep in measurement.sweeps)
+    cr, cf = 0.6 * capacitance_f, 0.4 * capacitance_f
+    in_series = cr * cf / (cr + cf)
+    lr = 1 / (omega**2 * in_series)
+    return {"Cr": cr, "Cf": cf, "Lr": lr, "Rr": 0.7 * float(np.sqrt(lr / in_series))}
