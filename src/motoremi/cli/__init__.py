@@ -1,1 +1,47 @@
-def main() -> None: ...
+"""The command line: `motoremi --help` lists the commands."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+
+def main() -> None:
+    """Run a command; every expected trouble is one line on standard error and an exit status."""
+    import typer
+
+    from motoremi.cli.app import app
+    from motoremi.cli.arguments import expanded
+    from motoremi.errors import MotoremiError
+
+    # Wrong use, whichever library typer takes it from: BadParameter, UsageError, then their common base.
+    wrong_use = typer.BadParameter.__mro__[2]
+    try:
+        status = app(args=expanded(sys.argv[1:]), prog_name="motoremi", standalone_mode=False)
+    except typer.Exit as error:
+        status = error.exit_code
+    except wrong_use as error:
+        fail(getattr(error, "format_message", error.__str__)(), 2)
+    except MotoremiError as error:
+        fail(str(error), error.exit_status)
+    except (KeyboardInterrupt, typer.Abort):
+        fail("stopped; what was measured is kept", 130)
+    except BrokenPipeError:
+        # The reader of our output went away: nothing is wrong on our side.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    except OSError as error:
+        fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 2)
+    except Exception as error:
+        if os.environ.get("MOTOREMI_DEBUG"):
+            raise
+        fail(f"internal error ({type(error).__name__}: {error}); set MOTOREMI_DEBUG=1 for the details and report it", 2)
+    sys.exit(status or 0)
+
+
+def fail(message: str, status: int) -> None:
+    """Say what is wrong in one line and leave."""
+    from motoremi.data.text import clean_text
+
+    sys.stderr.write(f"motoremi: {clean_text(' '.join(message.split()))}\n")
+    sys.exit(status)

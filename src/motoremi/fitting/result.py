@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,9 +13,11 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
+from motoremi.errors import BadInput
 from motoremi.fitting.problem import Problem
 from motoremi.model.circuit import Tape
-from motoremi.model.motor import Motor
+from motoremi.model.effects import add_effects
+from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import show
 
 if TYPE_CHECKING:
@@ -159,6 +162,8 @@ class Fit:
                 if p.name in self.parameters
             },
             "nuisance": dict(self.nuisance),
+            "searched": dict(self.search_parameters),
+            "bounds": {name: list(pair) for name, pair in self.bounds.items()},
             "held": dict(self.held),
             "chi2_reduced": self.chi2_reduced,
             "rms_error_percent": self.rms_error_percent,
@@ -219,6 +224,31 @@ class Fit:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def restore(payload: JsonDict, measurement: Measurement) -> Fit:
+    """A fit from what `Fit.to_dict` wrote: the stored values, with statistics computed afresh from the sweeps.
+
+    Raises
+    ------
+    BadInput
+        If it is not such a dictionary.
+    """
+    try:
+        motor = add_effects(dc_motor(), [str(effect) for effect in payload["effects"]])
+        bounds = {str(name): (float(low), float(high)) for name, (low, high) in payload["bounds"].items()}
+        held = {str(name): float(value) for name, value in payload["held"].items()}
+        values = {str(name): float(entry["value"]) for name, entry in payload["parameters"].items()}
+        nuisance = {str(name): float(value) for name, value in payload["nuisance"].items()}
+        searched = {str(name): float(value) for name, value in payload["searched"].items()}
+        method, seed, converged = payload["method"], int(payload["seed"]), bool(payload["converged"])
+        evaluations, elapsed_s, history = int(payload["evaluations"]), float(payload["elapsed_s"]), tuple(payload["history"])
+        warnings = tuple(str(warning) for warning in payload["warnings"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise BadInput("the stored fit is incomplete: fit the session again") from error
+    problem = Problem(motor, measurement, bounds, held)
+    result = summarise(problem, problem.vector({**values, **nuisance}), converged, method, seed, evaluations, history)
+    return dataclasses.replace(result, elapsed_s=elapsed_s, search_parameters=searched, warnings=warnings)
 
 
 def summarise(

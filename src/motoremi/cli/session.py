@@ -1,0 +1,315 @@
+"""Commands on a session: import, verify, fit, compare, diagnose, add, drop, ladder, next, report, plot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from motoremi.cli.options import AsJson, SessionPath, command
+from motoremi.errors import BadInput
+
+if TYPE_CHECKING:
+    from motoremi.fitting.result import Fit
+
+
+def import_(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make.", show_default=False)],
+    short: Annotated[
+        list[Path] | None, typer.Option("--short", metavar="FILE...", help="Short-circuit sweeps; several are repeats.")
+    ] = None,
+    open_: Annotated[list[Path] | None, typer.Option("--open", metavar="FILE...", help="Open-circuit sweeps; several are repeats.")] = None,
+    spectrum: Annotated[list[Path] | None, typer.Option("--spectrum", metavar="FILE...", help="Emission spectra.")] = None,
+    analyser: Annotated[
+        str | None,
+        typer.Option("--analyser", metavar="NAME", help="Who made the sweeps: 4294a, e4990a, nanovna; none is ideal."),
+    ] = None,
+    motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Make a session from files that you already have."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.analyser import DEFAULT_ANALYSER, find_analyser
+    from motoremi.data.files import read_impedance, read_spectrum
+    from motoremi.data.measurement import Measurement
+    from motoremi.data.session import SessionWriter
+
+    if not short and not open_:
+        raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both")
+    named = find_analyser(analyser).name if analyser is not None else None
+    # Everything is read and checked before the folder is made: nothing is left half written.
+    sweeps = [read_impedance(path, "short") for path in short or []] + [read_impedance(path, "open") for path in open_ or []]
+    if named is not None:
+        sweeps = [sweep.with_metadata(analyser=named) for sweep in sweeps]
+    measurement = Measurement.of(sweeps)
+    spectra = [read_spectrum(path) for path in spectrum or []]
+    start = {
+        "title": f"Imported: {motor}" if motor else "Imported sweeps",
+        "motor": motor,
+        "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
+        "analyser": measurement.analyser.name,
+        "analyser_assumed": named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),
+    }
+    with SessionWriter.create(out, start) as writer:
+        for sweep in sweeps:
+            writer.add_sweep(sweep)
+        for item in spectra:
+            writer.add_spectrum(item)
+        writer.close("done")
+    if as_json:
+        emit_json(
+            {
+                "schema": "motoremi.import/1",
+                "session": str(out),
+                "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in sweeps],
+                "spectra": [{"detector": s.detector, "points": len(s)} for s in spectra],
+                "analyser": measurement.analyser.name,
+                "analyser_assumed": start["analyser_assumed"],
+                "caveats": measurement.caveats(),
+            }
+        )
+        return
+    for sweep in sweeps:
+        say(f"{sweep.termination:5s} {sweep.metadata.get('source', '')}: {sweep.summary()}")
+    for item in spectra:
+        say(f"{item.detector} {item.metadata.get('source', '')}: {item.summary()}")
+    if start["analyser_assumed"]:
+        say(f"analyser not named: a {DEFAULT_ANALYSER} is assumed; say --analyser NAME (none for ideal data)")
+    for remark in measurement.caveats():
+        say(f"note: {remark}")
+    say(f"session: {out}\nnext: motoremi fit {out}")
+
+
+def verify_(path: SessionPath, as_json: AsJson = False) -> None:
+    """Check a session's hash chain and manifest: FAIL if anything was changed since."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import load, verify
+
+    if not path.is_dir():
+        raise BadInput(f"{path}: no such session folder")
+    problems = verify(path)
+    if as_json:
+        emit_json(
+            {"schema": "motoremi.verification/1", "session": str(path), "verdict": "fail" if problems else "pass", "problems": problems}
+        )
+    elif problems:
+        say(f"FAIL: {path} is not as it was stored")
+        for problem in problems:
+            say(f"  {problem}")
+    else:
+        say(f"PASS: {path} is as it was stored ({load(path).summary()})")
+    raise typer.Exit(1 if problems else 0)
+
+
+def fit_(
+    path: SessionPath,
+    method: Annotated[str, typer.Option(help="ant-colony, or paper for the algorithm as printed.")] = "ant-colony",
+    seed: Annotated[int, typer.Option(help="The search is deterministic for a seed.", min=0)] = 1,
+    bound: Annotated[
+        list[str] | None, typer.Option("--bound", metavar="NAME=LOW:HIGH", help='For example "La=1 uH:100 uH"; may be repeated.')
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit the model that the session's ladder stands at; at first the paper's circuit."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.workflow import fit_session, opened
+
+    bounds = dict(_bound(text) for text in bound or [])
+    with opened(path) as store:
+        result = fit_session(store, method, seed, bounds)
+    if as_json:
+        emit_json(result.to_dict())
+        return
+    say(repr(result))
+    for name in result.undetermined():
+        say(f"  the data do not determine {name}")
+    say(f"next: motoremi diagnose {path}")
+
+
+def _bound(text: str) -> tuple[str, tuple[float, float]]:
+    from motoremi.model.motor import BASE_PARAMETERS
+    from motoremi.quantities import parse
+
+    name, equals, pair = text.partition("=")
+    low, colon, high = pair.partition(":")
+    units = {parameter.name: parameter.unit for parameter in BASE_PARAMETERS}
+    if not equals or not colon:
+        raise BadInput(f"cannot read the bound {text!r}: write for example 'La=1 uH:100 uH'")
+    if name not in units:
+        raise BadInput(f"bounds for the unknown parameter {name!r}; the circuit has {', '.join(units)}")
+    return name, (parse(low, units[name]), parse(high, units[name]))
+
+
+def compare_(
+    path: SessionPath,
+    error_percent: Annotated[float | None, typer.Option(help="Largest error allowed, in percent.")] = None,
+    magnitude_db: Annotated[float | None, typer.Option(help="Largest error of magnitude allowed, in dB.")] = None,
+    phase_deg: Annotated[float | None, typer.Option(help="Largest error of phase allowed, in degrees.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Model against measurement: error per sweep and band, where it fails, PASS or FAIL (10 % if no tolerance is given)."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.diagnosis.compare import Tolerance
+    from motoremi.workflow import compare_session, opened
+
+    with opened(path) as store:
+        result = compare_session(store, Tolerance(error_percent, magnitude_db, phase_deg))
+    if as_json:
+        emit_json(result.to_dict())
+    else:
+        say(repr(result))
+    raise typer.Exit(0 if result.passed else 1)
+
+
+def diagnose_(
+    path: SessionPath,
+    start: Annotated[
+        Literal["ladder", "base"], typer.Option("--from", help="Start from the model that the ladder stands at, or the paper's circuit.")
+    ] = "ladder",
+    as_json: AsJson = False,
+) -> None:
+    """Which physical effect is missing, with the evidence, what cannot be told apart, and what to measure next."""
+    from motoremi.cli.output import emit_json, progress_bar, say
+    from motoremi.workflow import diagnose_session, opened
+
+    with opened(path) as store, progress_bar("diagnosing", as_json) as progress:
+        result = diagnose_session(store, start, progress)
+    if as_json:
+        emit_json(result.to_dict())
+        return
+    say(repr(result))
+    for span in result.where:
+        low, high = span["band_hz"]
+        say(f"  fails: {span['sweep']} {low:.4g} - {high:.4g} Hz, {100 * span['share']:.0f} % of the squared error")
+    say("  evidence (best first):")
+    for candidate in result.candidates[:6]:
+        say(
+            f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} chi2 {candidate.fit.chi2_reduced:<9.4g} "
+            f"error {candidate.fit.rms_error_percent:.3g} %  {candidate.describe()}"
+        )
+    if result.effects:
+        say(f"next: motoremi add {path} {result.effects[0]}")
+
+
+def add_(
+    path: SessionPath,
+    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="From the catalogue: motoremi effects.", show_default=False)],
+    as_json: AsJson = False,
+) -> None:
+    """Add an effect to the model, refit, and see the error fall."""
+    from motoremi.workflow import add_to_session, opened
+
+    with opened(path) as store:
+        before, after = add_to_session(store, effect)
+    _show_step(before, after, as_json)
+
+
+def drop_(path: SessionPath, as_json: AsJson = False) -> None:
+    """Step back on the ladder: take out the effect that was added last."""
+    from motoremi.workflow import drop_from_session, opened
+
+    with opened(path) as store:
+        before, after = drop_from_session(store)
+    _show_step(before, after, as_json)
+
+
+def _show_step(before: Fit, after: Fit, as_json: bool) -> None:
+    from motoremi.cli.output import emit_json, say
+    from motoremi.quantities import show
+
+    if as_json:
+        emit_json({"schema": "motoremi.step/1", "before": before.to_dict(), "after": after.to_dict()})
+        return
+    say(
+        f"error {before.rms_error_percent:.3g} % -> {after.rms_error_percent:.3g} % (noise floor {after.floor_percent:.2g} %), "
+        f"chi2_reduced {before.chi2_reduced:.4g} -> {after.chi2_reduced:.4g}"
+    )
+    units = {p.name: p.unit for p in (*before.motor.parameters, *after.motor.parameters)}
+    for name in {**before.parameters, **after.parameters}:
+        old, new = before.parameters.get(name), after.parameters.get(name)
+        texts = [show(value, units[name]) if value is not None else "-" for value in (old, new)]
+        say(f"  {name:34s} {texts[0]:>14s} -> {texts[1]}")
+
+
+def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
+    """The history of models and their errors."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import load
+
+    steps = load(path).ladder
+    if as_json:
+        emit_json({"schema": "motoremi.ladder/1", "steps": steps})
+        return
+    if not steps:
+        say(f"the ladder is empty: motoremi fit {path}")
+    for number, step in enumerate(steps):
+        fit = step["fit"]
+        model = "paper's circuit" + "".join(f" + {effect}" for effect in fit["effects"])
+        say(f"{number}  error {fit['rms_error_percent']:8.4g} %  chi2_reduced {fit['chi2_reduced']:10.4g}  {model}")
+    if steps:
+        say(f"   noise floor {steps[-1]['fit']['floor_percent']:.2g} %")
+
+
+def next_(path: SessionPath, as_json: AsJson = False) -> None:
+    """The measurement that would best separate the candidates still standing."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import load
+    from motoremi.workflow import diagnose_session, opened
+
+    stored = load(path).analysis("diagnosis")
+    if stored is None:
+        with opened(path) as store:
+            stored = diagnose_session(store).to_dict()
+    if as_json:
+        emit_json(stored["next_measurement"])
+    else:
+        say(f"{stored['next_measurement']['id']}: {stored['next_measurement']['why']}")
+
+
+def report_(path: SessionPath, as_json: AsJson = False) -> None:
+    """HTML, JSON, JUnit XML and CSV from one report, in the session's report folder."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.workflow import opened, report_session
+
+    with opened(path) as store:
+        files = report_session(store)
+    if as_json:
+        emit_json({"schema": "motoremi.files/1", "files": [str(file) for file in files]})
+        return
+    for file in files:
+        say(str(file))
+
+
+def plot_(
+    path: SessionPath,
+    what: Annotated[
+        Literal["fit", "error", "training", "ladder", "ranking", "spectrum"], typer.Argument(help="Which plot.", show_default=False)
+    ],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="SVG, PNG or PDF; by default WHAT.svg.")] = None,
+) -> None:
+    """Any plot of the report alone."""
+    from motoremi.cli.output import say
+    from motoremi.data.session import load
+    from motoremi.workflow import figure_of
+
+    file = out if out is not None else Path(f"{what}.svg")
+    if file.suffix.lower() not in (".svg", ".png", ".pdf"):
+        raise BadInput(f"{file}: plots are written as .svg, .png or .pdf")
+    figure_of(load(path), what).savefig(file)
+    say(str(file))
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands."""
+    command(app, "import", import_, "motoremi import my_motor --short short1.csv short2.csv --open open1.csv open2.csv --analyser 4294a")
+    command(app, "verify", verify_, "motoremi verify my_motor")
+    command(app, "fit", fit_, 'motoremi fit my_motor --bound "La=1 uH:100 uH"')
+    command(app, "compare", compare_, "motoremi compare my_motor --error-percent 5")
+    command(app, "diagnose", diagnose_, "motoremi diagnose my_motor --json")
+    command(app, "add", add_, "motoremi add my_motor eddy-laminations")
+    command(app, "drop", drop_, "motoremi drop my_motor")
+    command(app, "ladder", ladder_, "motoremi ladder my_motor")
+    command(app, "next", next_, "motoremi next my_motor")
+    command(app, "report", report_, "motoremi report my_motor")
+    command(app, "plot", plot_, "motoremi plot my_motor fit --out fit.png")

@@ -1,0 +1,187 @@
+"""What commands, procedures and the workbench do with a session: fit, compare, diagnose, add, drop, report.
+
+Each function reads the session folder, computes, and stores its result in `analysis/`; nothing is kept in memory between calls, so a
+command line, a bench run and a page can take turns on one session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from motoremi.arrays import JsonDict
+from motoremi.data.measurement import Measurement
+from motoremi.data.session import Session, load, reopen
+from motoremi.diagnosis.compare import Comparison, Tolerance, compare
+from motoremi.diagnosis.diagnosis import Diagnosis, Progress, diagnose
+from motoremi.errors import BadInput
+from motoremi.fitting.fit import fit
+from motoremi.fitting.result import Fit, restore
+from motoremi.model.effects import find_effect
+from motoremi.model.motor import dc_motor
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Store(Protocol):
+    """Where results go: an open session."""
+
+    path: Path
+
+    def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
+        """Store `analysis/<name>.json`."""
+        ...
+
+    def save_file(self, relative_path: str, data: bytes) -> Path:
+        """Store a file."""
+        ...
+
+
+def opened(path: Path) -> AbstractContextManager[Store]:
+    """A finished session, open for more analyses."""
+    return reopen(path)
+
+
+def measurement_of(session: Session) -> Measurement:
+    """The session's sweeps, ready to be fitted."""
+    if not session.sweeps:
+        raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to fit")
+    return Measurement.of(session.sweeps)
+
+
+def ladder_of(session: Session) -> list[Fit]:
+    """The models of the session's ladder, base first; empty before the first fit."""
+    if not session.ladder:
+        return []
+    measurement = measurement_of(session)
+    return [restore(step["fit"], measurement) for step in session.ladder]
+
+
+def fit_session(store: Store, method: str = "ant-colony", seed: int = 1, bounds: Mapping[str, tuple[float, float]] | None = None) -> Fit:
+    """Fit the model that the ladder stands at (the paper's circuit at first), and every step below it."""
+    session = load(store.path)
+    measurement = measurement_of(session)
+    effects = session.ladder[-1]["fit"]["effects"] if session.ladder else []
+    steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds)]
+    for effect in effects:
+        steps.append(steps[-1].add(effect))
+    save_ladder(store, steps)
+    return steps[-1]
+
+
+def save_ladder(store: Store, steps: Sequence[Fit]) -> None:
+    """Store the ladder: each model with its error per band."""
+    payload = {
+        "schema": "motoremi.ladder/1",
+        "steps": [{"fit": step.to_dict(), "bands": list(compare(step).bands)} for step in steps],
+    }
+    store.save_analysis("ladder", payload)
+
+
+def current_steps(store: Store) -> list[Fit]:
+    """The ladder; fitted first if it is not yet there."""
+    steps = ladder_of(load(store.path))
+    return steps or [fit_session(store)]
+
+
+def compare_session(store: Store, tolerance: Tolerance | None = None) -> Comparison:
+    """Hold the model that the ladder stands at against the sweeps."""
+    result = compare(current_steps(store)[-1], tolerance)
+    store.save_analysis("comparison", result.to_dict())
+    return result
+
+
+def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", progress: Progress | None = None) -> Diagnosis:
+    """Which effect is missing, from the ladder's top or from the paper's circuit."""
+    steps = current_steps(store)
+    result = diagnose(steps[-1] if start == "ladder" else steps[0], progress)
+    store.save_analysis("diagnosis", result.to_dict())
+    return result
+
+
+def diagnosis_in(session: Session) -> JsonDict:
+    """The stored diagnosis.
+
+    Raises
+    ------
+    BadInput
+        If there is none yet.
+    """
+    stored = session.analysis("diagnosis")
+    if stored is None:
+        raise BadInput(f"{session.path.name} has no diagnosis yet: motoremi diagnose {session.path}")
+    return stored
+
+
+def add_to_session(store: Store, effect: str) -> tuple[Fit, Fit]:
+    """Add an effect on top of the ladder; returns the model before and after."""
+    find_effect(effect)  # a wrong name is told before anything is fitted
+    steps = current_steps(store)
+    after = steps[-1].add(effect)
+    save_ladder(store, [*steps, after])
+    return steps[-1], after
+
+
+def drop_from_session(store: Store) -> tuple[Fit, Fit]:
+    """Step back on the ladder; returns the model before and after."""
+    steps = current_steps(store)
+    if len(steps) < 2:
+        raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
+    save_ladder(store, steps[:-1])
+    return steps[-1], steps[-2]
+
+
+def report_session(store: Store) -> list[Path]:
+    """Render the report in all forms into the session's `report/` folder."""
+    from motoremi.report.files import render_all
+    from motoremi.report.model import Materials, build_report
+
+    session = load(store.path)
+    steps = ladder_of(session)
+    tolerance = (session.analysis("comparison") or {}).get("tolerance") or {}
+    comparison = compare(steps[-1], Tolerance(**tolerance)) if steps else None
+    report = build_report(Materials(session, tuple(steps), comparison, session.analysis("diagnosis")))
+    return [store.save_file(name, data) for name, data in render_all(report).items()]
+
+
+def figure_of(session: Session, what: str) -> Figure:
+    """One plot of the report."""
+    from motoremi.report import plots
+
+    if what == "spectrum":
+        if not session.spectra:
+            raise BadInput(f"{session.path.name} holds no spectrum")
+        return plots.spectrum_figure(session.spectra)
+    if what == "ranking":
+        return plots.ranking_figure(diagnosis_in(session))
+    steps = ladder_of(session)
+    if not steps:
+        raise BadInput(f"{session.path.name} has no fit yet: motoremi fit")
+    if what == "ladder":
+        return plots.ladder_figure(steps)
+    if what == "error":
+        return plots.comparison_figure(compare(steps[-1]))
+    return plots.training_figure(steps[0]) if what == "training" else plots.fit_figure(steps[-1])
+
+
+def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], JsonDict | None]:
+    """The analysing steps of a procedure, for the runner."""
+
+    def step(kind: str, store: Any, parameters: JsonDict) -> JsonDict | None:
+        if kind == "fit":
+            fit_session(store, **parameters)
+            return None
+        if kind == "compare":
+            return {"verdict": compare_session(store, Tolerance(**parameters)).verdict}
+        if kind == "diagnose":
+            found = diagnose_session(store, progress=progress)
+            return {"verdict": found.verdict, "effects": list(found.effects), "confidence": found.confidence}
+        if kind == "report":
+            report_session(store)
+            return None
+        raise BadInput(f"unknown step {kind!r}")
+
+    return step
