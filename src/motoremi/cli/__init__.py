@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 
 def main() -> None:
@@ -15,7 +16,7 @@ def main() -> None:
     from motoremi.errors import MotoremiError
 
     # Wrong use, whichever library typer takes it from: BadParameter, UsageError, then their common base.
-    wrong_use = typer.BadParameter.__mro__[2]
+    wrong_use: Any = typer.BadParameter.__mro__[2]
     try:
         status = app(args=expanded(sys.argv[1:]), prog_name="motoremi", standalone_mode=False)
     except typer.Exit as error:

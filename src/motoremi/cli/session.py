@@ -113,6 +113,7 @@ def fit_(
 ) -> None:
     """Fit the model that the session's ladder stands at; at first the paper's circuit."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.diagnosis.following import next_measurement
     from motoremi.workflow import fit_session, opened
 
     bounds = dict(_bound(text) for text in bound or [])
@@ -122,8 +123,8 @@ def fit_(
         emit_json(result.to_dict())
         return
     say(repr(result))
-    for name in result.undetermined():
-        say(f"  the data do not determine {name}")
+    if result.undetermined():
+        say(f"  these sweeps do not determine {', '.join(result.undetermined())}: {next_measurement(result, [])['why']}")
     say(f"next: motoremi diagnose {path}")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, is_good, possible_effects, rank
+from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank
 from motoremi.diagnosis.following import next_measurement
 from motoremi.fitting.fit import refit_with, refit_without
 from motoremi.fitting.result import Fit
@@ -28,7 +28,7 @@ PRIOR_OF_NONE = 0.5
 # Log evidence that a further effect must bring, beyond its share of the prior, to be believed.
 LEAST_GAIN = 4.0
 # Members of a family have at least this share of the best one's posterior.
-FAMILY_SHARE = 0.03
+FAMILY_SHARE = 0.01
 # How often the catalogue or the noise model is wrong in a way that no evidence shows; keeps stated confidence below 1.
 DOUBT = 0.02
 
@@ -148,9 +148,10 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     """
     where = compare(fit).where
     candidates = rank(fit, progress)
-    probabilities = _posterior(fit, candidates)
+    weight = effective_share(candidates[0].fit if candidates[0].good else fit)
+    probabilities = _posterior(fit, candidates, weight)
     none = 1 - sum(probabilities.values())
-    if is_good(fit) and (none >= 0.5 or candidates[0].log_evidence - fit.log_evidence < LEAST_GAIN):
+    if is_good(fit) and (none >= 0.5 or weight * (candidates[0].log_evidence - fit.log_evidence) < LEAST_GAIN):
         return _adequate(fit, candidates, probabilities, none, where)
     steps, last = _forward(fit, candidates, progress)
     best = steps[-1]
@@ -160,10 +161,10 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     return _named(fit, best, candidates, probabilities, steps, where, families, chance)
 
 
-def _posterior(fit: Fit, candidates: Sequence[Candidate]) -> dict[str, float]:
-    """Probability of each single effect, and of none with what is left."""
+def _posterior(fit: Fit, candidates: Sequence[Candidate], weight: float) -> dict[str, float]:
+    """Probability of each single effect, and of none with what is left; `weight` is the share of independent points."""
     share = np.log((1 - PRIOR_OF_NONE) / max(1, len(candidates)))
-    scores = np.array([np.log(PRIOR_OF_NONE) + fit.log_evidence, *(share + c.log_evidence for c in candidates)])
+    scores = np.array([np.log(PRIOR_OF_NONE) + weight * fit.log_evidence, *(share + weight * c.log_evidence for c in candidates)])
     weights = np.exp(scores - scores.max())
     weights /= weights.sum()
     return {candidate.effect: float(weight) for candidate, weight in zip(candidates, weights[1:], strict=True)}
@@ -217,12 +218,13 @@ def _families(base: Fit, best: Fit, ranked: Sequence[Candidate]) -> tuple[list[t
     added = best.effects[len(base.effects) :]
     families: list[tuple[str, ...]] = []
     chance = 1.0
+    weight = effective_share(best)
     for effect in added:
         # What could stand in this effect's place: a ranking on top of all the others.
         rivals = ranked if effect == added[-1] else rank(refit_without(best, effect))
         evidence = {c.effect: c.log_evidence for c in rivals if c.good}
         top = max(evidence.values(), default=best.log_evidence)
-        share = {name: float(np.exp(value - top)) for name, value in evidence.items()}
+        share = {name: float(np.exp(weight * (value - top))) for name, value in evidence.items()}
         members = sorted((n for n, v in share.items() if v >= FAMILY_SHARE), key=lambda n: -share[n])
         if effect in members:
             members.remove(effect)

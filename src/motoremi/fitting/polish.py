@@ -88,7 +88,8 @@ def polish(problem: Problem, starts: FloatArray, iterations: int = 150, toleranc
         turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
         scale = np.sqrt(spread)
         gentle = np.linalg.norm(turn * scale, axis=1) < 0.4 * np.linalg.norm(step * scale, axis=1)
-        step = _limited(step + np.where(gentle[:, None], turn, 0.0))
+        corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
+        step = _limited(corrected)
         trial = problem.clip(u[live] + step)
         expected = -np.sum(step * (2 * right + (here.matrix @ step[..., None])[..., 0]), axis=1)
         new = problem.linearised(trial)

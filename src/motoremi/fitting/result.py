@@ -161,6 +161,7 @@ class Fit:
                 for p in self.motor.parameters
                 if p.name in self.parameters
             },
+            "undetermined": self.undetermined(),
             "nuisance": dict(self.nuisance),
             "searched": dict(self.search_parameters),
             "bounds": {name: list(pair) for name, pair in self.bounds.items()},
@@ -182,8 +183,13 @@ class Fit:
         return bool(self.sigma[name] < 0.5 * abs(self.parameters[name])) if self.parameters[name] else False
 
     def undetermined(self) -> list[str]:
-        """Names of the parameters that the data do not determine."""
-        return [name for name in self.parameters if not self.determined(name) and name not in self.held]
+        """Names of the parameters that the data do not determine, those that no sweep sees among them."""
+        loose = [name for name in self.parameters if not self.determined(name) and name not in self.held]
+        return [*loose, *self.unseen()]
+
+    def unseen(self) -> list[str]:
+        """Names of the parameters that none of the sweeps depends on."""
+        return [p.name for p in self.motor.parameters if p.name not in self.parameters]
 
     def rows(self) -> list[tuple[str, str, str]]:
         """Name, value and error bar of each parameter as text."""
@@ -197,7 +203,7 @@ class Fit:
             else:
                 bar = f"± {100 * self.sigma[name] / abs(value):.2g} %"
             table.append((name, show(value, units[name]), bar))
-        return table
+        return table + [(name, "-", "not determined: no sweep depends on it") for name in self.unseen()]
 
     def __repr__(self) -> str:
         model = "paper's circuit" + "".join(f" + {effect}" for effect in self.effects)

@@ -111,7 +111,7 @@ def search_base(task: Task, seed: int) -> Found:
         evaluations += rough.evaluations
         if rough.objective[rough.best] < 0.999 * searched_objective:
             searched, searched_objective = search.named(rough.u[rough.best]), float(rough.objective[rough.best])
-            final = polish(full, moved(rough.distinct(2), search, full), iterations=80)
+            final = polish(full, moved(rough.distinct(2), search, full))
             evaluations += final.evaluations
             if best is None or final.objective[final.best] < best.objective[best.best]:
                 best = final

@@ -44,7 +44,7 @@ EFFECTS = (
         title="open-circuit residual of the fixture beyond its specification",
         formula="Z / (1 + (conductance_s + s * capacitance_f) * Z)",
         parameters=(
-            Parameter("conductance_s", "S", -1e-5, 1e-4, "leaky or dirty fixture", scale="linear", sigma=2e-6),
+            Parameter("conductance_s", "S", -1e-5, 1e-4, "leaky or dirty fixture", scale="linear", sigma=1e-7),
             Parameter(
                 "capacitance_f",
                 "F",
