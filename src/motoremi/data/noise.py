@@ -57,7 +57,7 @@ def _from_repeats(sweep: RepeatedSweep) -> FloatArray:
     law = _bridge_law(variance, magnitude)
     # The slow correction averages over so many points that its own scatter stays near 10 %.
     width = min(len(variance), max(25, len(variance) // 6))
-    correction = uniform_filter1d(variance / law, width, mode="nearest")
+    correction = uniform_filter1d(variance / law, width, mode="reflect")
     sigma: FloatArray = np.maximum(np.sqrt(law * np.clip(correction, 0.25, 4.0)), SMALLEST_SIGMA)
     return sigma
 

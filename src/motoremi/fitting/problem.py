@@ -142,19 +142,19 @@ class Problem:
         self._log = np.array([p.scale == "log" for p in self.unknowns])
         self._scale = np.array([1.0 if p.scale == "log" else _linear_scale(p) for p in self.unknowns])
         self._fixed = np.array([self.held.get(p.name, p.middle) for p in self.everything])
-        self.low, self.high = self._limits()
+        self._low_si, self._high_si = self._limits_si()
+        self.low, self.high = (
+            np.where(self._log, np.log(np.where(self._log, limit, 1.0)), limit / self._scale) for limit in (self._low_si, self._high_si)
+        )
         self.precision, self.centre = self._priors()
         self._sweeps = self._prepare(names, points, with_residuals, highest_hz)
         self.size = self._sweeps[-1].where.stop
         self._weight = 1 / np.concatenate([sweep.sigma for sweep in self._sweeps])
 
-    def _limits(self) -> tuple[FloatArray, FloatArray]:
-        low, high = [], []
-        for parameter, is_log, scale in zip(self.unknowns, self._log, self._scale, strict=True):
-            bound = self.bounds.get(parameter.name, (parameter.low, parameter.high))
-            low.append(np.log(bound[0]) if is_log else bound[0] / scale)
-            high.append(np.log(bound[1]) if is_log else bound[1] / scale)
-        return np.array(low), np.array(high)
+    def _limits_si(self) -> tuple[FloatArray, FloatArray]:
+        pairs = [self.bounds.get(parameter.name, (parameter.low, parameter.high)) for parameter in self.unknowns]
+        low, high = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
+        return low, high
 
     def _priors(self) -> tuple[FloatArray, FloatArray]:
         """Precision and centre of the Gaussian priors, in units of `u`.
@@ -221,7 +221,9 @@ class Problem:
     def physical(self, u: FloatArray) -> FloatArray:
         """Values in SI units of all parameters, shape (..., p), from unknowns of shape (..., k)."""
         values = np.broadcast_to(self._fixed, (*u.shape[:-1], self._fixed.size)).copy()
-        values[..., self._varying] = np.where(self._log, np.exp(np.where(self._log, u, 0.0)), u * self._scale)
+        # Clipped once more: a bound must not be missed by the rounding of its logarithm.
+        positive = np.clip(np.exp(np.where(self._log, u, 0.0)), self._low_si, self._high_si)
+        values[..., self._varying] = np.where(self._log, positive, u * self._scale)
         return values
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
