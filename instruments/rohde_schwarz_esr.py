@@ -80,9 +80,7 @@ class RohdeSchwarzESR(EmiReceiver):
         self.check_errors("INIT2;*WAI")
         level_dbuv = self._levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
-            raise InstrumentError(
-                f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?"
-            )
+            raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?")
         metadata = {"receiver": "esr", "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)

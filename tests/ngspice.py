@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import ComplexArray
 
-needs_ngspice = pytest.mark.skipif(
-    shutil.which("ngspice") is None, reason="ngspice is not installed; it is only a second opinion on networks"
-)
+needs_ngspice = pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not installed; it is only a second opinion on networks")
 
 
 def solve(netlist_lines: Iterable[str], positive: str, negative: str, frequency_hz: ArrayLike) -> ComplexArray:

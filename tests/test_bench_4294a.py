@@ -131,9 +131,7 @@ def test_the_wrong_standard_spoils_the_sweep(bench: SimulatedBench, analyser: Ag
 
 
 @pytest.mark.parametrize("change", [(150e3, 30e6, 61), (150e3, 29e6, 51)])
-def test_compensation_at_other_frequencies_is_refused(
-    bench: SimulatedBench, analyser: Agilent4294A, change: tuple[float, float, int]
-) -> None:
+def test_compensation_at_other_frequencies_is_refused(bench: SimulatedBench, analyser: Agilent4294A, change: tuple[float, float, int]) -> None:
     compensate(bench, analyser)
     analyser.configure(*change)
     bench.connect("open")

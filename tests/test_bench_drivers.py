@@ -17,9 +17,7 @@ from motoremi.bench.receiver import EmiReceiver
 
 UNITS = {"_hz": "Hz", "_volt": "V", "_s": "s", "_db": "dB"}
 EVERY_DRIVER = sorted(driver_names())
-EVERY_SETTING = [
-    pytest.param(name, setting, id=f"{name}.{key}") for name in EVERY_DRIVER for key, setting in driver_class(name).table().items()
-]
+EVERY_SETTING = [pytest.param(name, setting, id=f"{name}.{key}") for name in EVERY_DRIVER for key, setting in driver_class(name).table().items()]
 
 
 @pytest.mark.parametrize("name", EVERY_DRIVER)

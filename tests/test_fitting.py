@@ -83,8 +83,7 @@ def test_error_in_percent_is_what_the_contract_says():
     sweeps = noisy(DAMPED, 3e-3, 8, repeats=2)
     fit = me.fit(me.dc_motor(), sweeps, analyser="none")
     errors = [
-        impedance(dict(fit.parameters), t) / np.mean([s.impedance_ohm for s in sweeps if s.termination == t], axis=0) - 1
-        for t in ("short", "open")
+        impedance(dict(fit.parameters), t) / np.mean([s.impedance_ohm for s in sweeps if s.termination == t], axis=0) - 1 for t in ("short", "open")
     ]
     expected = 100 * np.sqrt(np.mean(np.abs(np.concatenate(errors)) ** 2))
     assert fit.rms_error_percent == pytest.approx(expected, rel=1e-6)
@@ -163,9 +162,7 @@ def test_noise_comes_from_repeats():
     z = impedance(DAMPED, "short")
     # A bridge's noise: relative, and additive at low and high |Z|.
     sigma = np.sqrt(3e-4**2 + (5e-3 / np.abs(z)) ** 2 + (2e-8 * np.abs(z)) ** 2)
-    sweeps = [
-        me.ImpedanceSweep("short", FREQUENCY_HZ, z * (1 + sigma * (rng.normal(size=401) + 1j * rng.normal(size=401)))) for _ in range(3)
-    ]
+    sweeps = [me.ImpedanceSweep("short", FREQUENCY_HZ, z * (1 + sigma * (rng.normal(size=401) + 1j * rng.normal(size=401)))) for _ in range(3)]
     noise = estimate_noise(group_repeats(sweeps)[0])
     assert noise.source == "repeats"
     # 3 repeats, smoothed over 67 points, at the ends over 34: 134 degrees of freedom, 6 %; 5 standard deviations.

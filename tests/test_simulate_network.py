@@ -57,9 +57,7 @@ def test_complete_graph_needs_the_dense_solver() -> None:
 def test_transformer(coupling: float) -> None:
     """Loaded secondary: Z = s L1 - s^2 M^2 / (s L2 + R); the secondary shares no node with the primary."""
     first, second, load = 12e-6, 3e-3, 50.0
-    network = (
-        Network().inductor("p", "a", "b", first).inductor("q", "c", "d", second).resistor("r", "c", "d", load).couple("p", "q", coupling)
-    )
+    network = Network().inductor("p", "a", "b", first).inductor("q", "c", "d", second).resistor("r", "c", "d", load).couple("p", "q", coupling)
     expected = S * first - S**2 * coupling**2 * first * second / (S * second + load)
     # With k = 1 the two terms nearly cancel, so that compares with the terms' size.
     error = np.abs(impedance(network, "a", "b", FREQUENCY) - expected) / np.abs(S * first)
@@ -135,11 +133,7 @@ def test_ngspice_agrees_on_coupling_and_blocks() -> None:
         .couple("p", "third", 0.2)
     )
     network = (
-        Network()
-        .block("upper", "a", "m", cell, 0.3)
-        .block("lower", "m", "b", cell)
-        .capacitor("c", "a", "b", 22e-12)
-        .resistor("r", "m", "b", 5e3)
+        Network().block("upper", "a", "m", cell, 0.3).block("lower", "m", "b", cell).capacitor("c", "a", "b", 22e-12).resistor("r", "m", "b", 5e3)
     )
     frequency = [150e3, 2.2e6, 30e6]
     spice = solve(to_spice(network).splitlines(), "a", "b", frequency)

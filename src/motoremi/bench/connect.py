@@ -103,9 +103,7 @@ def open_transport(manager: pyvisa.ResourceManager, resource: str, timeout_s: fl
     try:
         opened = manager.open_resource(resource)
     except (pyvisa.Error, OSError, ValueError, NotImplementedError, ImportError) as error:
-        raise InstrumentError(
-            f"{resource}: cannot be opened ({str(error).splitlines()[0]}); check its name with 'motoremi instruments'"
-        ) from error
+        raise InstrumentError(f"{resource}: cannot be opened ({str(error).splitlines()[0]}); check its name with 'motoremi instruments'") from error
     if not isinstance(opened, MessageBasedResource):
         opened.close()
         raise InstrumentError(f"{resource}: is no instrument that takes messages")

@@ -159,8 +159,7 @@ class Driver(abc.ABC):
         fields = [field.strip() for field in answer.split(",")]
         if len(fields) < 4 or not re.fullmatch(self.model, fields[1]):
             raise InstrumentError(
-                f"{self.transport.resource_name}: expected a {self.model}, but {answer!r} answers; "
-                "check the resource or choose another driver"
+                f"{self.transport.resource_name}: expected a {self.model}, but {answer!r} answers; check the resource or choose another driver"
             )
         return Identity(fields[0], fields[1], fields[2], fields[3])
 

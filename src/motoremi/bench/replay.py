@@ -73,9 +73,7 @@ class ReplayTransport(Transport):
         record = self._records[self._position]
         self._position += 1
         if record["direction"] != direction:
-            raise InstrumentError(
-                f"{self.resource_name}: replay differs at exchange {self._position}: expected {_show(record)}, got {asked}"
-            )
+            raise InstrumentError(f"{self.resource_name}: replay differs at exchange {self._position}: expected {_show(record)}, got {asked}")
         return record
 
     def _raise_recorded_error(self, during: str) -> None:

@@ -120,9 +120,7 @@ class Transport(abc.ABC):
         digits = message[1:2]
         count = message[2 : 2 + int(digits)] if message[:1] == b"#" and digits.isdigit() else b""
         if not count.isdigit() or len(count) != int(digits):
-            raise InstrumentError(
-                f"{self.resource_name}: expected a binary block in answer to {self._last_command!r}, got {message[:24]!r}"
-            )
+            raise InstrumentError(f"{self.resource_name}: expected a binary block in answer to {self._last_command!r}, got {message[:24]!r}")
         return 2 + len(count), int(count)
 
 

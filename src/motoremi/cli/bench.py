@@ -40,9 +40,7 @@ def run_(
     finally:
         made.close()
     if as_json:
-        emit_json(
-            {"schema": "motoremi.run/1", "session": str(folder), "verdict": "pass" if outcome.passed else "fail", **outcome.to_dict()}
-        )
+        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": "pass" if outcome.passed else "fail", **outcome.to_dict()})
     else:
         say(f"{'PASS' if outcome.passed else 'FAIL'}: session {folder}")
     raise typer.Exit(0 if outcome.passed else 1)

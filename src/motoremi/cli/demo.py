@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 def demo_(
     out: Out = None,
-    effect: Annotated[
-        str | None, typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default one at random.")
-    ] = None,
+    effect: Annotated[str | None, typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default one at random.")] = None,
     seed: Annotated[int | None, typer.Option(help="Which motor, which errors of the analyser, which effect.", min=0)] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -77,7 +75,8 @@ def demo_(
         )
         return
     _story(found, base, last)
-    say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {chosen_seed}; motoremi demo --seed {chosen_seed} shows it again)")
+    hint = "" if effect is None else f" --effect {effect}"
+    say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {chosen_seed}; 'motoremi demo --seed {chosen_seed}{hint}' shows it again)")
     say(f"session: {folder}\nreport:  {report}")
 
 

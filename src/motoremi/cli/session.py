@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 def import_(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make.", show_default=False)],
-    short: Annotated[
-        list[Path] | None, typer.Option("--short", metavar="FILE...", help="Short-circuit sweeps; several are repeats.")
-    ] = None,
+    short: Annotated[list[Path] | None, typer.Option("--short", metavar="FILE...", help="Short-circuit sweeps; several are repeats.")] = None,
     open_: Annotated[list[Path] | None, typer.Option("--open", metavar="FILE...", help="Open-circuit sweeps; several are repeats.")] = None,
     spectrum: Annotated[list[Path] | None, typer.Option("--spectrum", metavar="FILE...", help="Emission spectra.")] = None,
     analyser: Annotated[
@@ -90,9 +88,7 @@ def verify_(path: SessionPath, as_json: AsJson = False) -> None:
         raise BadInput(f"{path}: no such session folder")
     problems = verify(path)
     if as_json:
-        emit_json(
-            {"schema": "motoremi.verification/1", "session": str(path), "verdict": "fail" if problems else "pass", "problems": problems}
-        )
+        emit_json({"schema": "motoremi.verification/1", "session": str(path), "verdict": "fail" if problems else "pass", "problems": problems})
     elif problems:
         say(f"FAIL: {path} is not as it was stored")
         for problem in problems:
@@ -284,9 +280,7 @@ def report_(path: SessionPath, as_json: AsJson = False) -> None:
 
 def plot_(
     path: SessionPath,
-    what: Annotated[
-        Literal["fit", "error", "training", "ladder", "ranking", "spectrum"], typer.Argument(help="Which plot.", show_default=False)
-    ],
+    what: Annotated[Literal["fit", "error", "training", "ladder", "ranking", "spectrum"], typer.Argument(help="Which plot.", show_default=False)],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="SVG, PNG or PDF; by default WHAT.svg.")] = None,
 ) -> None:
     """Any plot of the report alone."""

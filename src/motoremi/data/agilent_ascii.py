@@ -97,10 +97,7 @@ def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArr
         raise BadInput(f"{name}: trace {letter} has no column {_VALUE_TITLE!r} and {_SECOND_TITLE!r}; save the data trace")
     wanted = (0, trace.titles.index(_VALUE_TITLE), trace.titles.index(_SECOND_TITLE))
     numbers = np.array(
-        [
-            [parse_number(cells[column], f"{name}, line {line}") for column in wanted]
-            for cells, line in zip(trace.rows, trace.lines, strict=True)
-        ]
+        [[parse_number(cells[column], f"{name}, line {line}") for column in wanted] for cells, line in zip(trace.rows, trace.lines, strict=True)]
     ).reshape(-1, 3)
     if np.any(numbers[:, 2]):
         raise BadInput(f"{name}: trace {letter} is complex; set the traces to |Z| and phase, or to R and X")

@@ -273,8 +273,7 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
         findings = inspect_session(folder)
         if findings.damage:
             raise BadInput(
-                f"{show_name(folder)}: {findings.damage[0]}; a session that was changed is not added to "
-                "(motoremi verify lists all problems)"
+                f"{show_name(folder)}: {findings.damage[0]}; a session that was changed is not added to (motoremi verify lists all problems)"
             )
         data = (folder / SESSION).read_bytes()
         chain = read_chain(data)

@@ -190,9 +190,7 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
         first = members[0]
         for other in members[1:]:
             if len(other) != len(first) or not np.allclose(other.frequency_hz, first.frequency_hz, rtol=1e-9, atol=0):
-                raise BadInput(
-                    f"repeats of the {termination} sweep must share their frequencies: {first.summary()} against {other.summary()}"
-                )
+                raise BadInput(f"repeats of the {termination} sweep must share their frequencies: {first.summary()} against {other.summary()}")
         stated = [member.sigma_relative for member in members if member.sigma_relative is not None]
         sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
         groups.append(RepeatedSweep(termination, first.frequency_hz, np.array([m.impedance_ohm for m in members]), sigma))

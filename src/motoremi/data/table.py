@@ -55,8 +55,7 @@ class Table:
         """
         title = clean_text(self.columns[column], 40)
         return [
-            parse_number(cells[column], f"{self.name}, line {line}, column {title!r}")
-            for cells, line in zip(self.rows, self.lines, strict=True)
+            parse_number(cells[column], f"{self.name}, line {line}, column {title!r}") for cells, line in zip(self.rows, self.lines, strict=True)
         ]
 
 

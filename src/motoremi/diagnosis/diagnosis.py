@@ -237,9 +237,7 @@ def _families(base: Fit, best: Fit, ranked: Sequence[Candidate]) -> tuple[list[t
     return families, min(chance, 1.0)
 
 
-def _adequate(
-    fit: Fit, candidates: list[Candidate], probabilities: dict[str, float], none: float, where: tuple[JsonDict, ...]
-) -> Diagnosis:
+def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, float], none: float, where: tuple[JsonDict, ...]) -> Diagnosis:
     reason = (
         f"the model describes the sweeps down to noise and analyser (chi2_reduced {fit.chi2_reduced:.3g}, error "
         f"{fit.rms_error_percent:.2g} %, floor {fit.floor_percent:.2g} %)"

@@ -257,9 +257,7 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
     return dataclasses.replace(result, elapsed_s=elapsed_s, search_parameters=searched, warnings=warnings)
 
 
-def summarise(
-    problem: Problem, u: FloatArray, converged: bool, method: Method, seed: int, evaluations: int, history: tuple[JsonDict, ...]
-) -> Fit:
+def summarise(problem: Problem, u: FloatArray, converged: bool, method: Method, seed: int, evaluations: int, history: tuple[JsonDict, ...]) -> Fit:
     """A solution with its statistics."""
     here = problem.linearised(u)
     objective, matrix = here.objective, here.matrix

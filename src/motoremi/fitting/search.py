@@ -108,6 +108,8 @@ def search_base(task: Task, seed: int) -> Found:
             evaluations += colony.evaluations - done
             candidates = colony.different(8)
         rough = polish(search, candidates, iterations=40, **ROUGH)
+        if rough.objective[rough.best] > search.expected_objective:
+            rough = rough.joined(_climb(task, search, candidates))
         evaluations += rough.evaluations
         if rough.objective[rough.best] < 0.999 * searched_objective:
             searched, searched_objective = search.named(rough.u[rough.best]), float(rough.objective[rough.best])

@@ -38,9 +38,7 @@ class Node:
         """Impedance in ohm from the impedances of the children."""
         raise NotImplementedError
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         """Derivatives for each child's impedance and for each own parameter."""
         raise NotImplementedError
 
@@ -64,9 +62,7 @@ class Leaf(Node):
     def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
         return self.law(s, *values)[0]
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         return (), self.law(s, *values)[1]
 
 
@@ -86,9 +82,7 @@ class Series(Node):
             total = total + part
         return total
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         return [None] * len(parts), ()  # None stands for a derivative of one
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -112,9 +106,7 @@ class Parallel(Node):
         result: ComplexArray = 1 / total
         return result
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         return [(impedance / part) ** 2 for part in parts], ()
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -140,9 +132,7 @@ class Scaled(Node):
     def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
         return parts[0] * self.law(s, *values)[0]
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         factor, slopes = self.law(s, *values)
         return [factor], [parts[0] * slope for slope in slopes]
 
@@ -170,9 +160,7 @@ class Shunted(Node):
         result: ComplexArray = parts[0] / (1 + self.law(s, *values)[0] * parts[0])
         return result
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         slopes = self.law(s, *values)[1]
         return [(impedance / parts[0]) ** 2], [-(impedance**2) * slope for slope in slopes]
 
@@ -203,9 +191,7 @@ class ThroughCable(Node):
         result: ComplexArray = z0 * (parts[0] + z0 * tangent) / (z0 + parts[0] * tangent)
         return result
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         tangent, slopes = self.law(s, *values)
         z0 = self.REFERENCE_OHM
         bottom = (z0 + parts[0] * tangent) ** 2
@@ -253,9 +239,7 @@ class Line(Node):
         result: ComplexArray = (parts[2] + a * t) / (1 + parts[2] * y * t)
         return result
 
-    def backward(
-        self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray
-    ) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
         a, y = parts[0], 1 / parts[1]
         u = a * y
         t, dt = self._tangent(u)

@@ -112,9 +112,7 @@ class Motor:
 
     def replaced(self, element: str, change: Callable[[Node], Node]) -> Motor:
         """The motor with one element changed wherever it occurs."""
-        return dataclasses.replace(
-            self, winding=replace_leaf(self.winding, element, change), frame=replace_leaf(self.frame, element, change)
-        )
+        return dataclasses.replace(self, winding=replace_leaf(self.winding, element, change), frame=replace_leaf(self.frame, element, change))
 
     def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
         """The motor with one more part between it and the analyser."""

@@ -1,1 +1,1 @@
-"""One report model, many renderings."""
+"""One report model, many renderings: `model` makes it, `html`, `junit` and `data` write it, `files` names the results."""

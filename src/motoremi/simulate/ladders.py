@@ -57,14 +57,9 @@ def diffusion_ladder(henry: FloatArray, siemens: FloatArray, end: Literal["open"
         `open`: no current is left beyond the last node. `short`: no electric field there, by symmetry.
     """
     nodes = [IN, *(f"n{number}" for number in range(1, henry.size)), OUT if end == "short" else f"n{henry.size}"]
-    parts = [
-        Part("L", f"l{number}", *ends, float(value))
-        for number, (ends, value) in enumerate(zip(pairwise(nodes), henry, strict=True), start=1)
-    ]
+    parts = [Part("L", f"l{number}", *ends, float(value)) for number, (ends, value) in enumerate(zip(pairwise(nodes), henry, strict=True), start=1)]
     parts += [
-        Part("R", f"r{number}", node, OUT, float(1 / value))
-        for number, (node, value) in enumerate(zip(nodes, siemens, strict=True))
-        if node != OUT
+        Part("R", f"r{number}", node, OUT, float(1 / value)) for number, (node, value) in enumerate(zip(nodes, siemens, strict=True)) if node != OUT
     ]
     return Network(tuple(parts))
 
@@ -199,12 +194,10 @@ def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
     middles = np.concatenate(([0.0], (faces[1:] + faces[:-1]) / 2, [1.0]))
     nodes = [IN, *(f"n{number}" for number in range(1, faces.size))]
     parts = [
-        Part("R", f"r{number}", *ends, float(ohm * share))
-        for number, (ends, share) in enumerate(zip(pairwise(nodes), np.diff(faces), strict=True))
+        Part("R", f"r{number}", *ends, float(ohm * share)) for number, (ends, share) in enumerate(zip(pairwise(nodes), np.diff(faces), strict=True))
     ]
     parts += [
-        Part("C", f"c{number}", node, OUT, float(farad * share))
-        for number, (node, share) in enumerate(zip(nodes, np.diff(middles), strict=True))
+        Part("C", f"c{number}", node, OUT, float(farad * share)) for number, (node, share) in enumerate(zip(nodes, np.diff(middles), strict=True))
     ]
     return Network(tuple(parts))
 

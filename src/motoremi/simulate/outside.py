@@ -33,9 +33,7 @@ def _apply_tap(network: Network, elements: Elements, sizes: Sizes) -> Network:
     )
     for step in ("first", "second"):
         ohm = sizes[f"{step}_resistance_ohm"]
-        inner = inner.resistor(f"{step}_r", IN, step, ohm).capacitor(
-            f"{step}_c", step, "tap", 1 / (2 * np.pi * sizes[f"{step}_corner_hz"] * ohm)
-        )
+        inner = inner.resistor(f"{step}_r", IN, step, ohm).capacitor(f"{step}_c", step, "tap", 1 / (2 * np.pi * sizes[f"{step}_corner_hz"] * ohm))
     return replaced(network, "La", inner)
 
 

@@ -81,10 +81,7 @@ class Effect:
 
     def to_dict(self) -> JsonDict:
         """What a person or a program may want to know."""
-        plain = {
-            key: getattr(self, key)
-            for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source", "repeatable")
-        }
+        plain = {key: getattr(self, key) for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source", "repeatable")}
         plain["identifiers"] = list(self.identifiers)
         plain["look_alikes"] = list(self.look_alikes)
         plain["parameters"] = [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high, "reason": p.reason} for p in self.parameters]

@@ -1,0 +1,31 @@
+"""The report for machines: JSON with everything, CSV with the parameters and bands."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+from motoremi.data.plain import to_page
+from motoremi.report.model import Report
+
+
+def render_json(report: Report) -> str:
+    """All data of the report."""
+    return to_page(report.data)
+
+
+def render_csv(report: Report) -> str:
+    """Parameters of every step, then the error per band: one table of kind, where, name, value, unit, sigma."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(("kind", "where", "name", "value", "unit", "sigma"))
+    for number, step in enumerate(report.data["ladder"]):
+        for name, entry in step["parameters"].items():
+            sigma = entry["sigma"] if entry["determined"] else "not determined"
+            writer.writerow(("parameter", f"step {number}", name, repr(entry["value"]), entry["unit"], sigma))
+        writer.writerow(("error", f"step {number}", "rms_error", repr(step["rms_error_percent"]), "%", ""))
+    for band in (report.data["comparison"] or {"bands": []})["bands"]:
+        where = f"{band['sweep']} {band['band_hz'][0]:.9g}-{band['band_hz'][1]:.9g} Hz"
+        for name, unit in (("rms_error_percent", "%"), ("max_error_db", "dB"), ("max_phase_deg", "deg")):
+            writer.writerow(("band", where, name, repr(band[name]), unit, band["verdict"]))
+    return buffer.getvalue()

@@ -1,0 +1,19 @@
+"""All renderings with their names in the session folder."""
+
+from __future__ import annotations
+
+from motoremi.report.data import render_csv, render_json
+from motoremi.report.html import render_html
+from motoremi.report.junit import render_junit
+from motoremi.report.model import Report
+
+
+def render_all(report: Report) -> dict[str, bytes]:
+    """File name within the session -> content. The same session gives the same bytes."""
+    texts = {
+        "report/report.html": render_html(report),
+        "report/report.json": render_json(report),
+        "report/junit.xml": render_junit(report),
+        "report/parameters.csv": render_csv(report),
+    }
+    return {name: text.encode("utf-8") for name, text in texts.items()}

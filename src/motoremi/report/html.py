@@ -1,0 +1,25 @@
+"""The report as one HTML file: no script, no reference to anything outside."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from motoremi.report.model import Report
+
+
+@lru_cache(maxsize=1)
+def _template() -> Template:
+    environment = Environment(
+        loader=PackageLoader("motoremi.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    # Only our own plots are markup; everything else is escaped.
+    environment.filters["drawing"] = Markup
+    return environment.get_template("template.html.j2")
+
+
+def render_html(report: Report) -> str:
+    """The whole page."""
+    return _template().render(report=report)

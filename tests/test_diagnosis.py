@@ -1,0 +1,154 @@
+"""Compare and diagnose, on motors whose impedance the catalogue's formulas did not make."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import motoremi as me
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.compare import Tolerance
+from motoremi.diagnosis.evidence import at_bound, effective_share, possible_effects
+from motoremi.errors import BadInput
+from motoremi.simulate.effects import DEMO_EFFECTS
+
+VERDICTS = {"adequate", "missing-effect", "family", "instrument", "unexplained"}
+
+
+def check_contract(document):
+    assert document["schema"] == "motoremi.diagnosis/1"
+    assert document["verdict"] in VERDICTS
+    assert 0 <= document["confidence"] <= 1
+    for name in ("base", "best"):
+        assert set(document[name]) >= {"effects", "chi2_reduced", "rms_error_percent", "rms_error_db"}
+    for span in document["where"]:
+        assert span["sweep"] in ("short", "open")
+        assert span["band_hz"][0] < span["band_hz"][1]
+        assert 0 < span["share"] <= 1
+    assert sum(c["probability"] for c in document["candidates"]) <= 1 + 1e-9
+    for candidate in document["candidates"]:
+        assert set(candidate) >= {"effect", "family", "probability", "chi2_reduced", "delta_bic", "parameters", "plausible"}
+        for parameter in candidate["parameters"].values():
+            assert set(parameter) >= {"value", "sigma", "at_bound"}
+    assert set(document["next_measurement"]) == {"id", "why"}
+    json.dumps(document, allow_nan=False)
+
+
+@pytest.mark.parametrize("effect", DEMO_EFFECTS)
+def test_hidden_effect_is_named_and_the_error_falls_to_the_noise(measure, effect):
+    sweeps, _ = measure(21, (effect,))
+    fit = me.fit(me.dc_motor(), sweeps)
+    diagnosis = me.diagnose(fit)
+    check_contract(diagnosis.to_dict())
+    named = {*diagnosis.effects, *(member for family in diagnosis.families for member in family)}
+    assert effect in named
+    assert len(named) <= 3
+    assert diagnosis.verdict in ("missing-effect", "family", "instrument")
+    assert (diagnosis.verdict == "instrument") <= (effect == "open-residual")
+    after = fit.add(diagnosis.effects[0])
+    assert after.rms_error_percent < 1.5 * after.floor_percent
+    assert after.rms_error_percent < fit.rms_error_percent
+    assert after.chi2_reduced < 1.2
+
+
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_motor_that_hides_nothing_is_adequate(measure, seed):
+    sweeps, _ = measure(seed)
+    diagnosis = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    check_contract(diagnosis.to_dict())
+    assert diagnosis.verdict == "adequate"
+    assert diagnosis.effects == ()
+
+
+def test_two_hidden_effects_are_both_named(measure):
+    sweeps, _ = measure(2, ("eddy-laminations", "insulation-leakage@Cf"))
+    diagnosis = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    named = {*diagnosis.effects, *(member for family in diagnosis.families for member in family)}
+    assert {"eddy-laminations", "insulation-leakage@Cf"} <= named
+    assert diagnosis.best.rms_error_percent < 1.5 * diagnosis.best.floor_percent
+
+
+def test_diagnosis_goes_on_from_the_ladder(measure):
+    sweeps, _ = measure(2, ("eddy-laminations",))
+    solved = me.fit(me.dc_motor(), sweeps).add("eddy-laminations")
+    assert me.diagnose(solved).verdict == "adequate"
+
+
+def test_comparison_finds_where_a_wrong_model_fails(measure):
+    sweeps, _ = measure(4, ("second-resonance",))
+    comparison = me.compare(me.fit(me.dc_motor(), sweeps))
+    assert not comparison.passed
+    assert comparison.where
+    assert comparison.where[0]["share"] == max(span["share"] for span in comparison.where)
+    edges = {tuple(band["band_hz"]) for band in comparison.bands}
+    assert (500e3, 5e6) in edges
+    worst = max(comparison.bands, key=lambda band: band["max_error_percent"])
+    assert worst["verdict"] == "fail"
+    assert worst["fails_hz"]
+    json.dumps(comparison.to_dict(), allow_nan=False)
+
+
+def test_comparison_judges_by_the_tolerance_and_by_the_uncertainty(measure):
+    sweeps, _ = measure(4)
+    fit = me.fit(me.dc_motor(), sweeps)
+    assert me.compare(fit).passed
+    # A tolerance finer than the measurement itself fails nothing: what is within the uncertainty is not the model's fault.
+    fine = me.compare(fit, Tolerance(error_percent=1e-6))
+    beyond = [np.mean(curve.significant) for curve in fine.curves.values()]
+    assert fine.passed == (max(beyond) == 0)
+    curve = me.compare(fit).curves["short"]
+    assert np.all(curve.uncertainty_percent > 0)
+    with pytest.raises(BadInput, match="above 0"):
+        Tolerance(magnitude_db=-1)
+
+
+def test_effects_are_sought_only_where_the_sweeps_can_see_them(measure):
+    sweeps, _ = measure(4)
+    short_only = me.fit(me.dc_motor(), [s for s in sweeps if s.termination == "short"])
+    names = possible_effects(short_only)
+    assert "ground-strap-inductance" not in names
+    assert "dielectric-loss@Cf" not in names
+    assert "eddy-laminations" in names
+
+
+def test_wandering_residuals_count_less(measure):
+    sweeps, _ = measure(5)
+    white = me.fit(me.dc_motor(), sweeps)
+    assert effective_share(white) > 0.7
+    wrong = me.fit(me.dc_motor(), measure(5, ("eddy-laminations",))[0])
+    assert effective_share(wrong) < 0.3
+
+
+def test_parameter_pushed_against_its_bound_is_told(measure):
+    sweeps, _ = measure(3, ("insulation-leakage@Cf",))
+    fit = me.fit(me.dc_motor(), sweeps, bounds=None)
+    wrong = fit.add("dielectric-relaxation@Cr", thorough=False)
+    right = fit.add("insulation-leakage@Cf", thorough=False)
+    assert at_bound(right, "insulation-leakage@Cf") == ()
+    assert at_bound(wrong, "dielectric-relaxation@Cr")
+
+
+def test_real_inductor_is_not_called_a_motor(request):
+    from motoremi.data.files import read_impedance
+
+    file = request.path.parent / "data" / "eth_4294A_inductor" / "impedance.txt"
+    sweep = read_impedance(file, "short")
+    assert Measurement.of([sweep]).analyser.name == "4294a"
+    fit = me.fit(me.dc_motor(), [sweep])
+    # The file's own description: 204 uH and about 0.3 ohm.
+    assert fit.parameters["La"] == pytest.approx(204e-6, rel=0.01)
+    assert fit.parameters["Ra"] == pytest.approx(0.3, rel=0.2)
+    assert {"Rr", "Lr", "Cr", "Cf"} <= set(fit.undetermined())
+    assert fit.rms_error_percent < 0.05
+
+
+def test_results_show_themselves(measure):
+    sweeps, _ = measure(4, ("core-loss",))
+    fit = me.fit(me.dc_motor(), sweeps)
+    diagnosis = me.diagnose(fit)
+    for result in (fit, me.compare(fit), diagnosis, sweeps[0]):
+        assert len(repr(result)) > 20
+        assert "<" in result._repr_html_()
+        assert isinstance(result.to_dict(), dict)
