@@ -88,10 +88,19 @@ def current_steps(store: Store) -> list[Fit]:
 
 
 def compare_session(store: Store, tolerance: Tolerance | None = None) -> Comparison:
-    """Hold the model that the ladder stands at against the sweeps."""
-    result = compare(current_steps(store)[-1], tolerance)
+    """Hold the model that the ladder stands at against the sweeps; without a tolerance, by the one used last."""
+    steps = current_steps(store)
+    if tolerance is None or not tolerance.judges:
+        tolerance = _stored_tolerance(load(store.path))
+    result = compare(steps[-1], tolerance)
     store.save_analysis("comparison", result.to_dict())
     return result
+
+
+def _stored_tolerance(session: Session) -> Tolerance | None:
+    """The tolerance of the last comparison."""
+    stored = session.analysis("comparison")
+    return None if stored is None else Tolerance(**stored["tolerance"])
 
 
 def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", progress: Progress | None = None) -> Diagnosis:
@@ -141,8 +150,7 @@ def report_session(store: Store) -> list[Path]:
 
     session = load(store.path)
     steps = ladder_of(session)
-    tolerance = (session.analysis("comparison") or {}).get("tolerance") or {}
-    comparison = compare(steps[-1], Tolerance(**tolerance)) if steps else None
+    comparison = compare(steps[-1], _stored_tolerance(session)) if steps else None
     report = build_report(Materials(session, tuple(steps), comparison, session.analysis("diagnosis")))
     return [store.save_file(name, data) for name, data in render_all(report).items()]
 

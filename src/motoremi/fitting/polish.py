@@ -83,7 +83,7 @@ def polish(problem: Problem, starts: FloatArray, iterations: int = 150, toleranc
         system[held[:, :, None] | held[:, None, :]] = 0.0
         spread: FloatArray = here.matrix[:, diagonal, diagonal]
         system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damping[live, None]) + 1e-12)
-        newton: FloatArray = -np.linalg.solve(system, right[..., None])[..., 0]
+        newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
         step = _limited(newton)
         bend = np.where(held, 0.0, problem.curvature_pull(here, u[live], step))
         turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
