@@ -31,7 +31,7 @@ test: install
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy src instruments procedures sim_profiles tests
+	$(BIN)/mypy src instruments procedures sim_profiles
 
 bench: install
 	$(BIN)/python -m benchmarks
