@@ -57,7 +57,14 @@ class Polished:
         )
 
 
-def polish(problem: Problem, starts: FloatArray, iterations: int = 150, tolerance: float = 1e-3, relative: float = 1e-5) -> Polished:
+def polish(
+    problem: Problem,
+    starts: FloatArray,
+    iterations: int = 150,
+    tolerance: float = 1e-3,
+    relative: float = 1e-5,
+    enough: float = -np.inf,
+) -> Polished:
     """Minimise the problem's objective from each start.
 
     Parameters
@@ -65,6 +72,8 @@ def polish(problem: Problem, starts: FloatArray, iterations: int = 150, toleranc
     starts : ndarray, shape (batch, k)
     tolerance, relative : float
         Converged when a step is expected to gain less than `tolerance + relative * objective`.
+    enough : float
+        Leave the others where they are once one has converged to an objective below this.
     """
     u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
     count, size = u.shape
@@ -75,7 +84,7 @@ def polish(problem: Problem, starts: FloatArray, iterations: int = 150, toleranc
     diagonal = np.arange(size)
     for _ in range(iterations):
         live = np.flatnonzero(~converged & (damping < 1e12))
-        if not live.size:
+        if not live.size or np.any(converged & (state.objective < enough)):
             break
         here = state if live.size == count else state.subset(live)
         held = ((u[live] <= problem.low) & (here.gradient > 0)) | ((u[live] >= problem.high) & (here.gradient < 0))

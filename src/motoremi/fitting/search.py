@@ -78,6 +78,11 @@ def good_enough(problem: Problem) -> float:
     return problem.degrees_of_freedom * (1.1 + 5 * float(np.sqrt(2 / problem.degrees_of_freedom)))
 
 
+def surely_right(problem: Problem) -> float:
+    """An objective at which a search need not go on: three standard deviations above its expectation."""
+    return problem.degrees_of_freedom + 3 * float(np.sqrt(2 * problem.degrees_of_freedom))
+
+
 def moved(u: FloatArray, source: Problem, target: Problem) -> FloatArray:
     """Unknowns of one problem as those of another, shape (batch, k)."""
     return np.array([target.vector(source.named(row)) for row in u])
@@ -93,6 +98,8 @@ def search_base(task: Task, seed: int) -> Found:
     searched_objective = np.inf
     evaluations = 0
     history: list[JsonDict] = []
+    # The search problem is down to noise and analyser; the likelihood tells whether that was the right valley.
+    likely = 2 * search.expected_objective
     for round_number in range(ROUNDS + 1):
         if round_number == 0:
             if not len(seeds):
@@ -107,20 +114,22 @@ def search_base(task: Task, seed: int) -> Found:
                 history.append({"evaluations": count, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
             evaluations += colony.evaluations - done
             candidates = colony.different(8)
-        rough = polish(search, candidates, iterations=40, **ROUGH)
-        if rough.objective[rough.best] > search.expected_objective:
+        rough = polish(search, candidates, iterations=40, **ROUGH, enough=likely)
+        if round_number > 0 and rough.objective[rough.best] > likely:
             rough = rough.joined(_climb(task, search, candidates))
         evaluations += rough.evaluations
-        if rough.objective[rough.best] < 0.999 * searched_objective:
+        if rough.objective[rough.best] < searched_objective:
             searched, searched_objective = search.named(rough.u[rough.best]), float(rough.objective[rough.best])
-            final = polish(full, moved(rough.distinct(2), search, full))
-            evaluations += final.evaluations
-            if best is None or final.objective[final.best] < best.objective[best.best]:
-                best = final
+        # On few points noise may favour a wrong valley: unless the first try is clear, let the likelihood choose among several.
+        count = 1 if round_number == 0 and searched_objective < likely else 3
+        final = polish(full, moved(rough.distinct(count), search, full))
+        evaluations += final.evaluations
+        if best is None or final.objective[final.best] < best.objective[best.best]:
+            best = final
         assert best is not None
         mean_square = float(np.mean(np.abs(full.deviation(best.u[best.best])) ** 2))
         history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
-        if best.objective[best.best] < good_enough(full):
+        if best.objective[best.best] < surely_right(full):
             break
     assert best is not None
     return Found(best.u[best.best], bool(best.converged[best.best]), evaluations, tuple(history), searched)

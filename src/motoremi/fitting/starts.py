@@ -12,10 +12,16 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 
+MOST_POINTS = 200
+
 
 def data_driven_starts(measurement: Measurement) -> list[dict[str, float]]:
     """Sets of start values in SI units; possibly none, never complete nonsense."""
-    means = {sweep.termination: (sweep.frequency_hz, sweep.mean_ohm) for sweep in measurement.sweeps}
+    means = {}
+    for sweep in measurement.sweeps:
+        # A rational fit of seven coefficients gains nothing from more points than this.
+        step = max(1, sweep.frequency_hz.size // MOST_POINTS)
+        means[sweep.termination] = (sweep.frequency_hz[::step], sweep.mean_ohm[::step])
     starts: list[dict[str, float]] = []
     winding: dict[str, float] = {}
     if "short" in means:
@@ -49,7 +55,7 @@ def _rational(
     """Coefficients of N(s)/D(s), real, with powers `top` and `bottom`; the power `known_top` of N, or else power 0 of D, is one."""
     denominator = np.ones_like(s)
     coefficients = np.zeros(len(top) + len(bottom))
-    for _ in range(12):
+    for _ in range(8):
         scale = weight / np.abs(response * denominator)
         left = np.array([-(s**p) for p in top] + [response * s**p for p in bottom]).T * scale[:, None]
         right = (-response if known_top is None else s**known_top) * scale

@@ -14,15 +14,24 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.model.laws import Law
+from motoremi.model.laws import Law, ValueAndSlopes
 from motoremi.model.parameter import Parameter
 
-Values: TypeAlias = Sequence[Any]  # real arrays of shape (..., 1), one for each parameter of a node
+# Derivatives for each child's impedance (None stands for one) and for each own parameter.
+Slopes: TypeAlias = tuple[Sequence[Any], Sequence[Any]]
 
 
 @dataclass(frozen=True)
 class Node:
-    """Common face of all circuit parts."""
+    """Common face of all circuit parts.
+
+    `given` is what the node's law gives (value and slopes), worked out once for both passes; nodes without a law ignore it.
+    """
+
+    @property
+    def own_law(self) -> Law | None:
+        """Law of this node, if it has one."""
+        return None
 
     @property
     def children(self) -> tuple[Node, ...]:
@@ -34,11 +43,11 @@ class Node:
         """Parameters of this node alone."""
         return ()
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         """Impedance in ohm from the impedances of the children."""
         raise NotImplementedError
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
         """Derivatives for each child's impedance and for each own parameter."""
         raise NotImplementedError
 
@@ -59,11 +68,15 @@ class Leaf(Node):
     def own_parameters(self) -> tuple[Parameter, ...]:
         return self.parameters
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
-        return self.law(s, *values)[0]
+    @property
+    def own_law(self) -> Law | None:
+        return self.law
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
-        return (), self.law(s, *values)[1]
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+        return given[0]
+
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+        return (), given[1]
 
 
 @dataclass(frozen=True)
@@ -76,13 +89,13 @@ class Series(Node):
     def children(self) -> tuple[Node, ...]:
         return self.members
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         total = parts[0]
         for part in parts[1:]:
             total = total + part
         return total
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
         return [None] * len(parts), ()  # None stands for a derivative of one
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -99,14 +112,14 @@ class Parallel(Node):
     def children(self) -> tuple[Node, ...]:
         return self.members
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         total = 1 / parts[0]
         for part in parts[1:]:
             total = total + 1 / part
         result: ComplexArray = 1 / total
         return result
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
         return [(impedance / part) ** 2 for part in parts], ()
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -129,11 +142,15 @@ class Scaled(Node):
     def own_parameters(self) -> tuple[Parameter, ...]:
         return self.parameters
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
-        return parts[0] * self.law(s, *values)[0]
+    @property
+    def own_law(self) -> Law | None:
+        return self.law
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
-        factor, slopes = self.law(s, *values)
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+        return parts[0] * given[0]
+
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+        factor, slopes = given
         return [factor], [parts[0] * slope for slope in slopes]
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -156,12 +173,16 @@ class Shunted(Node):
     def own_parameters(self) -> tuple[Parameter, ...]:
         return self.parameters
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
-        result: ComplexArray = parts[0] / (1 + self.law(s, *values)[0] * parts[0])
+    @property
+    def own_law(self) -> Law | None:
+        return self.law
+
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+        result: ComplexArray = parts[0] / (1 + given[0] * parts[0])
         return result
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
-        slopes = self.law(s, *values)[1]
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+        slopes = given[1]
         return [(impedance / parts[0]) ** 2], [-(impedance**2) * slope for slope in slopes]
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -186,13 +207,17 @@ class ThroughCable(Node):
     def own_parameters(self) -> tuple[Parameter, ...]:
         return self.parameters
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
-        tangent, z0 = self.law(s, *values)[0], self.REFERENCE_OHM
+    @property
+    def own_law(self) -> Law | None:
+        return self.law
+
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+        tangent, z0 = given[0], self.REFERENCE_OHM
         result: ComplexArray = z0 * (parts[0] + z0 * tangent) / (z0 + parts[0] * tangent)
         return result
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
-        tangent, slopes = self.law(s, *values)
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+        tangent, slopes = given
         z0 = self.REFERENCE_OHM
         bottom = (z0 + parts[0] * tangent) ** 2
         by_tangent = z0 * (z0**2 - parts[0] ** 2) / bottom
@@ -231,7 +256,7 @@ class Line(Node):
         )
         return value, slope
 
-    def forward(self, s: ComplexArray, parts: list[ComplexArray], values: Values) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         a, y = parts[0], 1 / parts[1]
         t, _ = self._tangent(a * y)
         if self.load is None:
@@ -239,7 +264,7 @@ class Line(Node):
         result: ComplexArray = (parts[2] + a * t) / (1 + parts[2] * y * t)
         return result
 
-    def backward(self, s: ComplexArray, parts: list[ComplexArray], values: Values, impedance: ComplexArray) -> tuple[Sequence[Any], Sequence[Any]]:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
         a, y = parts[0], 1 / parts[1]
         u = a * y
         t, dt = self._tangent(u)
@@ -288,22 +313,22 @@ class Tape:
     def __init__(self, root: Node, names: Sequence[str]) -> None:
         position = {name: index for index, name in enumerate(names)}
         self._size = len(names)
-        self._steps: list[tuple[Node, tuple[int, ...], tuple[int, ...]]] = []
+        self._steps: list[tuple[Node, Law | None, tuple[int, ...], tuple[int, ...]]] = []
         self._record(root, position)
 
     def _record(self, node: Node, position: dict[str, int]) -> int:
         children = tuple(self._record(child, position) for child in node.children)
-        self._steps.append((node, children, tuple(position[p.name] for p in node.own_parameters)))
+        self._steps.append((node, node.own_law, children, tuple(position[p.name] for p in node.own_parameters)))
         return len(self._steps) - 1
 
-    def _forward(self, s: ComplexArray, values: FloatArray) -> tuple[list[ComplexArray], list[list[FloatArray]]]:
+    def _forward(self, s: ComplexArray, values: FloatArray) -> tuple[list[ComplexArray], list[ValueAndSlopes]]:
         computed: list[ComplexArray] = []
-        taken: list[list[FloatArray]] = []
-        for node, children, indices in self._steps:
-            own = [values[..., index, None] for index in indices]
-            computed.append(node.forward(s, [computed[child] for child in children], own))
-            taken.append(own)
-        return computed, taken
+        given: list[ValueAndSlopes] = []
+        for node, law, children, indices in self._steps:
+            result = _NOTHING if law is None else law(s, *(values[..., index, None] for index in indices))
+            computed.append(node.forward([computed[child] for child in children], result))
+            given.append(result)
+        return computed, given
 
     def impedance(self, s: ComplexArray, values: FloatArray) -> ComplexArray:
         """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units."""
@@ -311,19 +336,20 @@ class Tape:
 
     def gradient(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Impedance, shape (..., n), and its derivative for each parameter, shape (..., p, n)."""
-        computed, taken = self._forward(s, values)
+        computed, given = self._forward(s, values)
         last = len(self._steps) - 1
         sensitivity: list[Any] = [None] * len(self._steps)  # None stands for one
         gradient = np.zeros((*values.shape, s.size), dtype=np.complex128)
         for index in range(last, -1, -1):
-            node, children, indices = self._steps[index]
-            if not children and not indices:
-                continue
+            node, _, children, indices = self._steps[index]
             parts = [computed[child] for child in children]
-            by_child, by_parameter = node.backward(s, parts, taken[index], computed[index])
+            by_child, by_parameter = node.backward(parts, given[index], computed[index])
             own = sensitivity[index]
             for child, slope in zip(children, by_child, strict=True):
                 sensitivity[child] = own if slope is None else slope if own is None else own * slope
             for position, slope in zip(indices, by_parameter, strict=True):
                 gradient[..., position, :] += slope if own is None else own * slope
         return computed[last], gradient
+
+
+_NOTHING: ValueAndSlopes = (np.zeros(0, dtype=np.complex128), ())

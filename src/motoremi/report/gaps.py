@@ -1,0 +1,101 @@
+"""What was not done or not done well, for the first page: a report that hides its gaps is worse than none."""
+
+from __future__ import annotations
+
+from motoremi.arrays import JsonDict
+from motoremi.data.session import Session
+from motoremi.report.parts import Materials
+
+# Calibration laboratories recommend a year for impedance analysers and receivers alike.
+OLD_CALIBRATION_DAYS = 365
+
+
+def gaps(materials: Materials) -> tuple[str, ...]:
+    """Everything a reader has to know before believing the rest, each once."""
+    session = materials.session
+    found = [*_of_the_run(session), *_of_the_set_up(session), *_of_the_analysis(materials)]
+    for spectrum in session.spectra:
+        count = int(spectrum.overload.sum())
+        if count:
+            found.append(f"the receiver was overloaded at {count} of {len(spectrum)} points ({spectrum.detector}): they are not judged")
+    return tuple(dict.fromkeys(found))
+
+
+def being_written(session: Session) -> bool:
+    """Whether the report is a step of the run that it reports."""
+    last = [d for d in session.documents if d["kind"] in ("step-start", "step-stop", "stop")][-1:]
+    return bool(last) and last[0]["kind"] == "step-start" and last[0].get("do") == "report"
+
+
+def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
+    """Number, name, settings and state of every step of the procedure, begun or not."""
+    begun = {d.get("step"): d for d in session.documents if d["kind"] == "step-start"}
+    ended = {d.get("step") for d in session.documents if d["kind"] == "step-stop"}
+    planned = [step for step in (session.start.get("procedure") or {}).get("steps", ()) if isinstance(step, dict)]
+    total = max([len(planned), *(int(d.get("of") or 0) for d in begun.values())])
+    rows = []
+    for number in range(1, total + 1):
+        document = begun.get(number)
+        plan = planned[number - 1] if number <= len(planned) else {}
+        settings: JsonDict = document.get("parameters") or {} if document else {k: v for k, v in plan.items() if k != "do"}
+        name = str((document or plan).get("do", "not known"))
+        if number in ended:
+            state = "done"
+        elif document is None:
+            state = "not begun"
+        else:
+            state = "this report" if name == "report" and being_written(session) else "not finished"
+        rows.append((number, name, ", ".join(f"{key} {value}" for key, value in settings.items()), state))
+    return rows
+
+
+def _of_the_run(session: Session) -> list[str]:
+    found = []
+    if session.start.get("backend") == "sim":
+        found.append("simulated bench: no real motor and no real instrument was measured")
+    if session.status != "done" and not being_written(session):
+        reason = next((str(d["reason"]) for d in session.documents if d["kind"] == "stop" and d.get("reason")), "no stop document")
+        found.append(f"the run did not end well ({session.status}): {reason}")
+    steps = planned_steps(session)
+    unfinished = [f"{number} ({name})" for number, name, _, state in steps if state == "not finished"]
+    if unfinished:
+        found.append(f"steps not finished: {', '.join(unfinished)}")
+    missed = [f"{number} ({name})" for number, name, _, state in steps if state == "not begun"]
+    if missed:
+        found.append(f"{len(missed)} of {len(steps)} steps were not begun: {', '.join(missed)}")
+    unsafe = [d for d in session.documents if d["kind"] == "safe" and d.get("safe") is False]
+    found += [f"{d.get('role')} could not be brought into its safe state: {d.get('problem')}" for d in unsafe]
+    return found
+
+
+def _of_the_set_up(session: Session) -> list[str]:
+    found = []
+    ages = session.start.get("calibration_age_days") or {}
+    found += [f"the calibration of the {role} is {age} days old" for role, age in ages.items() if age > OLD_CALIBRATION_DAYS]
+    if session.start.get("analyser_assumed"):
+        found.append("the analyser was not named: the errors of a 4294A are assumed")
+    for sweep in session.sweeps:
+        compensated = sweep.metadata.get("compensated")
+        if isinstance(compensated, list) and not {"open", "short"} <= set(map(str, compensated)):
+            found.append(f"{sweep.termination} sweep: the fixture was not compensated with both open and short standard")
+    return found
+
+
+def _of_the_analysis(materials: Materials) -> list[str]:
+    session, steps = materials.session, materials.steps
+    found = []
+    if not session.sweeps:
+        found.append("no impedance sweep was measured")
+    if not steps:
+        found.append("no fit was made")
+    else:
+        found += steps[-1].warnings
+        if steps[-1].undetermined():
+            found.append(f"the data do not determine {', '.join(steps[-1].undetermined())}")
+    if materials.comparison is None:
+        found.append("the model was not compared with the measurement: nothing is judged")
+    if materials.diagnosis is None:
+        found.append("no diagnosis was made")
+    if not session.spectra:
+        found.append("no emission spectrum was measured")
+    return found

@@ -1,0 +1,90 @@
+"""The first lines of the first page: how wrong, where, why, how wrong after, and what is left to noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from motoremi.arrays import JsonDict
+from motoremi.diagnosis.compare import Comparison, compare
+from motoremi.fitting.result import Fit
+from motoremi.quantities import show_band
+from motoremi.report.parts import Materials
+
+Line = tuple[str, str, str]
+
+VERDICTS = {
+    "adequate": "nothing is missing beyond the noise and the analyser's own uncertainty",
+    "missing-effect": "missing from the model: {named}",
+    "family": "missing from the model: {named}, or another that these data cannot tell from it",
+    "instrument": "the meter or its fixture explains the error, not the motor: {named}",
+    "unexplained": "something is missing and nothing in the catalogue explains it",
+}
+# An error within half of the noise floor above it is noise: more cannot be asked of a model.
+AT_THE_FLOOR = 1.5
+
+
+def headline(materials: Materials) -> tuple[Line, ...]:
+    """Label, text and mood ("good", "bad" or "plain") of each line."""
+    steps, diagnosis = materials.steps, materials.diagnosis
+    lines: list[Line] = []
+    if steps:
+        base = steps[0]
+        lines.append(("Error of the paper's circuit", f"{base.rms_error_percent:.3g} % rms ({base.rms_error_db:.2g} dB)", "plain"))
+        lines.append(("Where it fails", spans(compare(base).where), "plain"))
+    if diagnosis is not None:
+        lines += _diagnosis_lines(diagnosis)
+    if steps:
+        lines += [_after(steps[-1], diagnosis), ("Noise floor", f"{steps[-1].floor_percent:.2g} % rms", "plain")]
+    lines.append(_judged(materials.comparison))
+    if diagnosis is not None:
+        lines.append(("Measure next", str(diagnosis["next_measurement"]["why"]), "plain"))
+    return tuple(lines)
+
+
+def spans(where: Sequence[JsonDict], most: int = 3) -> str:
+    """Where a model fails, in words."""
+    found = [f"{span['sweep']} {show_band(*span['band_hz'])} ({100 * span['share']:.0f} % of the squared error)" for span in where[:most]]
+    return "; ".join(found) or "nowhere beyond the uncertainty"
+
+
+def in_words(diagnosis: JsonDict) -> str:
+    """The verdict as a sentence."""
+    verdict = str(diagnosis["verdict"])
+    return VERDICTS.get(verdict, verdict).replace("{named}", " and ".join(diagnosis["effects"]))
+
+
+def _diagnosis_lines(diagnosis: JsonDict) -> list[Line]:
+    start = diagnosis["base"]["effects"]
+    label = "Diagnosis" + (f" (of the model with {' + '.join(start)})" if start else "")
+    mood = {"adequate": "good", "unexplained": "bad"}.get(str(diagnosis["verdict"]), "plain")
+    lines = [(label, f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %", mood)]
+    return lines + [("Not told apart", ", ".join(family), "plain") for family in diagnosis["families"]]
+
+
+def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
+    """The error after the effect: of the model that stands, or, before it is added, what the diagnosis found it would be."""
+    if not last.effects and diagnosis is not None and diagnosis["effects"]:
+        model = f"with {' + '.join(diagnosis['effects'])}, not added yet"
+        error = float(diagnosis["best"]["rms_error_percent"])
+    else:
+        model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
+        error = last.rms_error_percent
+    reached = error < AT_THE_FLOOR * last.floor_percent
+    return f"Error after ({model})", f"{error:.3g} % rms", "good" if reached else "bad"
+
+
+def _judged(comparison: Comparison | None) -> Line:
+    label = "Model against measurement"
+    if comparison is None:
+        return label, "not judged", "plain"
+    if comparison.passed:
+        return label, f"PASS: within {tolerance(comparison)} at every point", "good"
+    failed = [band for band in comparison.bands if band["verdict"] == "fail"]
+    return label, f"FAIL in {len(failed)} of {len(comparison.bands)} bands (tolerance {tolerance(comparison)} at every point)", "bad"
+
+
+def tolerance(comparison: Comparison) -> str:
+    """What the error may be, in words."""
+    limits = comparison.tolerance
+    pairs = ((limits.error_percent, "% error"), (limits.magnitude_db, "dB of magnitude"), (limits.phase_deg, "deg of phase"))
+    return ", ".join(f"{value:g} {unit}" for value, unit in pairs if value is not None)

@@ -1,0 +1,304 @@
+"""The report's sections, in the order in which a bench engineer asks: data, fit, ladder, verdict, cause, emission, identity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+from motoremi.data.measurement import Measurement
+from motoremi.data.session import Session
+from motoremi.diagnosis.compare import Comparison, compare
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit
+from motoremi.model.effects import find_effect
+from motoremi.quantities import show, show_band
+from motoremi.report.gaps import planned_steps
+from motoremi.report.headline import in_words, spans, tolerance
+from motoremi.report.parts import Materials, Picture, Section, Table
+
+NOISE_SOURCES = {
+    "repeats": "the repeats",
+    "stated": "stated in the file",
+    "scatter": "the sweep's own scatter, an upper bound",
+}
+ELEMENTS = {
+    "Ra": "winding resistance",
+    "La": "winding inductance",
+    "Ca": "turn-to-turn capacitance",
+    "Rr": "resistance of the rotor path",
+    "Lr": "inductance of the rotor path",
+    "Cr": "capacitance winding to rotor",
+    "Cf": "capacitance winding to frame",
+}
+MOST_CANDIDATES = 10
+
+
+def all_sections(materials: Materials, session_sha256: str) -> tuple[Section, ...]:
+    """Every section that the materials have something for; what is missing is said on the first page."""
+    return tuple(_sections(materials, session_sha256))
+
+
+def _sections(materials: Materials, session_sha256: str) -> Iterator[Section]:
+    yield _sweeps(materials)
+    if materials.steps:
+        yield _fit(materials.steps)
+        yield _ladder(materials.steps)
+    if materials.comparison is not None:
+        yield _comparison(materials.comparison)
+    if materials.diagnosis is not None:
+        yield _diagnosis(materials.diagnosis)
+    if materials.session.spectra:
+        yield _spectra(materials.session)
+    yield _identity(materials.session, session_sha256)
+    yield _procedure(materials.session)
+
+
+def _picture(what: str, caption: str, *of: object) -> Picture:
+    """The plot `<what>_figure` of some results."""
+    # Matplotlib takes a second to load; who only imports the report need not wait for it.
+    from motoremi.report import plots
+
+    return Picture(plots.to_svg(getattr(plots, f"{what}_figure")(*of), what, caption), caption)
+
+
+def _sweeps(materials: Materials) -> Section:
+    session, steps = materials.session, materials.steps
+    if not session.sweeps:
+        return Section("Sweeps", ("This session holds no impedance sweep.",))
+    try:
+        measurement = steps[0].measurement if steps else Measurement.of(session.sweeps)
+    except BadInput as error:
+        return Section("Sweeps", (f"The sweeps cannot be used together: {error}.",))
+    rows = tuple(
+        (
+            sweep.termination,
+            f"{sweep.frequency_hz.size}",
+            show_band(float(sweep.frequency_hz[0]), float(sweep.frequency_hz[-1])),
+            f"{sweep.repeats}",
+            f"{100 * np.sqrt(np.mean(2 * noise.sigma**2)):.2g} %",
+            NOISE_SOURCES[noise.source],
+        )
+        for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True)
+    )
+    table = Table("Sweeps", ("termination", "points", "span", "repeats", "noise of the mean (rms)", "noise known from"), rows)
+    if not steps:
+        return Section("Sweeps", tuple(measurement.caveats()), (table,))
+    caption = "Measured impedance, the paper's circuit, and the model that stands; below, the error against the uncertainty."
+    return Section("Sweeps and model", (), (table,), (_picture("sweeps", caption, steps[0], steps[-1]),))
+
+
+def _fit(steps: tuple[Fit, ...]) -> Section:
+    last = steps[-1]
+    if not last.converged and last.method != "paper":
+        return Section("Fit", ("The fit did not converge; its values are not shown.",))
+    texts = [
+        f"{'Ant colony of the paper, as printed' if last.method == 'paper' else 'Ant colony with polish'}, seed {last.seed}, "
+        f"{last.evaluations} evaluations; chi2_reduced {last.chi2_reduced:.4g} with the errors of {last.measurement.analyser.title} allowed for."
+    ]
+    if last.undetermined():
+        texts.append(f"The data do not determine {', '.join(last.undetermined())}; do not quote values for them.")
+    if last.chi2_reduced > 2:
+        texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
+    tables = [_parameters(steps)]
+    if last.nuisance:
+        tables.append(_residuals(last))
+    caption = f"Training curve of the base fit ({steps[0].method}): the best of each round, and the best so far."
+    pictures = (_picture("training", caption, steps[0]),) if steps[0].history else ()
+    return Section("Fit", tuple(texts), tuple(tables), pictures)
+
+
+def _parameters(steps: tuple[Fit, ...]) -> Table:
+    base, last = steps[0], steps[-1]
+    units = {p.name: p.unit for p in base.motor.parameters}
+    columns = ["parameter", "is", "value", "standard uncertainty"]
+    before = {name: show(value, units[name]) for name, value in base.parameters.items()} if last.effects != base.effects else {}
+    if before:
+        columns.append("in the paper's circuit alone")
+    rows, marked = [], set()
+    for index, (name, value, bar) in enumerate(last.rows()):
+        effect = name.rpartition(".")[0].partition("#")[0]
+        rows.append((name, ELEMENTS.get(name) or _title(effect), value, bar, *([before.get(name, "-")] if before else [])))
+        if "not determined" in bar:
+            marked.add(index)
+    return Table("Parameters", tuple(columns), tuple(rows), frozenset(marked))
+
+
+def _residuals(fit: Fit) -> Table:
+    known = {p.name: p for p in fit.problem.everything}
+    rows = []
+    for name, value in fit.nuisance.items():
+        sigma = known[name].sigma
+        # The conductance has no unit of its own: it is fitted in multiples of its specification.
+        written = "-" if known[name].unit == "1" else show(value, known[name].unit, 2)
+        rows.append((name, written, f"{value / sigma:+.2g}" if sigma else "-"))
+    return Table(
+        "What the fixture's compensation is believed to have left",
+        ("residual", "value", "in standard deviations of its specification"),
+        tuple(rows),
+    )
+
+
+def _ladder(steps: tuple[Fit, ...]) -> Section:
+    rows = []
+    for index, step in enumerate(steps):
+        before = steps[index - 1].rms_error_percent if index else None
+        rows.append(
+            (
+                " + ".join(step.effects) or "paper's circuit",
+                "-" if before is None else f"{before:.3g} %",
+                f"{step.rms_error_percent:.3g} %",
+                f"{step.rms_error_db:.3g} dB",
+                f"{step.rms_error_percent / step.floor_percent:.3g}",
+                f"{step.chi2_reduced:.4g}",
+            )
+        )
+    columns = ("model", "rms error before", "rms error after", "rms magnitude", "error over noise floor", "chi2_reduced")
+    text = f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."
+    picture = _picture("ladder", "The error at each step of the ladder.", steps)
+    return Section("Ladder", (text,), (Table("Models", columns, tuple(rows)),), (picture,))
+
+
+def _comparison(comparison: Comparison) -> Section:
+    rows, failed = [], set()
+    for index, band in enumerate(comparison.bands):
+        failing = ", ".join(show_band(*span) for span in band["fails_hz"][:3]) + (" ..." if len(band["fails_hz"]) > 3 else "")
+        rows.append(
+            (
+                band["sweep"],
+                show_band(*band["band_hz"]),
+                f"{band['rms_error_percent']:.3g} %",
+                f"{band['max_error_percent']:.3g} %",
+                f"{band['max_error_db']:.3g} dB",
+                f"{band['max_phase_deg']:.3g} deg",
+                f"{100 * band['share_beyond_uncertainty']:.0f} %",
+                band["verdict"].upper(),
+                failing or "-",
+            )
+        )
+        if band["verdict"] == "fail":
+            failed.add(index)
+    columns = ("sweep", "band", "rms error", "max error", "max magnitude", "max phase", "beyond uncertainty", "verdict", "fails at")
+    texts = (
+        f"Model: {' + '.join(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
+        "A point fails if it is beyond the tolerance and beyond the expanded uncertainty of the measurement (k = 2).",
+    )
+    picture = _picture("comparison", "Error of the model that stands, against uncertainty and tolerance.", comparison)
+    return Section("Model against measurement", texts, (Table("Bands", columns, tuple(rows), frozenset(failed)),), (picture,))
+
+
+def _diagnosis(diagnosis: JsonDict) -> Section:
+    rows = []
+    for candidate in diagnosis["candidates"][:MOST_CANDIDATES]:
+        values = ", ".join(
+            f"{name} = {show(entry['value'], entry['unit'])}" + (" (at bound)" if entry["at_bound"] else "")
+            for name, entry in candidate["parameters"].items()
+        )
+        rows.append(
+            (
+                str(candidate["effect"]),
+                str(candidate["family"]),
+                f"{candidate['probability']:.3g}",
+                f"{candidate['delta_bic']:.3g}",
+                f"{candidate['rms_error_percent']:.3g} %",
+                "yes" if candidate["plausible"] else "no, at a bound",
+                values,
+            )
+        )
+    columns = ("effect", "family", "probability", "ΔBIC", "error left", "plausible", "fitted parameters")
+    sentence = in_words(diagnosis)
+    texts = [f"{sentence[:1].upper()}{sentence[1:]}; confidence {100 * diagnosis['confidence']:.0f} %."]
+    texts += [str(reason)[:1].upper() + str(reason)[1:] + "." for reason in diagnosis["reasons"]]
+    texts += [f"Not told apart by these data: {', '.join(family)}." for family in diagnosis["families"]]
+    texts += [_explained(str(name)) for name in diagnosis["effects"]]
+    texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
+    if not rows:
+        return Section("Diagnosis", tuple(texts))
+    others = len(diagnosis["candidates"]) - len(rows)
+    title = "Ranking: each single effect on top of the diagnosed model" + (f" ({others} worse ones not shown)" if others else "")
+    return Section(
+        "Diagnosis",
+        tuple(texts),
+        (Table(title, columns, tuple(rows)),),
+        (_picture("ranking", "Evidence of the single effects: how far each lies behind the best.", diagnosis),),
+    )
+
+
+def _title(effect: str) -> str:
+    """What an effect is; a stored diagnosis may speak of one that is not installed here."""
+    try:
+        return find_effect(effect).effect.title
+    except BadInput:
+        return "not in the catalogue of this installation"
+
+
+def _explained(name: str) -> str:
+    try:
+        effect = find_effect(name).effect
+    except BadInput:
+        return f"{name}: {_title(name)}."
+    return f"{name}: {effect.title}. Signature: {effect.signature}. Law: {effect.formula}. Source: {effect.source}."
+
+
+def _spectra(session: Session) -> Section:
+    rows = tuple(
+        (
+            s.detector,
+            f"{len(s)}",
+            show_band(float(s.frequency_hz[0]), float(s.frequency_hz[-1])),
+            show(s.resolution_bandwidth_hz, "Hz"),
+            f"{s.level_dbuv.max():.1f} dBuV at {show(float(s.frequency_hz[np.argmax(s.level_dbuv)]), 'Hz')}",
+            f"{int(s.overload.sum())}",
+        )
+        for s in session.spectra
+    )
+    columns = ("detector", "points", "span", "bandwidth", "highest level", "overloaded points")
+    picture = _picture("spectrum", "Conducted emission at the LISN.", session.spectra)
+    return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (Table("Spectra", columns, rows),), (picture,))
+
+
+def _identity(session: Session, session_sha256: str) -> Section:
+    start = session.start
+    ages = start.get("calibration_age_days") or {}
+    calibrated = [
+        f"{role} {day}" + (f" ({ages[role]} days before)" if role in ages else "") for role, day in (start.get("calibrated") or {}).items()
+    ]
+    facts = (
+        ("motor", str(start.get("motor") or "not named")),
+        ("operator", str(start.get("operator") or "not stated")),
+        ("bench", "simulated" if start.get("backend") == "sim" else str(start.get("backend") or "files that were imported")),
+        ("calibrated", ", ".join(calibrated) or "not stated"),
+        ("software", str(start.get("software", ""))),
+        ("begun (UTC)", str(start.get("time", ""))),
+        ("ended", session.status),
+        ("imported files", ", ".join(map(str, start.get("imported") or ())) or "-"),
+        ("SHA-256 over the hashes of the measured files", session_sha256),
+    )
+    tables = [Table("Session", ("what", "is"), facts)]
+    instruments = []
+    for document in session.documents:
+        if document["kind"] == "instrument":
+            identity = document.get("identity") or {}
+            who = " ".join(str(identity.get(key, "")) for key in ("vendor", "model"))
+            others = (identity.get("serial"), identity.get("firmware"), document.get("resource"))
+            instruments.append((str(document.get("role")), who, *map(str, others)))
+    if instruments:
+        tables.append(Table("Instruments", ("role", "instrument", "serial", "firmware", "resource"), tuple(instruments)))
+    measured = [d for d in session.documents if d["kind"] in ("sweep", "spectrum")]
+    sources = iter([str(s.metadata.get("source", "-")) for s in session.sweeps])
+    files = tuple(
+        (str(d.get("file")), next(sources, "-") if d["kind"] == "sweep" else "-", str(d.get("points")), str(d.get("sha256"))) for d in measured
+    )
+    if files:
+        tables.append(Table("Measured files", ("file", "came from", "points", "SHA-256"), files))
+    return Section("Identity", (), tuple(tables))
+
+
+def _procedure(session: Session) -> Section:
+    steps = planned_steps(session)
+    if not steps:
+        return Section("Procedure", ("No bench procedure: the data were brought in by other means.",))
+    rows = tuple((f"{number}", name, settings or "-", state) for number, name, settings, state in steps)
+    missed = frozenset(index for index, step in enumerate(steps) if step[3] in ("not begun", "not finished"))
+    return Section("Procedure", (), (Table("Steps", ("step", "does", "with", "state"), rows, missed),))
