@@ -6,7 +6,9 @@ import csv
 import io
 
 from motoremi.data.plain import to_page
-from motoremi.report.model import Report
+from motoremi.report.parts import Report
+
+COLUMNS = ("kind", "where", "name", "value", "unit", "sigma", "note")
 
 
 def render_json(report: Report) -> str:
@@ -15,17 +17,22 @@ def render_json(report: Report) -> str:
 
 
 def render_csv(report: Report) -> str:
-    """Parameters of every step, then the error per band: one table of kind, where, name, value, unit, sigma."""
+    """Parameters of every step, then the error per band, in one long table.
+
+    `sigma` is a number or empty; `note` says what the data do not determine, and the verdict of a band.
+    """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(("kind", "where", "name", "value", "unit", "sigma"))
+    writer.writerow(COLUMNS)
     for number, step in enumerate(report.data["ladder"]):
         for name, entry in step["parameters"].items():
-            sigma = entry["sigma"] if entry["determined"] else "not determined"
-            writer.writerow(("parameter", f"step {number}", name, repr(entry["value"]), entry["unit"], sigma))
-        writer.writerow(("error", f"step {number}", "rms_error", repr(step["rms_error_percent"]), "%", ""))
+            sigma = "" if entry["sigma"] is None else repr(entry["sigma"])
+            note = "held" if name in step["held"] else "" if entry["determined"] else "not determined"
+            writer.writerow(("parameter", f"step {number}", name, repr(entry["value"]), entry["unit"], sigma, note))
+        note = " + ".join(step["effects"]) or "paper's circuit"
+        writer.writerow(("error", f"step {number}", "rms_error_percent", repr(step["rms_error_percent"]), "%", "", note))
     for band in (report.data["comparison"] or {"bands": []})["bands"]:
         where = f"{band['sweep']} {band['band_hz'][0]:.9g}-{band['band_hz'][1]:.9g} Hz"
-        for name, unit in (("rms_error_percent", "%"), ("max_error_db", "dB"), ("max_phase_deg", "deg")):
-            writer.writerow(("band", where, name, repr(band[name]), unit, band["verdict"]))
+        for name, unit in (("rms_error_percent", "%"), ("max_error_percent", "%"), ("max_error_db", "dB"), ("max_phase_deg", "deg")):
+            writer.writerow(("band", where, name, repr(band[name]), unit, "", band["verdict"]))
     return buffer.getvalue()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from motoremi.report.data import render_csv, render_json
 from motoremi.report.html import render_html
 from motoremi.report.junit import render_junit
-from motoremi.report.model import Report
+from motoremi.report.parts import Report
 
 
 def render_all(report: Report) -> dict[str, bytes]:

@@ -43,8 +43,8 @@ def headline(materials: Materials) -> tuple[Line, ...]:
 
 def spans(where: Sequence[JsonDict], most: int = 3) -> str:
     """Where a model fails, in words."""
-    found = [f"{span['sweep']} {show_band(*span['band_hz'])} ({100 * span['share']:.0f} % of the squared error)" for span in where[:most]]
-    return "; ".join(found) or "nowhere beyond the uncertainty"
+    found = [f"{span['sweep']} {show_band(*span['band_hz'])} ({100 * span['share']:.0f} %)" for span in where[:most]]
+    return f"{'; '.join(found)} of the squared error" if found else "nowhere beyond the uncertainty"
 
 
 def in_words(diagnosis: JsonDict) -> str:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
+from motoremi.arrays import JsonDict
+from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
 from motoremi.quantities import show_band
-from motoremi.report.model import Report
+from motoremi.report.parts import Report
 
 # Characters that XML 1.0 does not allow at all, even escaped.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -15,39 +19,67 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 def render_junit(report: Report) -> str:
     """JUnit XML text."""
-    root = ElementTree.Element("testsuites", name="motoremi")
-    comparison, diagnosis = report.data["comparison"], report.data["diagnosis"]
-    bands = comparison["bands"] if comparison else []
-    for sweep in dict.fromkeys(band["sweep"] for band in bands):
-        own = [band for band in bands if band["sweep"] == sweep]
-        failures = sum(band["verdict"] == "fail" for band in own)
-        suite = ElementTree.SubElement(root, "testsuite", name=f"{sweep} sweep", tests=str(len(own)), failures=str(failures), skipped="0")
-        for band in own:
-            case = ElementTree.SubElement(suite, "testcase", classname=f"motoremi.{sweep}", name=show_band(*band["band_hz"]))
-            figures = f"rms {band['rms_error_percent']:.3g} %, max {band['max_error_db']:.3g} dB, {band['max_phase_deg']:.3g} deg"
-            if band["verdict"] == "fail":
-                spans = ", ".join(show_band(*span) for span in band["fails_hz"])
-                ElementTree.SubElement(case, "failure", message=_legal(f"{figures}; fails at {spans}"))
-            else:
-                ElementTree.SubElement(case, "system-out").text = _legal(figures)
-    suite = ElementTree.SubElement(
-        root, "testsuite", name="session", tests="2", failures="0", skipped=str((comparison is None) + (diagnosis is None))
-    )
-    properties = ElementTree.SubElement(suite, "properties")
-    for name in ("motor", "operator", "software", "session_sha256", "status"):
-        ElementTree.SubElement(properties, "property", name=name, value=_legal(str(report.data[name])))
-    case = ElementTree.SubElement(suite, "testcase", classname="motoremi.session", name="comparison")
-    if comparison is None:
-        ElementTree.SubElement(case, "skipped", message="the model was not compared with the measurement")
-    case = ElementTree.SubElement(suite, "testcase", classname="motoremi.session", name="diagnosis")
-    if diagnosis is None:
-        ElementTree.SubElement(case, "skipped", message="no diagnosis was made")
-    else:
-        lines = [f"verdict: {diagnosis['verdict']}", f"effects: {', '.join(diagnosis['effects'])}", *diagnosis["reasons"]]
-        ElementTree.SubElement(case, "system-out").text = _legal("\n".join(lines))
+    root = Element("testsuites", name="motoremi")
+    comparison = report.data["comparison"]
+    if comparison is not None:
+        for sweep in TERMINATIONS:
+            _sweep_suite(root, sweep, [band for band in comparison["bands"] if band["sweep"] == sweep])
+    _session_suite(root, report)
+    for suite in root:
+        _count(suite)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
+def _sweep_suite(root: Element, sweep: str, bands: Sequence[JsonDict]) -> None:
+    suite = SubElement(root, "testsuite", name=f"{sweep} sweep")
+    if not bands:
+        case = SubElement(suite, "testcase", classname=f"motoremi.{sweep}", name="all bands")
+        SubElement(case, "skipped", message=f"no {sweep} sweep was measured")
+    for band in bands:
+        case = SubElement(suite, "testcase", classname=f"motoremi.{sweep}", name=show_band(*band["band_hz"]))
+        figures = f"rms {band['rms_error_percent']:.3g} %, max {band['max_error_db']:.3g} dB, {band['max_phase_deg']:.3g} deg"
+        if band["verdict"] == "fail":
+            spans = ", ".join(show_band(*span) for span in band["fails_hz"])
+            SubElement(case, "failure", message=f"{figures}; fails at {spans}")
+        else:
+            SubElement(case, "system-out").text = figures
+
+
+def _session_suite(root: Element, report: Report) -> None:
+    """Who measured what, and the diagnosis: a cause is a finding, not a failure of its own."""
+    comparison, diagnosis = report.data["comparison"], report.data["diagnosis"]
+    suite = SubElement(root, "testsuite", name="session")
+    told = {name: report.data[name] for name in ("motor", "operator", "software", "session_sha256", "status")}
+    if diagnosis is not None:
+        told["diagnosis"] = diagnosis["verdict"]
+        told["effects"] = ", ".join(diagnosis["effects"])
+        told["confidence"] = f"{diagnosis['confidence']:.3g}"
+    _properties(suite, told)
+    case = SubElement(suite, "testcase", classname="motoremi.session", name="comparison")
+    if comparison is None:
+        SubElement(case, "skipped", message="the model was not compared with the measurement")
+    case = SubElement(suite, "testcase", classname="motoremi.session", name="diagnosis")
+    if diagnosis is None:
+        SubElement(case, "skipped", message="no diagnosis was made")
+    else:
+        lines = [f"verdict: {diagnosis['verdict']}", f"effects: {', '.join(diagnosis['effects'])}", *diagnosis["reasons"]]
+        SubElement(case, "system-out").text = "\n".join(_legal(str(line)) for line in lines)
+    if report.warnings:
+        SubElement(suite, "system-out").text = "\n".join(_legal(warning) for warning in report.warnings)
+
+
+def _properties(suite: Element, values: Mapping[str, object]) -> None:
+    properties = SubElement(suite, "properties")
+    for name, value in values.items():
+        SubElement(properties, "property", name=name, value=_legal(str(value)))
+
+
+def _count(suite: Element) -> None:
+    for name, tag in (("tests", "testcase"), ("failures", ".//failure"), ("skipped", ".//skipped")):
+        suite.set(name, str(len(suite.findall(tag))))
+    suite.set("errors", "0")
+
+
 def _legal(text: str) -> str:
-    return _ILLEGAL.sub("?", "\n".join(clean_text(line) for line in text.split("\n")))
+    return _ILLEGAL.sub("?", clean_text(text))

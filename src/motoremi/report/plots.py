@@ -1,101 +1,97 @@
 """Plots as a bench engineer draws them: log frequency, dB and degrees, the uncertainty as a band, the error under the curve.
 
-Matplotlib is heavy, so it is imported when a plot is asked for. Colours are Okabe and Ito's; line styles differ as well, for grey prints.
+Matplotlib is heavy, so it is imported when a plot is asked for.
 """
 
 from __future__ import annotations
 
-import io
-import re
+import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
-from motoremi.diagnosis.compare import Comparison
+from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
+from motoremi.quantities import show
+from motoremi.report.axes import (
+    BAND_GREY,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    frequency_axis,
+    grid,
+    legend_above,
+    literal,
+    log_values,
+    panels,
+)
+from motoremi.report.svg import to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
+__all__ = [
+    "comparison_figure",
+    "fit_figure",
+    "ladder_figure",
+    "ranking_figure",
+    "spectrum_figure",
+    "sweeps_figure",
+    "to_svg",
+    "training_figure",
+]
+
 TITLES = {"short": "short-circuit sweep (winding)", "open": "open-circuit sweep (terminal to frame)"}
-
-
-def _figure(width: float, height: float, rows: int, columns: int, **grid: Any) -> tuple[Figure, Any]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid or None)
-
-
-def _log_frequency(axes: Axes, label: bool = True) -> None:
-    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-    axes.xaxis.set_major_formatter(EngFormatter(sep=" "))
-    axes.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(2, 10))))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.grid(True, which="major", color="#cccccc", linewidth=0.6)
-    axes.grid(True, which="minor", color="#eeeeee", linewidth=0.4)
-    if label:
-        axes.set_xlabel("frequency (Hz)")
-
-
-def _resonances(frequency_hz: FloatArray, magnitude: FloatArray) -> list[int]:
-    """Indices of the clear maxima and minima of |Z|."""
-    from scipy.signal import find_peaks
-
-    level = 20 * np.log10(magnitude)
-    found = np.concatenate([find_peaks(level, prominence=3)[0], find_peaks(-level, prominence=3)[0]])
-    return sorted(int(index) for index in found)
+UNCERTAINTY = "expanded uncertainty (k = 2)"
+MOST_CANDIDATES = 10
+# Below odds of 30 to 1 two candidates count as one family: 2 ln(1/0.03).
+TOLD_APART = 7.0
 
 
 def sweeps_figure(base: Fit, best: Fit) -> Figure:
     """Both sweeps: measured, the base model, and the model with its effects; the error in percent below."""
-    from matplotlib.ticker import EngFormatter
-
     sweeps = base.measurement.sweeps
-    figure, axes = _figure(5.2 * len(sweeps), 6.6, 3, len(sweeps), height_ratios=(3, 2, 2))
-    models = [(base, "paper's circuit" if not base.effects else " + ".join(base.effects), VERMILION, "--")]
+    figure, axes = panels(5.0 * len(sweeps), 6.6, 3, len(sweeps), height_ratios=(3, 2, 2))
+    models = [(base, "paper's circuit" + "".join(f" + {effect}" for effect in base.effects), VERMILION, "--")]
     if best.effects != base.effects:
         models.append((best, "with " + " + ".join(best.effects), BLUE, "-"))
-    for column, (sweep, noise) in enumerate(zip(sweeps, base.measurement.noise, strict=True)):
+    uncertainty = {sweep: curve.uncertainty_percent for sweep, curve in compare(base).curves.items()}
+    errors = [fit.errors() for fit, *_ in models]
+    for column, sweep in enumerate(sweeps):
         frequency, measured = sweep.frequency_hz, sweep.mean_ohm
-        systematic = base.measurement.analyser.uncertainty(frequency, measured)
-        expanded = 200 * np.sqrt(2 * noise.sigma**2 + systematic**2)
+        magnitude, phase = np.abs(measured), np.degrees(np.angle(measured))
+        expanded = uncertainty[sweep.termination]
         top, middle, bottom = axes[:, column]
-        top.loglog(frequency, np.abs(measured), color=BLACK, linewidth=2.4, alpha=0.45, label=f"measured, mean of {sweep.repeats}")
-        middle.plot(frequency, np.degrees(np.angle(measured)), color=BLACK, linewidth=2.4, alpha=0.45)
-        for fit, name, colour, style in models:
+        top.fill_between(frequency, magnitude * (1 - np.minimum(expanded, 99) / 100), magnitude * (1 + expanded / 100), color=GREY, alpha=0.5)
+        top.plot(frequency, magnitude, color=BLACK, linewidth=3.0, alpha=0.35, label=f"measured, mean of {sweep.repeats}")
+        middle.plot(frequency, phase, color=BLACK, linewidth=3.0, alpha=0.35)
+        for (fit, name, colour, style), error in zip(models, errors, strict=True):
             modelled = fit.model_ohm(sweep.termination)
             top.plot(frequency, np.abs(modelled), style, color=colour, linewidth=1.2, label=name)
             middle.plot(frequency, np.degrees(np.angle(modelled)), style, color=colour, linewidth=1.2)
-            bottom.loglog(frequency, 100 * np.abs(fit.errors()[sweep.termination]), style, color=colour, linewidth=1.0)
-        for index in _resonances(frequency, np.abs(measured)):
-            top.annotate(
-                EngFormatter(places=2, sep=" ")(frequency[index]) + "Hz",
-                (frequency[index], np.abs(measured[index])),
-                textcoords="offset points",
-                xytext=(4, 4),
-                fontsize=7,
-            )
-        bottom.fill_between(frequency, 1e-4, expanded, color="#bbbbbb", alpha=0.5, label="expanded uncertainty (k = 2)")
-        bottom.set_ylim(bottom=1e-3)
+            bottom.plot(frequency, 100 * np.abs(error[sweep.termination]), style, color=colour, linewidth=1.0)
+        log_values(top, prefixes=True)
+        _mark_resonances(top, frequency, magnitude)
+        bottom.fill_between(frequency, 1e-6, expanded, color=GREY, alpha=0.5, linewidth=0, label=UNCERTAINTY)
+        log_values(bottom)
+        bottom.set_ylim(bottom=0.1 * base.floor_percent)
         top.set_title(TITLES[sweep.termination], fontsize=10)
         top.set_ylabel("|Z| (Ω)")
-        top.yaxis.set_major_formatter(EngFormatter(sep=" "))
         middle.set_ylabel("phase (deg)")
         middle.set_yticks((-90, -45, 0, 45, 90))
         bottom.set_ylabel("error (%)")
-        for row, panel in enumerate((top, middle, bottom)):
-            _log_frequency(panel, label=row == 2)
-        top.legend(fontsize=7, loc="best")
-        bottom.legend(fontsize=7, loc="best")
+        for panel in (top, middle, bottom):
+            frequency_axis(panel, frequency, label=panel is bottom)
+    legend_above(figure, axes[0, 0], axes[2, 0])
     return figure
 
 
@@ -104,112 +100,164 @@ def fit_figure(fit: Fit) -> Figure:
     return sweeps_figure(fit, fit)
 
 
+def _mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> None:
+    """Name the frequencies of the clear maxima and minima of |Z|."""
+    from scipy.signal import find_peaks
+
+    level = 20 * np.log10(magnitude_ohm)
+    for sign, marker, above in ((1, "v", True), (-1, "^", False)):
+        for index in find_peaks(sign * level, prominence=3)[0]:
+            place = (frequency_hz[index], magnitude_ohm[index])
+            axes.plot(*place, marker, color=BLACK, markersize=4)
+            axes.annotate(
+                show(float(frequency_hz[index]), "Hz", 3),
+                place,
+                textcoords="offset points",
+                xytext=(6, 0) if above else (0, -5),
+                ha="left" if above else "center",
+                va="bottom" if above else "top",
+                fontsize=8,
+            )
+    # Room for the names.
+    low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
+    axes.set_ylim(low / 2, high * 2.5)
+
+
 def comparison_figure(comparison: Comparison) -> Figure:
-    """Error of magnitude and phase over frequency against the uncertainty; points that fail are marked."""
-    figure, axes = _figure(5.2 * len(comparison.curves), 5.4, 3, len(comparison.curves))
+    """Error, and its magnitude and phase, over frequency against uncertainty and tolerance; bands shaded, points that fail marked."""
+    figure, axes = panels(5.0 * len(comparison.curves), 5.8, 3, len(comparison.curves))
+    tolerance = comparison.tolerance
     for column, (sweep, curve) in enumerate(comparison.curves.items()):
-        tolerance = comparison.tolerance
         expanded = curve.uncertainty_percent
-        panels = (
+        rows = (
             ("error (%)", curve.error_percent, expanded, tolerance.error_percent),
             ("magnitude error (dB)", np.abs(curve.magnitude_db), 20 * np.log10(1 + expanded / 100), tolerance.magnitude_db),
             ("phase error (deg)", np.abs(curve.phase_deg), np.degrees(expanded / 100), tolerance.phase_deg),
         )
-        for row, (label, error, uncertainty, limit) in enumerate(panels):
-            panel = axes[row, column]
-            panel.loglog(curve.frequency_hz, np.maximum(error, 1e-6), color=BLUE, linewidth=1.0)
-            panel.fill_between(curve.frequency_hz, 1e-6, uncertainty, color="#bbbbbb", alpha=0.5, label="expanded uncertainty (k = 2)")
-            panel.plot(curve.frequency_hz[curve.fails], error[curve.fails], ".", color=VERMILION, markersize=4, label="fails")
+        for panel, (label, error, uncertainty, limit) in zip(axes[:, column], rows, strict=True):
+            shown = np.maximum(error, 1e-9)
+            panel.fill_between(curve.frequency_hz, 1e-9, uncertainty, color=GREY, alpha=0.5, linewidth=0, label=UNCERTAINTY)
+            panel.plot(curve.frequency_hz, shown, color=BLUE, linewidth=1.0, label="error of the model")
+            if curve.fails.any():
+                panel.plot(curve.frequency_hz[curve.fails], shown[curve.fails], "x", color=VERMILION, markersize=4, label="fails")
             if limit is not None:
-                panel.axhline(limit, color=GREEN, linestyle="-.", linewidth=1.2, label=f"tolerance {limit:g}")
-            panel.set_ylim(bottom=max(1e-5, 0.1 * float(np.median(np.maximum(error, 1e-5)))))
+                panel.axhline(limit, color=GREEN, linestyle="-.", linewidth=1.4, label=f"tolerance {limit:g} {label.split()[-1].strip('()')}")
+            log_values(panel)
+            panel.set_ylim(bottom=0.1 * float(np.median(shown)), top=6 * max(float(shown.max()), float(uncertainty.max()), limit or 0.0))
             panel.set_ylabel(label)
-            _log_frequency(panel, label=row == 2)
+            frequency_axis(panel, curve.frequency_hz, label=panel is axes[-1, column])
+        _shade_bands(axes[:, column], [band for band in comparison.bands if band["sweep"] == sweep])
         axes[0, column].set_title(TITLES[sweep], fontsize=10)
-        axes[0, column].legend(fontsize=7)
+    legend_above(figure, *axes.flat)
     return figure
+
+
+def _shade_bands(column: Sequence[Axes], bands: Sequence[JsonDict]) -> None:
+    """Every other band grey; the verdict of each at the top."""
+    for number, band in enumerate(bands):
+        low, high = band["band_hz"]
+        for panel in column:
+            if number % 2:
+                panel.axvspan(low, high, color=BAND_GREY, zorder=0)
+        failed = band["verdict"] == "fail"
+        column[0].annotate(
+            band["verdict"].upper() if failed else band["verdict"],
+            (float(np.sqrt(low * high)), 0.97),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="top",
+            fontsize=8,
+            color=VERMILION if failed else BLACK,
+            weight="bold" if failed else "normal",
+        )
 
 
 def training_figure(fit: Fit) -> Figure:
     """The training curve: rms deviation over evaluations of the model."""
     from matplotlib.ticker import EngFormatter
 
-    figure, axes = _figure(5.2, 2.8, 1, 1)
+    figure, axes = panels(5.0, 3.0)
     panel = axes[0, 0]
     count = [point["evaluations"] for point in fit.history]
-    deviation = np.minimum.accumulate([point["rms_deviation_percent"] for point in fit.history])
-    panel.step(count, deviation, where="post", color=BLUE, marker="." if len(count) < 60 else "", label="best so far")
-    panel.axhline(fit.floor_percent, color=GREEN, linestyle="-.", linewidth=1.2, label="random noise")
-    panel.set_yscale("log")
+    deviation = [point["rms_deviation_percent"] for point in fit.history]
+    panel.plot(count, deviation, "o", color=GREY, markersize=3, label="best of the round")
+    panel.step(count, np.minimum.accumulate(deviation), where="post", color=BLUE, label="best so far")
+    panel.axhline(fit.floor_percent, color=GREEN, linestyle="-.", linewidth=1.2, label="noise floor")
+    log_values(panel)
     panel.xaxis.set_major_formatter(EngFormatter(sep=" "))
     panel.set_xlabel("evaluations of the model")
     panel.set_ylabel("rms deviation (%)")
-    panel.grid(True, which="both", color="#eeeeee")
-    panel.legend(fontsize=7)
+    grid(panel)
+    legend_above(figure, panel)
     return figure
 
 
 def ladder_figure(steps: Sequence[Fit]) -> Figure:
     """The error falling step by step, with the noise floor."""
-    figure, axes = _figure(5.2, 2.8, 1, 1)
+    figure, axes = panels(max(5.0, 1.8 * len(steps)), 3.0)
     panel = axes[0, 0]
     errors = [step.rms_error_percent for step in steps]
     names = ["paper's circuit", *(f"+ {step.effects[-1]}" for step in steps[1:])]
-    bars = panel.bar(range(len(errors)), errors, color=[VERMILION, *[BLUE] * (len(errors) - 1)], width=0.55)
-    for bar, error in zip(bars, errors, strict=True):
-        panel.annotate(f"{error:.3g} %", (bar.get_x() + bar.get_width() / 2, error), ha="center", va="bottom", fontsize=8)
-    panel.axhline(steps[-1].floor_percent, color=GREEN, linestyle="-.", linewidth=1.2, label="noise floor")
-    panel.set_yscale("log")
-    panel.set_ylim(0.4 * min(*errors, steps[-1].floor_percent), 3 * max(errors))
+    panel.plot(range(len(errors)), errors, "o-", color=BLUE, label="error of the model (rms)")
+    for number, error in enumerate(errors):
+        panel.annotate(f"{error:.3g} %", (number, error), textcoords="offset points", xytext=(7, 4), ha="left", fontsize=9)
+    floor = steps[-1].floor_percent
+    panel.axhline(floor, color=GREEN, linestyle="-.", linewidth=1.2, label=f"noise floor {floor:.2g} %")
+    log_values(panel)
+    panel.set_xlim(-0.4, len(errors) - 0.4)
+    panel.set_ylim(0.4 * min(*errors, floor), 4 * max(errors))
     panel.set_xticks(range(len(errors)), names, fontsize=8)
     panel.set_ylabel("rms error (%)")
-    panel.legend(fontsize=7)
+    grid(panel)
+    legend_above(figure, panel)
     return figure
 
 
 def ranking_figure(diagnosis: JsonDict) -> Figure:
     """Candidates by evidence: how far each lies behind the best."""
-    candidates = diagnosis["candidates"][:10]
-    figure, axes = _figure(6.4, 0.9 + 0.27 * max(3, len(candidates)), 1, 1)
+    from matplotlib.patches import Patch
+
+    candidates = diagnosis["candidates"][:MOST_CANDIDATES]
+    figure, axes = panels(7.5, 1.3 + 0.28 * max(3, len(candidates)))
     panel = axes[0, 0]
     named = set(diagnosis["effects"])
     kin = {name for family in diagnosis["families"] for name in family} - named
-    colours = [BLUE if c["effect"] in named else SKY if c["effect"] in kin else "#bbbbbb" for c in candidates]
+    looks = {"named": (BLUE, ""), "not told apart from it": (SKY, "//"), "other": (GREY, "")}
+    kinds = ["named" if c["effect"] in named else "not told apart from it" if c["effect"] in kin else "other" for c in candidates]
     behind = [max(float(c["delta_bic"]), 0.0) + 1 for c in candidates]
-    panel.barh(range(len(candidates)), behind, color=colours, height=0.6)
+    for row, (candidate, kind) in enumerate(zip(candidates, kinds, strict=True)):
+        colour, hatch = looks[kind]
+        panel.barh(row, behind[row], color=colour, hatch=hatch, edgecolor="white", height=0.65)
+        bound = "" if candidate["plausible"] else ", at a bound"
+        text = f" leaves {candidate['rms_error_percent']:.3g} %{bound}"
+        panel.annotate(text, (behind[row], row), va="center", fontsize=8)
+    panel.axvline(1 + TOLD_APART, color=BLACK, linestyle=":", linewidth=1)
     panel.set_xscale("log")
-    panel.set_xlim(0.8, 3 * max([*behind, 10]))
-    panel.invert_yaxis()
-    panel.set_yticks(range(len(candidates)), [c["effect"] for c in candidates], fontsize=8)
-    for row, candidate in enumerate(candidates):
-        text = f"  χ² {candidate['chi2_reduced']:.3g}" + ("" if candidate["plausible"] else ", at a bound")
-        panel.annotate(text, (behind[row], row), va="center", fontsize=7)
-    panel.set_xlabel("1 + ΔBIC to the best (less is better); dark: named, light: not told apart from it")
+    # A third more on the log axis holds the text after the longest bar.
+    panel.set_xlim(0.8, 3 * max([*behind, 10]) ** 1.4)
+    panel.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
+    panel.set_yticks(range(len(candidates)), [literal(str(c["effect"])) for c in candidates], fontsize=8)
+    panel.set_xlabel("1 + ΔBIC to the best: less is better, beyond the dotted line the data tell them apart")
+    handles = [Patch(facecolor=looks[kind][0], hatch=looks[kind][1], edgecolor="white", label=kind) for kind in looks if kind in kinds]
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
     return figure
 
 
 def spectrum_figure(spectra: Sequence[Spectrum]) -> Figure:
-    """Level over frequency for each detector."""
-    figure, axes = _figure(7.2, 3.2, 1, 1)
+    """Level over frequency for each detector; repeats of one detector look alike."""
+    figure, axes = panels(9.0, 3.6)
     panel = axes[0, 0]
-    for spectrum, colour, style in zip(spectra, (BLUE, ORANGE, GREEN, PURPLE, BLACK) * len(spectra), ("-", "--", "-.", ":") * len(spectra)):  # noqa: B905
-        panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=spectrum.detector)
-        panel.plot(spectrum.frequency_hz[spectrum.overload], spectrum.level_dbuv[spectrum.overload], "x", color=VERMILION)
+    detectors = dict.fromkeys(spectrum.detector for spectrum in spectra)
+    looks = dict(zip(detectors, itertools.cycle(((BLUE, "-"), (ORANGE, "--"), (PURPLE, "-."), (BLACK, ":"))), strict=False))
+    for spectrum in spectra:
+        colour, style = looks[spectrum.detector]
+        bandwidth = show(spectrum.resolution_bandwidth_hz, "Hz")
+        panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=f"{spectrum.detector}, {bandwidth}")
+        if spectrum.overload.any():
+            marked = spectrum.overload
+            panel.plot(spectrum.frequency_hz[marked], spectrum.level_dbuv[marked], "x", color=VERMILION, label="receiver overloaded: not judged")
     panel.set_ylabel("level (dBµV)")
-    _log_frequency(panel)
-    panel.legend(fontsize=7)
+    ends = np.array([min(s.frequency_hz[0] for s in spectra), max(s.frequency_hz[-1] for s in spectra)])
+    frequency_axis(panel, ends)
+    legend_above(figure, panel)
     return figure
-
-
-def to_svg(figure: Figure, name: str) -> str:
-    """An SVG element to put into a page: same figure, same bytes; ids are unique by `name`."""
-    import matplotlib
-
-    buffer = io.BytesIO()
-    # A fixed salt makes ids, and so the bytes, reproducible; text stays text, which is small and can be searched.
-    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none", "path.simplify": True}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue().decode("utf-8")
-    text = text[text.index("<svg") :]
-    text = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{name}-", text)
-    return re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL).replace("<svg", f'<svg role="img" aria-label="{name}"', 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,13 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show, show_band
+from motoremi.report import plots
 from motoremi.report.gaps import planned_steps
 from motoremi.report.headline import in_words, spans, tolerance
 from motoremi.report.parts import Materials, Picture, Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NOISE_SOURCES = {
     "repeats": "the repeats",
@@ -33,6 +38,8 @@ ELEMENTS = {
     "Cf": "capacitance winding to frame",
 }
 MOST_CANDIDATES = 10
+# A residual beyond this is more likely a model that bends the fixture to its needs.
+BELIEVABLE_SIGMAS = 3.0
 
 
 def all_sections(materials: Materials, session_sha256: str) -> tuple[Section, ...]:
@@ -55,12 +62,8 @@ def _sections(materials: Materials, session_sha256: str) -> Iterator[Section]:
     yield _procedure(materials.session)
 
 
-def _picture(what: str, caption: str, *of: object) -> Picture:
-    """The plot `<what>_figure` of some results."""
-    # Matplotlib takes a second to load; who only imports the report need not wait for it.
-    from motoremi.report import plots
-
-    return Picture(plots.to_svg(getattr(plots, f"{what}_figure")(*of), what, caption), caption)
+def _picture(name: str, figure: Figure, caption: str) -> Picture:
+    return Picture(plots.to_svg(figure, name, caption), caption)
 
 
 def _sweeps(materials: Materials) -> Section:
@@ -86,7 +89,7 @@ def _sweeps(materials: Materials) -> Section:
     if not steps:
         return Section("Sweeps", tuple(measurement.caveats()), (table,))
     caption = "Measured impedance, the paper's circuit, and the model that stands; below, the error against the uncertainty."
-    return Section("Sweeps and model", (), (table,), (_picture("sweeps", caption, steps[0], steps[-1]),))
+    return Section("Sweeps and model", (), (table,), (_picture("sweeps", plots.sweeps_figure(steps[0], steps[-1]), caption),))
 
 
 def _fit(steps: tuple[Fit, ...]) -> Section:
@@ -105,7 +108,7 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
     if last.nuisance:
         tables.append(_residuals(last))
     caption = f"Training curve of the base fit ({steps[0].method}): the best of each round, and the best so far."
-    pictures = (_picture("training", caption, steps[0]),) if steps[0].history else ()
+    pictures = (_picture("training", plots.training_figure(steps[0]), caption),) if steps[0].history else ()
     return Section("Fit", tuple(texts), tuple(tables), pictures)
 
 
@@ -127,9 +130,11 @@ def _parameters(steps: tuple[Fit, ...]) -> Table:
 
 def _residuals(fit: Fit) -> Table:
     known = {p.name: p for p in fit.problem.everything}
-    rows = []
-    for name, value in fit.nuisance.items():
+    rows, marked = [], set()
+    for index, (name, value) in enumerate(fit.nuisance.items()):
         sigma = known[name].sigma
+        if sigma and abs(value) > BELIEVABLE_SIGMAS * sigma:
+            marked.add(index)
         # The conductance has no unit of its own: it is fitted in multiples of its specification.
         written = "-" if known[name].unit == "1" else show(value, known[name].unit, 2)
         rows.append((name, written, f"{value / sigma:+.2g}" if sigma else "-"))
@@ -137,6 +142,7 @@ def _residuals(fit: Fit) -> Table:
         "What the fixture's compensation is believed to have left",
         ("residual", "value", "in standard deviations of its specification"),
         tuple(rows),
+        frozenset(marked),
     )
 
 
@@ -156,7 +162,7 @@ def _ladder(steps: tuple[Fit, ...]) -> Section:
         )
     columns = ("model", "rms error before", "rms error after", "rms magnitude", "error over noise floor", "chi2_reduced")
     text = f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."
-    picture = _picture("ladder", "The error at each step of the ladder.", steps)
+    picture = _picture("ladder", plots.ladder_figure(steps), "The error at each step of the ladder.")
     return Section("Ladder", (text,), (Table("Models", columns, tuple(rows)),), (picture,))
 
 
@@ -184,7 +190,7 @@ def _comparison(comparison: Comparison) -> Section:
         f"Model: {' + '.join(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
         "A point fails if it is beyond the tolerance and beyond the expanded uncertainty of the measurement (k = 2).",
     )
-    picture = _picture("comparison", "Error of the model that stands, against uncertainty and tolerance.", comparison)
+    picture = _picture("comparison", plots.comparison_figure(comparison), "Error of the model that stands, against uncertainty and tolerance.")
     return Section("Model against measurement", texts, (Table("Bands", columns, tuple(rows), frozenset(failed)),), (picture,))
 
 
@@ -221,7 +227,7 @@ def _diagnosis(diagnosis: JsonDict) -> Section:
         "Diagnosis",
         tuple(texts),
         (Table(title, columns, tuple(rows)),),
-        (_picture("ranking", "Evidence of the single effects: how far each lies behind the best.", diagnosis),),
+        (_picture("ranking", plots.ranking_figure(diagnosis), "Evidence of the single effects: how far each lies behind the best."),),
     )
 
 
@@ -254,7 +260,7 @@ def _spectra(session: Session) -> Section:
         for s in session.spectra
     )
     columns = ("detector", "points", "span", "bandwidth", "highest level", "overloaded points")
-    picture = _picture("spectrum", "Conducted emission at the LISN.", session.spectra)
+    picture = _picture("spectrum", plots.spectrum_figure(session.spectra), "Conducted emission at the LISN.")
     return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (Table("Spectra", columns, rows),), (picture,))
 
 

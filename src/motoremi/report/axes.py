@@ -1,0 +1,74 @@
+"""Axes as a bench engineer reads them: log frequency in Hz with k and M, plain numbers, a grid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, which all kinds of colour vision tell apart; line styles differ as well, for grey prints.
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
+GREY, BAND_GREY = "#bbbbbb", "#f1f1f1"
+
+
+def panels(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Figure, Any]:
+    """A figure (size in inches) and its axes in rows and columns; panels above each other share their frequencies."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex="col" if rows > 1 else False, gridspec_kw=grid or None)
+
+
+def frequency_axis(axes: Axes, frequency_hz: FloatArray, label: bool = True) -> None:
+    """A logarithmic frequency axis, with a number at both ends and at every decade."""
+    from matplotlib.ticker import EngFormatter, FixedLocator, FuncFormatter, LogLocator, NullFormatter
+
+    engineering = EngFormatter(sep=" ")
+    low, high = float(frequency_hz[0]), float(frequency_hz[-1])
+    decades = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 1)
+    # Threes help where the decades are few; numbers closer than a factor of 1.5 would overlap.
+    between = 3 * decades if np.log10(high / low) < 4 else np.array([])
+    ends = np.array([low, high])
+    inner = [f for f in sorted([*decades, *between]) if np.all(np.abs(np.log(f / ends)) > np.log(1.5)) and low < f < high]
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(FixedLocator([low, *inner, high]))
+    # A receiver's last step may end at 29.9985 MHz: three digits are enough on an axis.
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: engineering(float(f"{value:.3g}"))))
+    axes.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(1, 10))))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    grid(axes)
+    if label:
+        axes.set_xlabel("frequency (Hz)")
+
+
+def log_values(axes: Axes, prefixes: bool = False) -> None:
+    """A logarithmic axis with 0.01, 0.1, 1, 10 in place of powers; with `prefixes`, 1 k and 10 k for large values."""
+    from matplotlib.ticker import EngFormatter, FuncFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(EngFormatter(sep=" ") if prefixes else FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def grid(axes: Axes) -> None:
+    """A grid that stays behind the curves."""
+    axes.set_axisbelow(True)
+    axes.grid(True, which="major", color="#cccccc", linewidth=0.6)
+    axes.grid(True, which="minor", axis="x", color="#eeeeee", linewidth=0.4)
+
+
+def legend_above(figure: Figure, *sources: Axes) -> None:
+    """One legend for the whole figure, where it hides no curve."""
+    entries = {label: handle for axes in sources for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=min(4, len(entries)), fontsize=8, frameon=False)
+
+
+def literal(text: str) -> str:
+    """Text from outside: matplotlib would read `$...$` as a formula."""
+    return text.replace("$", r"\$")

@@ -1,0 +1,46 @@
+"""A matplotlib figure as an SVG element to put into a page."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Matplotlib's settings are global: two threads of the workbench must not change them at once.
+_settings = threading.Lock()
+_GEOMETRY = re.compile(r'\b(?:d|x|y|transform|points)="[^"]*"')
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+
+
+def to_svg(figure: Figure, name: str, label: str = "") -> str:
+    """An SVG element: same figure, same bytes.
+
+    Parameters
+    ----------
+    figure : Figure
+    name : str
+        Makes its identifiers unique within a page; letters and `-`.
+    label : str
+        What it shows, for those who cannot see it; the name by default.
+    """
+    import matplotlib
+
+    buffer = io.BytesIO()
+    # A fixed salt makes identifiers, and so the bytes, reproducible; text stays text, which is small and can be searched.
+    with _settings, matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none", "path.simplify": True}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue().decode("utf-8")
+    # The XML prolog and the document type, which points outside, have no place within a page.
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    # Nothing refers to groups; what is referred to gets a name of its own on the page.
+    text = re.sub(r'<g id="[^"]*"', "<g", text)
+    text = re.sub(r'(<[^<>]*\bid="|url\(#|xlink:href="#)', rf"\g<1>{name}-", text)
+    # A hundredth of a point cannot be seen and makes up half of the file.
+    text = _GEOMETRY.sub(lambda found: _LONG_NUMBER.sub(lambda number: f"{float(number.group()):.2f}", found.group()), text)
+    return text.replace("<svg", f'<svg role="img" aria-label="{html.escape(label or name)}"', 1)
