@@ -173,7 +173,7 @@ def test_single_sweep_gets_its_noise_from_its_scatter_and_says_so():
     measurement = Measurement.of(noisy(DAMPED, 2e-3, 4))
     for noise in measurement.noise:
         assert noise.source == "scatter"
-        assert 0.7 < np.median(noise.sigma) / (1.5 * 2e-3) < 1.4
+        assert 0.7 < np.median(noise.sigma) / 2e-3 < 1.4
     assert any("only one short sweep" in remark for remark in measurement.caveats())
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
-from motoremi.data.noise import Noise, estimate_noise
+from motoremi.data.noise import SCATTER_DOUBT, Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
 
 
@@ -54,13 +54,18 @@ class Measurement:
         sigma: FloatArray = np.concatenate([noise.sigma for noise in self.noise])
         return float(100 * np.sqrt(np.mean(2 * sigma**2)))
 
+    @property
+    def doubt(self) -> float:
+        """Factor by which the variance of the noise may be larger than estimated: 1 where repeats or the user vouch for it."""
+        return SCATTER_DOUBT if any(noise.source == "scatter" for noise in self.noise) else 1.0
+
     def caveats(self) -> list[str]:
         """What a reader has to know about the noise and the sweeps, in words."""
         remarks = []
         for sweep, noise in zip(self.sweeps, self.noise, strict=True):
             if noise.source == "scatter":
                 remarks.append(
-                    f"only one {sweep.termination} sweep: its noise is taken from its own scatter (an upper bound); repeat it three times"
+                    f"only one {sweep.termination} sweep: its noise is taken from its own scatter, which misses slow drift; repeat it three times"
                 )
         if len(self.sweeps) == 1:
             missing = "open" if self.terminations == ("short",) else "short"

@@ -20,8 +20,8 @@ NoiseSource: TypeAlias = Literal["repeats", "stated", "scatter"]
 # The quietest export of a 4294A that we know scatters by 6e-5; files carry 6 or 7 digits. Below this no noise is believed.
 SMALLEST_SIGMA = 1e-5
 # Scatter from point to point misses what wanders more slowly; in the native 4294A export that we have, an R-L load, the residuals of
-# a good fit are 1.4 times the scatter.
-WANDER = 1.5
+# a good fit are 1.4 times the scatter. So its variance may be short by this factor.
+SCATTER_DOUBT = 1.5**2
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def estimate_noise(sweep: RepeatedSweep) -> Noise:
         return Noise(_from_repeats(sweep) / np.sqrt(sweep.repeats), "repeats")
     if sweep.sigma_relative is not None:
         return Noise(np.maximum(sweep.sigma_relative, SMALLEST_SIGMA), "stated")
-    return Noise(WANDER * _from_scatter(sweep.frequency_hz, sweep.impedance_ohm[0]), "scatter")
+    return Noise(_from_scatter(sweep.frequency_hz, sweep.impedance_ohm[0]), "scatter")
 
 
 def _from_repeats(sweep: RepeatedSweep) -> FloatArray:

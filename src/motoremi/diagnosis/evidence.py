@@ -84,7 +84,7 @@ def is_good(fit: Fit) -> bool:
 
 
 def effective_share(fit: Fit) -> float:
-    """Share of the points that count as independent: 1 for white residuals, less where they wander along frequency.
+    """Share of the points that count as independent: 1 for white residuals, less where they wander along frequency or noise is in doubt.
 
     The integrated autocorrelation of the whitened residuals, summed until it drowns in its own scatter. Without it a fraction of a
     percent of drift in the analyser would pass for overwhelming evidence.
@@ -98,7 +98,7 @@ def effective_share(fit: Fit) -> float:
         if correlation < noise:
             break
         total += correlation
-    return 1 / (1 + 2 * total)
+    return 1 / (1 + 2 * total) / fit.measurement.doubt
 
 
 def at_bound(fit: Fit, effect: str) -> tuple[str, ...]:

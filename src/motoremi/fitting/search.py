@@ -73,9 +73,9 @@ class Found:
 def good_enough(problem: Problem) -> float:
     """An objective that only the right valley reaches.
 
-    Five standard deviations above its expectation, with the noise itself uncertain by 10 %.
+    Five standard deviations above its expectation, with the noise itself uncertain by 10 %, or more where only scatter tells it.
     """
-    return problem.degrees_of_freedom * (1.1 + 5 * float(np.sqrt(2 / problem.degrees_of_freedom)))
+    return problem.measurement.doubt * problem.degrees_of_freedom * (1.1 + 5 * float(np.sqrt(2 / problem.degrees_of_freedom)))
 
 
 def surely_right(problem: Problem) -> float:
