@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motoremi.arrays import FloatArray
+from motoremi.data.text import clean_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 # Okabe and Ito's colours, which all kinds of colour vision tell apart; line styles differ as well, for grey prints.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
 GREY, BAND_GREY = "#bbbbbb", "#f1f1f1"
+LONGEST_LABEL = 60
 
 
 def panels(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Figure, Any]:
@@ -70,5 +72,5 @@ def legend_above(figure: Figure, *sources: Axes) -> None:
 
 
 def literal(text: str) -> str:
-    """Text from outside: matplotlib would read `$...$` as a formula."""
-    return text.replace("$", r"\$")
+    """Text from outside, controls written out; matplotlib would read `$...$` as a formula."""
+    return clean_text(text, LONGEST_LABEL).replace("$", r"\$")
