@@ -34,6 +34,7 @@ lint: install
 	$(BIN)/mypy src instruments procedures sim_profiles
 
 bench: install
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'cma>=3.3' 'lmfit>=1.3'
 	$(BIN)/python -m benchmarks
 
 clean:

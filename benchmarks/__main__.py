@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import os
-import time
-
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
-
 import resource
+import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -18,9 +13,8 @@ import numpy as np
 import motoremi as me
 from benchmarks.motors import GROUPS, NAMES, cases, chi_squared
 from benchmarks.peers import PEERS, run_peer
-from motoremi.fitting import search
 from motoremi.fitting.paper import paper_colony
-from motoremi.fitting.search import Task
+from motoremi.model.effects import find_effect
 
 OURS = "motoremi"
 PAPER = "the paper's colony, 200 loops"
@@ -74,7 +68,7 @@ def summary(results: list[tuple[bool, float, int]]) -> dict[str, float]:
 
 
 def growth() -> list[tuple[str, float]]:
-    """Milliseconds of one fit against points, ants and candidates, and of adding an effect."""
+    """Milliseconds of one fit against points, and of adding an effect from its candidates' start values."""
     rows = []
 
     def timed(work, repeat: int = 5) -> float:
@@ -91,17 +85,8 @@ def growth() -> list[tuple[str, float]]:
     case = next(cases("damped", 1))
     base = me.fit(me.dc_motor(), case.sweeps, analyser="none")
     for effect in ("lead-inductance", "core-loss", "eddy-laminations", "second-resonance"):
-        starts = len(me.model.effects.find_effect(effect).effect.starts)
+        starts = len(find_effect(effect).effect.starts)
         rows.append((f"add {effect} ({starts} start values)", timed(lambda effect=effect: base.add(effect, thorough=False))))
-    task = Task(me.dc_motor(), base.measurement, {}, {})
-    for ants in (30, 60, 120, 240):
-        from motoremi.fitting import colony as colony_module
-
-        colony_module.ANTS = ants
-        problem = task.thinned(search.SEARCH_POINTS)
-        colony = colony_module.Colony(problem, np.random.default_rng(1), np.zeros((0, 7)))
-        rows.append((f"12 generations of {ants} ants", timed(lambda colony=colony: colony.walk(12))))
-    colony_module.ANTS = 60
     return rows
 
 
@@ -137,7 +122,7 @@ def main() -> None:
         for future in futures:
             method, group, results = future.result()
             table[method, group] = summary(results)
-            print(f"{group:7s} {method:48s} {table[method, group]}", flush=True)  # noqa: T201
+            print(f"{group:7s} {method:48s} {table[method, group]}", flush=True)
     lines = ["| method | " + " | ".join(f"{g}: success, median, ERT, evaluations" for g in GROUPS) + " |", "|---" * 4 + "|"]
     for method in methods:
         cells = []
@@ -154,7 +139,7 @@ def main() -> None:
     text = "\n".join(lines) + "\n"
     (options.out / "fitters.md").write_text(text)
     picture(table, methods, options.out / "fitters.png")
-    print(text)  # noqa: T201
+    print(text)
 
 
 if __name__ == "__main__":

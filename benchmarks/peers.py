@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from scipy.optimize import differential_evolution, dual_annealing, least_squares
@@ -172,8 +173,6 @@ def run_peer(name: str, case: Case, budget_s: float) -> tuple[bool, float, int]:
     """Success, CPU seconds and evaluations of one peer on one case."""
     judge = Judge(case, budget_s)
     started = time.process_time()
-    try:
+    with suppress(Done):
         PEERS[name](judge, np.random.default_rng((case.number, 7)))
-    except Done:
-        pass
     return judge.succeeded, time.process_time() - started, judge.evaluations

@@ -124,7 +124,7 @@ def scout_effect(
     if scanned and not any(name.startswith(f"{label}.") for name in fixed):
         fixed.update(_scanned_step(before, label))
     bounds = {name: b for name, b in {**before.bounds, **(limits or {})}.items() if name in names}
-    bases = base_starts({**before.parameters, **before.search_parameters}, before.measurement, few=len(added.effect.starts) > 8)
+    bases = base_starts({**before.parameters, **before.search_parameters}, before.measurement, few=len(added.effect.starts) > 9)
     starts = [{**base, **{f"{label}.{k}": v for k, v in start.items()}} for start in added.effect.starts for base in bases]
     return scout(Task(motor, before.measurement, bounds, fixed), starts)
 

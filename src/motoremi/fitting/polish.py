@@ -39,11 +39,16 @@ class Polished:
         return int(np.argmin(self.objective))
 
     def distinct(self, count: int) -> FloatArray:
-        """The best solutions that do not lie in the same valley, as told by their objectives, shape (at most count, k)."""
+        """The best solutions that do not lie in the same valley, shape (at most count, k).
+
+        Two are in one valley if their objectives agree to 1 % and no unknown differs by more than a factor of 1.6.
+        """
         order = np.argsort(self.objective)
         taken = [int(order[0])]
         for index in order[1:]:
-            if len(taken) < count and self.objective[index] > 1.01 * self.objective[taken[-1]]:
+            apart = np.max(np.abs(self.u[taken] - self.u[index]), axis=1) > 0.5
+            worse = self.objective[index] > 1.01 * self.objective[taken]
+            if len(taken) < count and np.all(apart | worse):
                 taken.append(int(index))
         return self.u[taken]
 
@@ -82,6 +87,8 @@ def polish(
     converged = np.zeros(count, dtype=np.bool_)
     evaluations = count
     diagonal = np.arange(size)
+    # Whether the last step fell short of what the linear model promised: only then is the valley bent.
+    bent = np.zeros(count, dtype=np.bool_)
     for _ in range(iterations):
         live = np.flatnonzero(~converged & (damping < 1e12))
         if not live.size or np.any(converged & (state.objective < enough)):
@@ -94,17 +101,20 @@ def polish(
         system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damping[live, None]) + 1e-12)
         newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
         step = _limited(newton)
-        bend = np.where(held, 0.0, problem.curvature_pull(here, u[live], step))
-        turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
-        scale = np.sqrt(spread)
-        gentle = np.linalg.norm(turn * scale, axis=1) < 0.4 * np.linalg.norm(step * scale, axis=1)
-        corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
-        step = _limited(corrected)
+        if np.any(bent[live]):
+            bend = np.where(held, 0.0, problem.curvature_pull(here, u[live], step))
+            turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
+            scale = np.sqrt(spread)
+            gentle = np.linalg.norm(turn * scale, axis=1) < 0.4 * np.linalg.norm(step * scale, axis=1)
+            corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
+            step = _limited(corrected)
+            evaluations += live.size
         trial = problem.clip(u[live] + step)
         expected = -np.sum(step * (2 * right + (here.matrix @ step[..., None])[..., 0]), axis=1)
         new = problem.linearised(trial)
-        evaluations += 2 * live.size
+        evaluations += live.size
         better = new.objective <= here.objective
+        bent[live] = here.objective - new.objective < 0.7 * expected
         small = tolerance + relative * here.objective
         # A small step means convergence only where damping did not make it small.
         free = (damping[live] < 1e-2) | (damping[live] > 1e8)

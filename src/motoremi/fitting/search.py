@@ -149,7 +149,7 @@ class Scouted:
         """The ends polished by the likelihood, still on the thinned grid."""
         task = self.task
         thinned = Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
-        return polish(thinned, moved(self.found.distinct(2), self.search, thinned), iterations=60, tolerance=0.1, relative=1e-3)
+        return polish(thinned, moved(self.found.distinct(3), self.search, thinned), iterations=60, tolerance=0.1, relative=1e-3)
 
     @property
     def objective(self) -> float:
@@ -163,7 +163,8 @@ def scout(task: Task, starts: Sequence[Mapping[str, float]]) -> Scouted:
     first = np.array([search.vector(start) for start in starts])
     # Successive halving: a few steps tell the hopeless starts, and only the best are followed.
     found = polish(search, first, iterations=FIRST_STEPS, **ROUGH)
-    found = polish(search, found.u[np.argsort(found.objective)[:FOLLOWED]], iterations=40, **ROUGH)
+    followed = found.u[np.argsort(found.objective)[:FOLLOWED]]
+    found = polish(search, followed, iterations=40, **ROUGH, enough=0.1 * search.expected_objective)
     if found.objective[found.best] > 0.1 * search.expected_objective:
         found = found.joined(_climb(task, search, first))
     return Scouted(task, search, first, found)

@@ -113,7 +113,8 @@ EFFECTS = (
         deciding="a sweep from 40 Hz (knee at the corner frequency), DC bias, rotor in and out",
         source="one-dimensional diffusion in a sheet; physics notes A.1 effect 3",
         change=scale("La", laws.lamination_factor),
-        starts=({"share": 0.05, "corner_hz": 1e4}, {"share": 0.3, "corner_hz": 1e4}, {"share": 0.3, "corner_hz": 2e5}),
+        # A thin, high-cornered share is a false valley next to the true one, so the grid covers both.
+        starts=tuple({"share": k, "corner_hz": f} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
     ),
     Effect(
         name="permeability-relaxation",
