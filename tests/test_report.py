@@ -313,5 +313,5 @@ def test_fit_that_did_not_converge_is_not_shown_as_a_result(session):
 
 
 def test_importing_motoremi_does_not_load_matplotlib():
-    code = "import sys, motoremi, motoremi.report.files; motoremi.fit; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, motoremi, motoremi.report.files, motoremi.report.model; motoremi.fit; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -38,9 +38,8 @@ def to_svg(figure: Figure, name: str, label: str = "") -> str:
     # The XML prolog and the document type, which points outside, have no place within a page.
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    # Nothing refers to groups; what is referred to gets a name of its own on the page.
+    # Nothing refers to groups; identifiers that something refers to are hashes with the salt, so no two plots of a page share one.
     text = re.sub(r'<g id="[^"]*"', "<g", text)
-    text = re.sub(r'(<[^<>]*\bid="|url\(#|xlink:href="#)', rf"\g<1>{name}-", text)
     # A hundredth of a point cannot be seen and makes up half of the file.
     text = _GEOMETRY.sub(lambda found: _LONG_NUMBER.sub(lambda number: f"{float(number.group()):.2f}", found.group()), text)
     return text.replace("<svg", f'<svg role="img" aria-label="{html.escape(label or name)}"', 1)
