@@ -279,3 +279,36 @@ def test_one_sweep_only_names_what_it_cannot_see():
     assert {"Rr", "Lr", "Cr", "Cf"} <= set(fit.undetermined())
     assert any("no open sweep" in warning for warning in fit.warnings)
     assert "not determined" in repr(fit)
+
+
+def test_profile_tells_what_the_printed_table_leaves_open():
+    """The digest: with Rr = 39.8 kOhm an exact profile allows any Lr from 0 to about 160 uH."""
+    fit = me.fit(me.dc_motor(), noisy(PRINTED, 5e-3, 3, stated=True), analyser="none")
+    interval = fit.interval("Lr")
+    assert interval.open_below
+    assert not interval.open_above
+    assert 50e-6 < interval.high < 1e-3
+    assert "from 0 to" in str(interval)
+    with pytest.raises(BadInput, match="no profile"):
+        fit.interval("Lx")
+
+
+@pytest.mark.parametrize("name", ["Ra", "La", "Rr", "Cf"])
+def test_profile_is_the_error_bar_where_the_likelihood_is_a_parabola(name):
+    fit = me.fit(me.dc_motor(), noisy(DAMPED, 5e-3, 3, stated=True), analyser="none")
+    interval = fit.interval(name)
+    assert not interval.open_below
+    assert not interval.open_above
+    # 1.96 standard deviations either way; bisection and the cubic term of the likelihood leave a few percent.
+    assert np.log(interval.high / interval.low) == pytest.approx(2 * 1.96 * fit.sigma[name] / fit.parameters[name], rel=0.1)
+
+
+def test_derived_quantities_respect_correlations():
+    fit = me.fit(me.dc_motor(), noisy(DAMPED, 5e-3, 3, stated=True), analyser="none")
+    found = {quantity.name: quantity for quantity in fit.derived()}
+    resonance = found["parallel resonance of La and Ca"]
+    true = 1 / (2 * np.pi * np.sqrt(DAMPED["La"] * DAMPED["Ca"]))
+    assert abs(resonance.value - true) < 4 * resonance.sigma
+    # La and Ca are anticorrelated: their product is known far better than either (digest: -0.996).
+    independent = 0.5 * np.hypot(fit.sigma["La"] / fit.parameters["La"], fit.sigma["Ca"] / fit.parameters["Ca"])
+    assert resonance.sigma / resonance.value < 0.7 * independent

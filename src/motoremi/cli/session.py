@@ -110,6 +110,7 @@ def fit_(
     """Fit the model that the session's ladder stands at; at first the paper's circuit."""
     from motoremi.cli.output import emit_json, say
     from motoremi.diagnosis.following import next_measurement
+    from motoremi.quantities import show
     from motoremi.workflow import fit_session, opened
 
     bounds = dict(_bound(text) for text in bound or [])
@@ -119,6 +120,13 @@ def fit_(
         emit_json(result.to_dict())
         return
     say(repr(result))
+    for quantity in result.derived():
+        share = quantity.sigma / quantity.value
+        bar = f"± {100 * share:.2g} %" if share < 0.5 else "not determined"
+        say(f"  {quantity.name:40s} {show(quantity.value, quantity.unit):>14s}  {bar}")
+    for name in result.undetermined():
+        if name in result.parameters and result.converged:
+            say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.undetermined():
         say(f"  these sweeps do not determine {', '.join(result.undetermined())}: {next_measurement(result, [])['why']}")
     say(f"next: motoremi diagnose {path}")

@@ -23,6 +23,8 @@ from motoremi.quantities import show
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from motoremi.fitting.identify import Derived, Interval
+
 Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
 
@@ -107,6 +109,23 @@ class Fit:
         s: ComplexArray = np.asarray(2j * np.pi * np.asarray(frequency_hz), dtype=np.complex128)
         return tape.impedance(s, values)
 
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Of the problem's unknowns (logarithms of positive parameters), widened where the model does not describe the data."""
+        return _inverse(self.problem.linearised(self.unknowns).matrix) * max(1.0, self.chi2_reduced)
+
+    def interval(self, name: str) -> Interval:
+        """What values of a parameter the data allow at 95 %, by its profile likelihood."""
+        from motoremi.fitting.identify import profile
+
+        return profile(self, name)
+
+    def derived(self) -> list[Derived]:
+        """Resonances, quality factors and characteristic impedances with error bars."""
+        from motoremi.fitting.identify import derived
+
+        return derived(self)
+
     def errors(self) -> dict[str, ComplexArray]:
         """Z_model/Z_measured - 1 per termination, the analyser's most likely error included."""
         problem = self.problem
@@ -162,6 +181,7 @@ class Fit:
                 if p.name in self.parameters
             },
             "undetermined": self.undetermined(),
+            "derived": [{"name": d.name, "value": d.value, "sigma": _finite(d.sigma), "unit": d.unit} for d in self.derived()],
             "nuisance": dict(self.nuisance),
             "searched": dict(self.search_parameters),
             "bounds": {name: list(pair) for name, pair in self.bounds.items()},
@@ -262,7 +282,7 @@ def summarise(problem: Problem, u: FloatArray, converged: bool, method: Method, 
     here = problem.linearised(u)
     objective, matrix = here.objective, here.matrix
     chi2_reduced = float(objective) / problem.degrees_of_freedom
-    deviations = _standard_deviations(matrix) * max(1.0, np.sqrt(chi2_reduced))
+    deviations = np.sqrt(np.diag(_inverse(matrix))) * max(1.0, np.sqrt(chi2_reduced))
     values = problem.named(u)
     own = {p.name for p in problem.motor.parameters}
     sigma: dict[str, float] = dict.fromkeys(own & values.keys(), 0.0)
@@ -307,13 +327,12 @@ def _motor_alone(problem: Problem, u: FloatArray) -> ComplexArray:
     return error
 
 
-def _standard_deviations(matrix: FloatArray) -> FloatArray:
-    """Square roots of the diagonal of the inverse; infinite along directions that the data leave open."""
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """Covariance from the Gauss-Newton matrix; very large along directions that the data leave open."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    usable = np.maximum(values, 1e-14)
-    deviation: FloatArray = np.sqrt(np.sum(vectors**2 / usable, axis=1)) / scale
-    return deviation
+    covariance: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
+    return covariance
 
 
 def _log_evidence(problem: Problem, objective: float, matrix: FloatArray) -> float:
