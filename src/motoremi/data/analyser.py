@@ -5,6 +5,7 @@ A verdict that forgets these calls a calibration error physics; what lies beyond
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -82,28 +83,24 @@ def _zero(frequency_hz: FloatArray) -> FloatArray:
     return np.zeros_like(frequency_hz)
 
 
+_4294A = Analyser(
+    name="4294a",
+    title="Agilent 4294A with a four-terminal fixture, open and short compensated",
+    source="operation manual's tolerance formula as coded in public scripts; fixture handbook for the residuals",
+    gain_sigma=_gain_4294a,
+    conductance_sigma_s=_conductance_4294a,
+    capacitance_sigma_f=0.1e-12,
+    resistance_sigma_ohm=10e-3,
+    inductance_sigma_h=3e-9,
+    step_frequencies_hz=(1e6, 15e6),
+)
 ANALYSERS = (
-    Analyser(
-        name="4294a",
-        title="Agilent 4294A with a four-terminal fixture, open and short compensated",
-        source="operation manual's tolerance formula as coded in public scripts; fixture handbook for the residuals",
-        gain_sigma=_gain_4294a,
-        conductance_sigma_s=_conductance_4294a,
-        capacitance_sigma_f=0.1e-12,
-        resistance_sigma_ohm=10e-3,
-        inductance_sigma_h=3e-9,
-        step_frequencies_hz=(1e6, 15e6),
-    ),
-    Analyser(
+    _4294A,
+    dataclasses.replace(
+        _4294A,
         name="e4990a",
         title="Keysight E4990A with a four-terminal fixture, open and short compensated",
         source="taken to be as good as the 4294A that it replaces: unconfirmed",
-        gain_sigma=_gain_4294a,
-        conductance_sigma_s=_conductance_4294a,
-        capacitance_sigma_f=0.1e-12,
-        resistance_sigma_ohm=10e-3,
-        inductance_sigma_h=3e-9,
-        step_frequencies_hz=(1e6, 15e6),
     ),
     Analyser(
         name="nanovna",

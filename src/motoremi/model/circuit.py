@@ -7,9 +7,10 @@ All quantities are holomorphic, so complex derivatives suffice.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -127,8 +128,8 @@ class Parallel(Node):
 
 
 @dataclass(frozen=True)
-class Scaled(Node):
-    """Impedance times a dispersive factor: Z = Z_child g(s)."""
+class Wrapped(Node):
+    """One part behind a law that has parameters of its own."""
 
     child: Node
     law: Law
@@ -145,6 +146,14 @@ class Scaled(Node):
     @property
     def own_law(self) -> Law | None:
         return self.law
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return dataclasses.replace(self, child=children[0])
+
+
+@dataclass(frozen=True)
+class Scaled(Wrapped):
+    """Impedance times a dispersive factor: Z = Z_child g(s)."""
 
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         return parts[0] * given[0]
@@ -153,63 +162,24 @@ class Scaled(Node):
         factor, slopes = given
         return [factor], [parts[0] * slope for slope in slopes]
 
-    def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        return Scaled(children[0], self.law, self.parameters)
-
 
 @dataclass(frozen=True)
-class Shunted(Node):
+class Shunted(Wrapped):
     """Impedance with an admittance across it: Z = Z_child / (1 + Y Z_child). Y may be zero or negative."""
-
-    child: Node
-    law: Law
-    parameters: tuple[Parameter, ...]
-
-    @property
-    def children(self) -> tuple[Node, ...]:
-        return (self.child,)
-
-    @property
-    def own_parameters(self) -> tuple[Parameter, ...]:
-        return self.parameters
-
-    @property
-    def own_law(self) -> Law | None:
-        return self.law
 
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         result: ComplexArray = parts[0] / (1 + given[0] * parts[0])
         return result
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
-        slopes = given[1]
-        return [(impedance / parts[0]) ** 2], [-(impedance**2) * slope for slope in slopes]
-
-    def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        return Shunted(children[0], self.law, self.parameters)
+        return [(impedance / parts[0]) ** 2], [-(impedance**2) * slope for slope in given[1]]
 
 
 @dataclass(frozen=True)
-class ThroughCable(Node):
+class ThroughCable(Wrapped):
     """Impedance seen through a lossless line of 50 ohm whose tanh(s tau) the law gives."""
 
-    child: Node
-    law: Law
-    parameters: tuple[Parameter, ...]
-
-    REFERENCE_OHM = 50.0
-
-    @property
-    def children(self) -> tuple[Node, ...]:
-        return (self.child,)
-
-    @property
-    def own_parameters(self) -> tuple[Parameter, ...]:
-        return self.parameters
-
-    @property
-    def own_law(self) -> Law | None:
-        return self.law
+    REFERENCE_OHM: ClassVar[float] = 50.0
 
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
         tangent, z0 = given[0], self.REFERENCE_OHM
@@ -222,9 +192,6 @@ class ThroughCable(Node):
         bottom = (z0 + parts[0] * tangent) ** 2
         by_tangent = z0 * (z0**2 - parts[0] ** 2) / bottom
         return [z0**2 * (1 - tangent**2) / bottom], [by_tangent * slope for slope in slopes]
-
-    def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        return ThroughCable(children[0], self.law, self.parameters)
 
 
 @dataclass(frozen=True)
