@@ -24,6 +24,8 @@ def values_of(motor: Motor, **changes: float) -> np.ndarray:
     effect_values = {}
     for identifier in motor.effects:
         for start_name, value in find_effect(identifier).effect.starts[0].items():
+            if start_name.startswith("*"):
+                continue
             effect_values[f"{identifier}.{start_name}"] = value
     return np.array([{**TABLE_1, **effect_values, **changes}[p.name] for p in motor.parameters])
 

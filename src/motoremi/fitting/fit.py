@@ -125,8 +125,14 @@ def scout_effect(
         fixed.update(_scanned_step(before, label))
     bounds = {name: b for name, b in {**before.bounds, **(limits or {})}.items() if name in names}
     bases = base_starts({**before.parameters, **before.search_parameters}, before.measurement, few=len(added.effect.starts) > 9)
-    starts = [{**base, **{f"{label}.{k}": v for k, v in start.items()}} for start in added.effect.starts for base in bases]
-    return scout(Task(motor, before.measurement, bounds, fixed), starts)
+    starts = [_started(base, start, label) for start in added.effect.starts for base in bases]
+    return scout(Task(motor, before.measurement, bounds, fixed), starts, group=len(bases))
+
+
+def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
+    """Elements and an effect's start values together; a start may ask for an element to be scaled."""
+    scaled = {name: value * start.get(f"*{name}", 1.0) for name, value in base.items()}
+    return {**scaled, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith("*")}}
 
 
 def refit_with(

@@ -25,6 +25,7 @@ SEARCH_POINTS = 48
 EFFECT_POINTS = 80
 FIRST_STEPS = 7
 FOLLOWED = 6
+MOST_LEADERS = 9
 GENERATIONS = 12
 ROUNDS = 3
 ROUGH = {"tolerance": 1e-7, "relative": 1e-4}
@@ -157,13 +158,16 @@ class Scouted:
         return float(self.likely.objective[self.likely.best])
 
 
-def scout(task: Task, starts: Sequence[Mapping[str, float]]) -> Scouted:
-    """Search from start values."""
+def scout(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) -> Scouted:
+    """Search from start values; each `group` of them in turn starts the effect alike, and the best of each group is followed."""
     search = task.thinned(EFFECT_POINTS)
     first = np.array([search.vector(start) for start in starts])
     # Successive halving: a few steps tell the hopeless starts, and only the best are followed.
     found = polish(search, first, iterations=FIRST_STEPS, **ROUGH)
-    followed = found.u[np.argsort(found.objective)[:FOLLOWED]]
+    leaders = np.array([at + int(np.argmin(found.objective[at : at + group])) for at in range(0, len(starts), group)])
+    # Following the best few alone would follow one valley only, where false ones are easier to reach.
+    count = len(leaders) if len(leaders) <= MOST_LEADERS else FOLLOWED
+    followed = found.u[leaders[np.argsort(found.objective[leaders])[:count]]]
     found = polish(search, followed, iterations=40, **ROUGH, enough=0.1 * search.expected_objective)
     if found.objective[found.best] > 0.1 * search.expected_objective:
         found = found.joined(_climb(task, search, first))

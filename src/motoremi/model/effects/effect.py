@@ -45,7 +45,7 @@ class Effect:
     change : callable
         Adds the effect to a motor.
     starts : tuple of mapping
-        Start values worth trying, by short name.
+        Start values worth trying, by short name; `*La` multiplies the element La that the search starts from.
     repeatable : bool
         Whether a motor may have several.
     kin : str

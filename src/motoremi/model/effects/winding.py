@@ -114,7 +114,8 @@ EFFECTS = (
         source="one-dimensional diffusion in a sheet; physics notes A.1 effect 3",
         change=scale("La", laws.lamination_factor),
         # A thin, high-cornered share is a false valley next to the true one, so the grid covers both.
-        starts=tuple({"share": k, "corner_hz": f} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
+        # Above the corner only (1 - share) of La is left, so La has to start as much higher.
+        starts=tuple({"share": k, "corner_hz": f, "*La": 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
     ),
     Effect(
         name="permeability-relaxation",
