@@ -27,7 +27,7 @@ def render_csv(report: Report) -> str:
     for number, step in enumerate(report.data["ladder"]):
         for name, entry in step["parameters"].items():
             sigma = "" if entry["sigma"] is None else repr(entry["sigma"])
-            note = "held" if name in step["held"] else "" if entry["determined"] else "not determined"
+            note = "not converged" if not step["result"] else "held" if name in step["held"] else "" if entry["determined"] else "not determined"
             writer.writerow(("parameter", f"step {number}", name, repr(entry["value"]), entry["unit"], sigma, note))
         note = " + ".join(step["effects"]) or "paper's circuit"
         writer.writerow(("error", f"step {number}", "rms_error_percent", repr(step["rms_error_percent"]), "%", "", note))

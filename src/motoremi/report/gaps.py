@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
-from motoremi.report.parts import Materials
+from motoremi.fitting.result import Fit
+from motoremi.report.parts import Materials, is_result, model_name
 
+# A stored diagnosis rounds nothing: a larger difference means that it was made from another fit.
+SAME_FIT = 1e-3
 # Calibration laboratories recommend a year for impedance analysers and receivers alike.
 OLD_CALIBRATION_DAYS = 365
 
@@ -89,13 +94,25 @@ def _of_the_analysis(materials: Materials) -> list[str]:
     if not steps:
         found.append("no fit was made")
     else:
+        found += [f"the fit of the {model_name(step)} did not converge: it is not shown as a result" for step in steps if not is_result(step)]
         found += steps[-1].warnings
-        if steps[-1].undetermined():
+        if is_result(steps[-1]) and steps[-1].undetermined():
             found.append(f"the data do not determine {', '.join(steps[-1].undetermined())}")
     if materials.comparison is None:
         found.append("the model was not compared with the measurement: nothing is judged")
     if materials.diagnosis is None:
         found.append("no diagnosis was made")
+    elif steps and not _diagnosed(steps, materials.diagnosis):
+        found.append("the diagnosis was made from another fit than those shown here: diagnose again")
     if not session.spectra:
         found.append("no emission spectrum was measured")
     return found
+
+
+def _diagnosed(steps: tuple[Fit, ...], diagnosis: JsonDict) -> bool:
+    """Whether a diagnosis started from one of the steps."""
+    base = diagnosis["base"]
+    return any(
+        list(step.effects) == base["effects"] and math.isclose(step.rms_error_percent, base["rms_error_percent"], rel_tol=SAME_FIT)
+        for step in steps
+    )

@@ -8,7 +8,7 @@ from motoremi.arrays import JsonDict
 from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
-from motoremi.report.parts import Materials
+from motoremi.report.parts import Materials, is_result
 
 Line = tuple[str, str, str]
 
@@ -21,6 +21,7 @@ VERDICTS = {
 }
 # An error within half of the noise floor above it is noise: more cannot be asked of a model.
 AT_THE_FLOOR = 1.5
+NO_RESULT = "no result: the fit did not converge"
 
 
 def headline(materials: Materials) -> tuple[Line, ...]:
@@ -28,9 +29,7 @@ def headline(materials: Materials) -> tuple[Line, ...]:
     steps, diagnosis = materials.steps, materials.diagnosis
     lines: list[Line] = []
     if steps:
-        base = steps[0]
-        lines.append(("Error of the paper's circuit", f"{base.rms_error_percent:.3g} % rms ({base.rms_error_db:.2g} dB)", "plain"))
-        lines.append(("Where it fails", spans(compare(base).where), "plain"))
+        lines += _before(steps[0])
     if diagnosis is not None:
         lines += _diagnosis_lines(diagnosis)
     if steps:
@@ -39,6 +38,16 @@ def headline(materials: Materials) -> tuple[Line, ...]:
     if diagnosis is not None:
         lines.append(("Measure next", str(diagnosis["next_measurement"]["why"]), "plain"))
     return tuple(lines)
+
+
+def _before(base: Fit) -> list[Line]:
+    label = "Error of the paper's circuit"
+    if not is_result(base):
+        return [(label, NO_RESULT, "bad")]
+    return [
+        (label, f"{base.rms_error_percent:.3g} % rms ({base.rms_error_db:.2g} dB)", "plain"),
+        ("Where it fails", spans(compare(base).where), "plain"),
+    ]
 
 
 def spans(where: Sequence[JsonDict], most: int = 3) -> str:
@@ -69,6 +78,8 @@ def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
     else:
         model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
         error = last.rms_error_percent
+        if not is_result(last):
+            return f"Error after ({model})", NO_RESULT, "bad"
     reached = error < AT_THE_FLOOR * last.floor_percent
     return f"Error after ({model})", f"{error:.3g} % rms", "good" if reached else "bad"
 

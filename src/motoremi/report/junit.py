@@ -56,6 +56,7 @@ def _session_suite(root: Element, report: Report) -> None:
         told["effects"] = ", ".join(diagnosis["effects"])
         told["confidence"] = f"{diagnosis['confidence']:.3g}"
     _properties(suite, told)
+    _fit_case(suite, report.data["ladder"])
     case = SubElement(suite, "testcase", classname="motoremi.session", name="comparison")
     if comparison is None:
         SubElement(case, "skipped", message="the model was not compared with the measurement")
@@ -67,6 +68,15 @@ def _session_suite(root: Element, report: Report) -> None:
         SubElement(case, "system-out").text = "\n".join(_legal(str(line)) for line in lines)
     if report.warnings:
         SubElement(suite, "system-out").text = "\n".join(_legal(warning) for warning in report.warnings)
+
+
+def _fit_case(suite: Element, ladder: Sequence[JsonDict]) -> None:
+    """A fit that did not converge fails by itself: with no band judged, the file would look as if all were well."""
+    case = SubElement(suite, "testcase", classname="motoremi.session", name="fit")
+    if not ladder:
+        SubElement(case, "skipped", message="no fit was made")
+    elif not ladder[-1]["result"]:
+        SubElement(case, "failure", message="the fit did not converge: nothing is judged")
 
 
 def _properties(suite: Element, values: Mapping[str, object]) -> None:

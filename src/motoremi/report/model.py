@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import headline
-from motoremi.report.parts import Materials, Picture, Report, Section, Table
+from motoremi.report.parts import Materials, Picture, Report, Section, Table, is_result
 from motoremi.report.sections import all_sections
 
 __all__ = ["Materials", "Picture", "Report", "Section", "Table", "build_report", "session_hash"]
@@ -16,6 +17,9 @@ __all__ = ["Materials", "Picture", "Report", "Section", "Table", "build_report",
 
 def build_report(materials: Materials) -> Report:
     """Make the report of a session."""
+    if materials.steps and not is_result(materials.steps[-1]):
+        # Neither pass nor fail means anything for a fit that stopped on its way.
+        materials = dataclasses.replace(materials, comparison=None)
     start = materials.session.start
     head = (str(start.get("motor") or "motor not named"), str(start.get("title", "")), str(start.get("time", ""))[:19].replace("T", " "))
     return Report(
@@ -55,7 +59,7 @@ def _data(materials: Materials) -> JsonDict:
         ],
         "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
         "spectra": [{"detector": s.detector, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())} for s in session.spectra],
-        "ladder": [step.to_dict() for step in materials.steps],
+        "ladder": [{**step.to_dict(), "result": is_result(step)} for step in materials.steps],
         "comparison": None if materials.comparison is None else materials.comparison.to_dict(),
         "diagnosis": materials.diagnosis,
         "warnings": list(gaps(materials)),

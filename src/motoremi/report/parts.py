@@ -40,6 +40,16 @@ class Materials:
     diagnosis: JsonDict | None
 
 
+def is_result(fit: Fit) -> bool:
+    """Whether a fit may be quoted: it converged, or it is the paper's method as printed, whose warnings say how it ended."""
+    return fit.converged or fit.method == "paper"
+
+
+def model_name(fit: Fit) -> str:
+    """The model in words."""
+    return " + ".join(("paper's circuit", *fit.effects))
+
+
 @dataclass(frozen=True)
 class _Shown:
     """A value whose texts are fit to be shown."""

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.measurement import Measurement
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show
@@ -33,6 +35,7 @@ from motoremi.report.axes import (
     log_values,
     panels,
 )
+from motoremi.report.parts import model_name
 from motoremi.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -43,6 +46,7 @@ __all__ = [
     "comparison_figure",
     "fit_figure",
     "ladder_figure",
+    "measured_figure",
     "ranking_figure",
     "spectrum_figure",
     "sweeps_figure",
@@ -61,38 +65,56 @@ def sweeps_figure(base: Fit, best: Fit) -> Figure:
     """Both sweeps: measured, the base model, and the model with its effects; the error in percent below."""
     sweeps = base.measurement.sweeps
     figure, axes = panels(5.0 * len(sweeps), 6.6, 3, len(sweeps), height_ratios=(3, 2, 2))
-    models = [(base, "paper's circuit" + "".join(f" + {effect}" for effect in base.effects), VERMILION, "--")]
+    models = [(base, model_name(base), VERMILION, "--")]
     if best.effects != base.effects:
         models.append((best, "with " + " + ".join(best.effects), BLUE, "-"))
     uncertainty = {sweep: curve.uncertainty_percent for sweep, curve in compare(base).curves.items()}
     errors = [fit.errors() for fit, *_ in models]
     for column, sweep in enumerate(sweeps):
-        frequency, measured = sweep.frequency_hz, sweep.mean_ohm
-        magnitude, phase = np.abs(measured), np.degrees(np.angle(measured))
+        frequency, magnitude = sweep.frequency_hz, np.abs(sweep.mean_ohm)
         expanded = uncertainty[sweep.termination]
         top, middle, bottom = axes[:, column]
+        _draw_measured(top, middle, sweep)
         top.fill_between(frequency, magnitude * (1 - np.minimum(expanded, 99) / 100), magnitude * (1 + expanded / 100), color=GREY, alpha=0.5)
-        top.plot(frequency, magnitude, color=BLACK, linewidth=3.0, alpha=0.35, label=f"measured, mean of {sweep.repeats}")
-        middle.plot(frequency, phase, color=BLACK, linewidth=3.0, alpha=0.35)
         for (fit, name, colour, style), error in zip(models, errors, strict=True):
             modelled = fit.model_ohm(sweep.termination)
             top.plot(frequency, np.abs(modelled), style, color=colour, linewidth=1.2, label=name)
             middle.plot(frequency, np.degrees(np.angle(modelled)), style, color=colour, linewidth=1.2)
             bottom.plot(frequency, 100 * np.abs(error[sweep.termination]), style, color=colour, linewidth=1.0)
-        log_values(top, prefixes=True)
-        _mark_resonances(top, frequency, magnitude)
         bottom.fill_between(frequency, 1e-6, expanded, color=GREY, alpha=0.5, linewidth=0, label=UNCERTAINTY)
         log_values(bottom)
         bottom.set_ylim(bottom=0.1 * base.floor_percent)
-        top.set_title(TITLES[sweep.termination], fontsize=10)
-        top.set_ylabel("|Z| (Ω)")
-        middle.set_ylabel("phase (deg)")
-        middle.set_yticks((-90, -45, 0, 45, 90))
         bottom.set_ylabel("error (%)")
         for panel in (top, middle, bottom):
             frequency_axis(panel, frequency, label=panel is bottom)
     legend_above(figure, axes[0, 0], axes[2, 0])
     return figure
+
+
+def measured_figure(measurement: Measurement) -> Figure:
+    """The sweeps alone, for a session without a model."""
+    sweeps = measurement.sweeps
+    figure, axes = panels(5.0 * len(sweeps), 4.8, 2, len(sweeps), height_ratios=(3, 2))
+    for column, sweep in enumerate(sweeps):
+        top, middle = axes[:, column]
+        _draw_measured(top, middle, sweep)
+        for panel in (top, middle):
+            frequency_axis(panel, sweep.frequency_hz, label=panel is middle)
+    legend_above(figure, axes[0, 0])
+    return figure
+
+
+def _draw_measured(top: Axes, middle: Axes, sweep: RepeatedSweep) -> None:
+    """Magnitude in ohm and phase in degrees of what was measured, broad enough to be seen behind a model."""
+    frequency, magnitude = sweep.frequency_hz, np.abs(sweep.mean_ohm)
+    top.plot(frequency, magnitude, color=BLACK, linewidth=3.0, alpha=0.35, label=f"measured, mean of {sweep.repeats}")
+    middle.plot(frequency, np.degrees(np.angle(sweep.mean_ohm)), color=BLACK, linewidth=3.0, alpha=0.35)
+    log_values(top, prefixes=True)
+    _mark_resonances(top, frequency, magnitude)
+    top.set_title(TITLES[sweep.termination], fontsize=10)
+    top.set_ylabel("|Z| (Ω)")
+    middle.set_ylabel("phase (deg)")
+    middle.set_yticks((-90, -45, 0, 45, 90))
 
 
 def fit_figure(fit: Fit) -> Figure:
@@ -197,7 +219,7 @@ def ladder_figure(steps: Sequence[Fit]) -> Figure:
     figure, axes = panels(max(5.0, 1.8 * len(steps)), 3.0)
     panel = axes[0, 0]
     errors = [step.rms_error_percent for step in steps]
-    names = ["paper's circuit", *(f"+ {step.effects[-1]}" for step in steps[1:])]
+    names = [f"+ {step.effects[-1]}" if step.effects else model_name(step) for step in steps]
     panel.plot(range(len(errors)), errors, "o-", color=BLUE, label="error of the model (rms)")
     for number, error in enumerate(errors):
         panel.annotate(f"{error:.3g} %", (number, error), textcoords="offset points", xytext=(7, 4), ha="left", fontsize=9)
@@ -217,7 +239,9 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
     """Candidates by evidence: how far each lies behind the best."""
     from matplotlib.patches import Patch
 
-    candidates = diagnosis["candidates"][:MOST_CANDIDATES]
+    # What was stored as null was not finite: it lies infinitely far behind.
+    ranked = [c for c in diagnosis["candidates"] if None not in (c["delta_bic"], c["rms_error_percent"])]
+    candidates = ranked[:MOST_CANDIDATES]
     figure, axes = panels(7.5, 1.3 + 0.28 * max(3, len(candidates)))
     panel = axes[0, 0]
     named = set(diagnosis["effects"])
@@ -229,8 +253,9 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
         colour, hatch = looks[kind]
         panel.barh(row, behind[row], color=colour, hatch=hatch, edgecolor="white", height=0.65)
         bound = "" if candidate["plausible"] else ", at a bound"
-        text = f" leaves {candidate['rms_error_percent']:.3g} %{bound}"
-        panel.annotate(text, (behind[row], row), va="center", fontsize=8)
+        text = f"leaves {candidate['rms_error_percent']:.3g} %{bound}"
+        place = {"xytext": (5, 0), "textcoords": "offset points", "va": "center", "fontsize": 8}
+        panel.annotate(text, (behind[row], row), bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}, **place)
     panel.axvline(1 + TOLD_APART, color=BLACK, linestyle=":", linewidth=1)
     panel.set_xscale("log")
     # A third more on the log axis holds the text after the longest bar.

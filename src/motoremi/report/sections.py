@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ from motoremi.quantities import show, show_band
 from motoremi.report import plots
 from motoremi.report.gaps import planned_steps
 from motoremi.report.headline import in_words, spans, tolerance
-from motoremi.report.parts import Materials, Picture, Section, Table
+from motoremi.report.parts import Materials, Picture, Section, Table, is_result, model_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +40,8 @@ ELEMENTS = {
 MOST_CANDIDATES = 10
 # A residual beyond this is more likely a model that bends the fixture to its needs.
 BELIEVABLE_SIGMAS = 3.0
+# An error bar of several times the value says no more than that the value has a sign.
+KNOWN_AT_ALL = 3.0
 
 
 def all_sections(materials: Materials, session_sha256: str) -> tuple[Section, ...]:
@@ -67,11 +69,11 @@ def _picture(name: str, figure: Figure, caption: str) -> Picture:
 
 
 def _sweeps(materials: Materials) -> Section:
-    session, steps = materials.session, materials.steps
+    session, results = materials.session, _results(materials.steps)
     if not session.sweeps:
         return Section("Sweeps", ("This session holds no impedance sweep.",))
     try:
-        measurement = steps[0].measurement if steps else Measurement.of(session.sweeps)
+        measurement = results[0].measurement if results else Measurement.of(session.sweeps)
     except BadInput as error:
         return Section("Sweeps", (f"The sweeps cannot be used together: {error}.",))
     rows = tuple(
@@ -86,37 +88,65 @@ def _sweeps(materials: Materials) -> Section:
         for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True)
     )
     table = Table("Sweeps", ("termination", "points", "span", "repeats", "noise of the mean (rms)", "noise known from"), rows)
-    if not steps:
-        return Section("Sweeps", tuple(measurement.caveats()), (table,))
+    if not results:
+        alone = _picture("sweeps", plots.measured_figure(measurement), "Measured impedance, mean of the repeats.")
+        return Section("Sweeps", tuple(measurement.caveats()), (table,), (alone,))
     caption = "Measured impedance, the paper's circuit, and the model that stands; below, the error against the uncertainty."
-    return Section("Sweeps and model", (), (table,), (_picture("sweeps", plots.sweeps_figure(steps[0], steps[-1]), caption),))
+    return Section("Sweeps and model", (), (table,), (_picture("sweeps", plots.sweeps_figure(results[0], results[-1]), caption),))
+
+
+def _results(steps: Sequence[Fit]) -> tuple[Fit, ...]:
+    """The steps that may be shown as results."""
+    return tuple(step for step in steps if is_result(step))
 
 
 def _fit(steps: tuple[Fit, ...]) -> Section:
     last = steps[-1]
-    if not last.converged and last.method != "paper":
-        return Section("Fit", ("The fit did not converge; its values are not shown.",))
-    texts = [
-        f"{'Ant colony of the paper, as printed' if last.method == 'paper' else 'Ant colony with polish'}, seed {last.seed}, "
-        f"{last.evaluations} evaluations; chi2_reduced {last.chi2_reduced:.4g} with the errors of {last.measurement.analyser.title} allowed for."
-    ]
-    if last.undetermined():
-        texts.append(f"The data do not determine {', '.join(last.undetermined())}; do not quote values for them.")
-    if last.chi2_reduced > 2:
-        texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
-    tables = [_parameters(steps)]
-    if last.nuisance:
-        tables.append(_residuals(last))
     caption = f"Training curve of the base fit ({steps[0].method}): the best of each round, and the best so far."
     pictures = (_picture("training", plots.training_figure(steps[0]), caption),) if steps[0].history else ()
+    if not is_result(last):
+        return Section("Fit", ("The fit did not converge; its values are not shown.",), (), pictures)
+    texts = [
+        f"{'Ant colony of the paper, as printed' if last.method == 'paper' else 'Ant colony with polish'}, seed {last.seed}; "
+        f"evaluations of the model at each step: {', '.join(str(step.evaluations) for step in steps)}. "
+        f"chi2_reduced {last.chi2_reduced:.4g} with the errors of {last.measurement.analyser.title} allowed for."
+    ]
+    if last.undetermined():
+        loose = ", ".join(f"{name} ({_looseness(last, name)})" for name in last.undetermined())
+        texts.append(f"The data do not determine {loose}; do not quote values for them.")
+    if last.chi2_reduced > 2:
+        texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
+    tables = [_parameters(steps), _derived(last)]
+    if last.nuisance:
+        tables.append(_residuals(last))
     return Section("Fit", tuple(texts), tuple(tables), pictures)
+
+
+def _looseness(fit: Fit, name: str) -> str:
+    """How little is known of a parameter that the data do not determine."""
+    if name not in fit.parameters:
+        return "no sweep depends on it"
+    value, sigma = abs(fit.parameters[name]), fit.sigma[name]
+    return f"± {100 * sigma / value:.2g} %" if sigma < KNOWN_AT_ALL * value else "any value would do"
+
+
+def _derived(fit: Fit) -> Table:
+    """Often well known where the elements behind them are not."""
+    rows, marked = [], set()
+    for index, quantity in enumerate(fit.derived()):
+        known = quantity.sigma < 0.5 * abs(quantity.value)
+        bar = f"± {100 * quantity.sigma / abs(quantity.value):.2g} %" if known else "not determined by these data"
+        rows.append((quantity.name, show(quantity.value, quantity.unit), bar))
+        if not known:
+            marked.add(index)
+    return Table("What follows from the elements", ("quantity", "value", "standard uncertainty"), tuple(rows), frozenset(marked))
 
 
 def _parameters(steps: tuple[Fit, ...]) -> Table:
     base, last = steps[0], steps[-1]
     units = {p.name: p.unit for p in base.motor.parameters}
     columns = ["parameter", "is", "value", "standard uncertainty"]
-    before = {name: show(value, units[name]) for name, value in base.parameters.items()} if last.effects != base.effects else {}
+    before = {name: show(value, units[name]) for name, value in base.parameters.items()} if last.effects != base.effects and is_result(base) else {}
     if before:
         columns.append("in the paper's circuit alone")
     rows, marked = [], set()
@@ -147,13 +177,17 @@ def _residuals(fit: Fit) -> Table:
 
 
 def _ladder(steps: tuple[Fit, ...]) -> Section:
-    rows = []
+    rows, marked = [], set()
     for index, step in enumerate(steps):
-        before = steps[index - 1].rms_error_percent if index else None
+        if not is_result(step):
+            rows.append((model_name(step), "-", "did not converge", "-", "-", "-"))
+            marked.add(index)
+            continue
+        before = steps[index - 1] if index and is_result(steps[index - 1]) else None
         rows.append(
             (
-                " + ".join(step.effects) or "paper's circuit",
-                "-" if before is None else f"{before:.3g} %",
+                model_name(step),
+                "-" if before is None else f"{before.rms_error_percent:.3g} %",
                 f"{step.rms_error_percent:.3g} %",
                 f"{step.rms_error_db:.3g} dB",
                 f"{step.rms_error_percent / step.floor_percent:.3g}",
@@ -161,9 +195,10 @@ def _ladder(steps: tuple[Fit, ...]) -> Section:
             )
         )
     columns = ("model", "rms error before", "rms error after", "rms magnitude", "error over noise floor", "chi2_reduced")
-    text = f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."
-    picture = _picture("ladder", plots.ladder_figure(steps), "The error at each step of the ladder.")
-    return Section("Ladder", (text,), (Table("Models", columns, tuple(rows)),), (picture,))
+    results = _results(steps)
+    texts = (f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}.",) if is_result(steps[0]) else ()
+    pictures = (_picture("ladder", plots.ladder_figure(results), "The error at each step of the ladder."),) if results else ()
+    return Section("Ladder", texts, (Table("Models", columns, tuple(rows), frozenset(marked)),), pictures)
 
 
 def _comparison(comparison: Comparison) -> Section:
@@ -198,16 +233,16 @@ def _diagnosis(diagnosis: JsonDict) -> Section:
     rows = []
     for candidate in diagnosis["candidates"][:MOST_CANDIDATES]:
         values = ", ".join(
-            f"{name} = {show(entry['value'], entry['unit'])}" + (" (at bound)" if entry["at_bound"] else "")
+            f"{name} = {show(entry['value'], entry.get('unit', ''))}" + (" (at bound)" if entry["at_bound"] else "")
             for name, entry in candidate["parameters"].items()
         )
         rows.append(
             (
                 str(candidate["effect"]),
                 str(candidate["family"]),
-                f"{candidate['probability']:.3g}",
-                f"{candidate['delta_bic']:.3g}",
-                f"{candidate['rms_error_percent']:.3g} %",
+                _number(candidate["probability"]),
+                _number(candidate["delta_bic"]),
+                f"{_number(candidate['rms_error_percent'])} %",
                 "yes" if candidate["plausible"] else "no, at a bound",
                 values,
             )
@@ -229,6 +264,11 @@ def _diagnosis(diagnosis: JsonDict) -> Section:
         (Table(title, columns, tuple(rows)),),
         (_picture("ranking", plots.ranking_figure(diagnosis), "Evidence of the single effects: how far each lies behind the best."),),
     )
+
+
+def _number(value: float | None) -> str:
+    """A number as it was stored; JSON has nothing for one that is not finite."""
+    return "-" if value is None else f"{value:.3g}"
 
 
 def _title(effect: str) -> str:
@@ -286,9 +326,9 @@ def _identity(session: Session, session_sha256: str) -> Section:
     for document in session.documents:
         if document["kind"] == "instrument":
             identity = document.get("identity") or {}
-            who = " ".join(str(identity.get(key, "")) for key in ("vendor", "model"))
+            who = " ".join(str(identity[key]) for key in ("vendor", "model") if identity.get(key))
             others = (identity.get("serial"), identity.get("firmware"), document.get("resource"))
-            instruments.append((str(document.get("role")), who, *map(str, others)))
+            instruments.append((str(document.get("role")), who or "did not say", *(str(value or "-") for value in others)))
     if instruments:
         tables.append(Table("Instruments", ("role", "instrument", "serial", "firmware", "resource"), tuple(instruments)))
     measured = [d for d in session.documents if d["kind"] in ("sweep", "spectrum")]

@@ -17,14 +17,14 @@ _GEOMETRY = re.compile(r'\b(?:d|x|y|transform|points)="[^"]*"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
 
-def to_svg(figure: Figure, name: str, label: str = "") -> str:
+def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
     """An SVG element: same figure, same bytes.
 
     Parameters
     ----------
     figure : Figure
     name : str
-        Makes its identifiers unique within a page; letters and `-`.
+        Makes its identifiers unique within a page, so a page with several plots gives each its own; letters and `-`.
     label : str
         What it shows, for those who cannot see it; the name by default.
     """
