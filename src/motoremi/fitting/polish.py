@@ -78,7 +78,7 @@ def polish(
     tolerance, relative : float
         Converged when a step is expected to gain less than `tolerance + relative * objective`.
     enough : float
-        Leave the others where they are once one has converged to an objective below this.
+        Leave all where they are once one has an objective below this.
     """
     u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
     count, size = u.shape
@@ -91,7 +91,7 @@ def polish(
     bent = np.zeros(count, dtype=np.bool_)
     for _ in range(iterations):
         live = np.flatnonzero(~converged & (damping < 1e12))
-        if not live.size or np.any(converged & (state.objective < enough)):
+        if not live.size or np.any(state.objective < enough):
             break
         here = state if live.size == count else state.subset(live)
         held = ((u[live] <= problem.low) & (here.gradient > 0)) | ((u[live] >= problem.high) & (here.gradient < 0))

@@ -218,7 +218,7 @@ def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: 
     from the difference of the two sweeps, which no effect in the winding touches), and Ra without the losses that it had to carry.
     """
     searched = dict(parameters)
-    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[-1:])]
+    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1])]
     if few:
         return bases
     bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]

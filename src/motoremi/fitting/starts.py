@@ -1,100 +1,139 @@
-"""Start values that the data give away: rational fits of the two sweeps.
+"""Start values that the data give away.
 
-The short-circuit sweep is b0 + b1 s over 1 + a1 s + a2 s^2, and the frame's share of the open-circuit sweep is a ratio of the same
-kind; both become linear least squares once multiplied by the denominator (Levy), reweighted with its last value (Sanathanan and
-Koerner 1963).
+The short-circuit sweep is b0 + b1 s over 1 + a1 s + a2 s^2, which becomes linear least squares once multiplied by the denominator
+(Levy), reweighted with its last value (Sanathanan and Koerner 1963). The frame's share of the open-circuit sweep is weaker than its
+noise over much of the band, where that way is biased; but with its resonance and damping given it is linear in 1/(Cr + Cf) and 1/Cf,
+so those two are scanned and the rest solved for.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
+from motoremi.fitting.problem import informative_points
 
 MOST_POINTS = 200
+FRAME_POINTS = 80
+# Around the band: a resonance further away than this shows only by its slope.
+BEYOND_BAND = (0.3, 10.0)
+RESONANCES = 44
+DAMPINGS = np.geomspace(0.01, 100.0, 13)
+MOST_FRAMES = 2
+# A narrow resonance hides between the points of the scan.
+ZOOMS = 4
+ZOOM = np.linspace(-1, 1, 5)
+# Either of Cr and Cf may be too small to be seen, but none is nothing.
+LEAST_SHARE = 0.01
 
 
 def data_driven_starts(measurement: Measurement) -> list[dict[str, float]]:
-    """Sets of start values in SI units; possibly none, never complete nonsense."""
-    means = {}
-    for sweep in measurement.sweeps:
-        # A rational fit of seven coefficients gains nothing from more points than this.
-        step = max(1, sweep.frequency_hz.size // MOST_POINTS)
-        means[sweep.termination] = (sweep.frequency_hz[::step], sweep.mean_ohm[::step])
-    starts: list[dict[str, float]] = []
-    winding: dict[str, float] = {}
-    if "short" in means:
-        winding = _winding(*means["short"])
-        if winding:
-            starts.append(winding)
-    if winding and "open" in means:
-        frequency, impedance = means["open"]
-        s = 2j * np.pi * frequency
+    """Sets of start values in SI units, the likeliest first; possibly none, never complete nonsense."""
+    sweeps = {sweep.termination: (sweep.frequency_hz, sweep.mean_ohm) for sweep in measurement.sweeps}
+    if "short" not in sweeps:
+        return []
+    frequency, short = sweeps["short"]
+    # A rational fit of four coefficients gains nothing from more points than this.
+    step = max(1, frequency.size // MOST_POINTS)
+    winding = _winding(frequency[::step], short[::step])
+    if not winding:
+        return []
+    if "open" not in sweeps:
+        return [winding]
+    at, seen = sweeps["open"]
+    if at.size == frequency.size and np.allclose(at, frequency):
+        through = short
+    else:
+        s = 2j * np.pi * at
         branch = winding["Ra"] + s * winding["La"]
-        modelled = branch / (1 + s * winding["Ca"] * branch)
-        frame = impedance - modelled
-        short_f, short_z = means["short"]
-        if short_f.size == frequency.size and np.allclose(short_f, frequency):
-            frame = impedance - short_z
-        for weight in (np.abs(frame) / np.abs(impedance), np.ones_like(frequency)):
-            found = _frame(frequency, frame, weight)
-            if found:
-                starts.append({**winding, **found})
-    return starts
-
-
-def _rational(
-    s: ComplexArray,
-    response: ComplexArray,
-    weight: FloatArray,
-    top: tuple[int, ...],
-    bottom: tuple[int, ...],
-    known_top: int | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of N(s)/D(s), real, with powers `top` and `bottom`; the power `known_top` of N, or else power 0 of D, is one."""
-    denominator = np.ones_like(s)
-    coefficients = np.zeros(len(top) + len(bottom))
-    for _ in range(8):
-        scale = weight / np.abs(response * denominator)
-        left = np.array([-(s**p) for p in top] + [response * s**p for p in bottom]).T * scale[:, None]
-        right = (-response if known_top is None else s**known_top) * scale
-        system = np.concatenate([left.real, left.imag])
-        norms = np.linalg.norm(system, axis=0)
-        solution = np.linalg.lstsq(system / norms, np.concatenate([right.real, right.imag]), rcond=None)[0] / norms
-        if not np.all(np.isfinite(solution)):
-            break
-        coefficients = solution
-        denominator = sum(c * s**p for c, p in zip(coefficients[len(top) :], bottom, strict=True)) + (0 if known_top is not None else 1)
-        denominator = np.where(np.abs(denominator) < 1e-9, 1e-9, denominator)
-    return coefficients[: len(top)], coefficients[len(top) :]
+        through = branch / (1 + s * winding["Ca"] * branch)
+    chosen = informative_points(at, seen, FRAME_POINTS)
+    return [{**winding, **frame} for frame in _frames(at[chosen], seen[chosen], through[chosen])]
 
 
 def _winding(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> dict[str, float]:
     """Ra, La, Ca from (b0 + b1 s)/(1 + a1 s + a2 s^2)."""
     middle = 2 * np.pi * float(np.sqrt(frequency_hz[0] * frequency_hz[-1]))
     s: ComplexArray = (2j * np.pi / middle) * frequency_hz.astype(np.complex128)
-    (b0, b1), (_, a2) = _rational(s, impedance_ohm, np.ones_like(frequency_hz), (0, 1), (1, 2), None)
+    regressors = np.array([np.ones_like(s), s, -impedance_ohm * s, -impedance_ohm * s**2]).T
+    solution, denominator = np.zeros(4), np.ones_like(s)
+    for _ in range(8):
+        scale = 1 / np.abs(impedance_ohm * denominator)
+        left, right = regressors * scale[:, None], impedance_ohm * scale
+        system = np.concatenate([left.real, left.imag])
+        norms = np.linalg.norm(system, axis=0)
+        found = np.linalg.lstsq(system / norms, np.concatenate([right.real, right.imag]), rcond=None)[0] / norms
+        if not np.all(np.isfinite(found)):
+            break
+        solution = found
+        denominator = 1 + solution[2] * s + solution[3] * s**2
+        denominator = np.where(np.abs(denominator) < 1e-9, 1e-9, denominator)
+    b0, b1, _, a2 = solution
     if b1 <= 0 or a2 <= 0:
         return {}
     inductance = float(b1 / middle)
     return {"Ra": max(float(b0), 1e-3), "La": inductance, "Ca": float(a2 / b1 / middle)}
 
 
-def _frame(frequency_hz: FloatArray, impedance_ohm: ComplexArray, weight: FloatArray) -> dict[str, float]:
-    """Rr, Lr, Cr, Cf from (1 + A1 s + A2 s^2)/(B1 s + B2 s^2 + B3 s^3)."""
-    middle = 2 * np.pi * float(np.sqrt(frequency_hz[0] * frequency_hz[-1]))
-    s: ComplexArray = (2j * np.pi / middle) * frequency_hz.astype(np.complex128)
-    (a1, a2), (b1, b2, b3) = _rational(s, impedance_ohm, weight, (1, 2), (1, 2, 3), 0)
-    if min(a1, a2, b1) <= 0:
-        return {}
-    for cf in (b3 / a2, b2 / a1):
-        cr = b1 - cf
-        if cf > 0 and cr > 0:
-            return {
-                "Rr": float(a1 / cr),
-                "Lr": float(a2 / cr / middle),
-                "Cr": float(cr / middle),
-                "Cf": float(cf / middle),
-            }
-    return {}
+@dataclass(frozen=True)
+class _FrameScan:
+    """The frame's impedance for given resonance and damping, the rest solved for.
+
+    With w the resonance of Lr with Cr and Cf in series, d the damping there and q = (s/w)(d + s/w), the frame is
+    (1/s) (a + b q/(1 + q)) where a = 1/(Cr + Cf) and b = 1/Cf - a, neither below zero.
+    """
+
+    omega: FloatArray
+    elastance: ComplexArray
+    weight: FloatArray
+
+    def at(self, resonance: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cost, a and b for all pairs of resonance and damping, each of shape (resonances, dampings)."""
+        p = 1j * self.omega / resonance[:, None, None]
+        q = p * (damping[:, None] + p)
+        branch = q / (1 + q)
+        n11, n12, n22 = self.weight.sum(), branch.real @ self.weight, (branch.real**2 + branch.imag**2) @ self.weight
+        r1, r2 = float(self.elastance.real @ self.weight), (branch.conj() @ (self.weight * self.elastance)).real
+        both = n11 * n22 - n12**2
+        a, b = (n22 * r1 - n12 * r2) / both, (n11 * r2 - n12 * r1) / both
+        a, b = np.where(b > 0, a, r1 / n11), np.maximum(b, 0.0)
+        a, b = np.maximum(a, 0.0), np.where(a > 0, b, np.maximum(r2, 0.0) / n22)
+        cost = n11 * a**2 + 2 * n12 * a * b + n22 * b**2 - 2 * (r1 * a + r2 * b)
+        return np.where(np.isfinite(cost), cost, np.inf), a, b
+
+
+def _frames(frequency_hz: FloatArray, open_ohm: ComplexArray, winding_ohm: ComplexArray) -> list[dict[str, float]]:
+    """Rr, Lr, Cr, Cf at the best local minima of a scan over resonance and damping."""
+    omega = 2 * np.pi * frequency_hz
+    weight = 1 / (omega * np.hypot(np.abs(open_ohm), np.abs(winding_ohm))) ** 2
+    scan = _FrameScan(omega, 1j * omega * (open_ohm - winding_ohm), weight)
+    resonances = np.geomspace(BEYOND_BAND[0] * omega[0], BEYOND_BAND[1] * omega[-1], RESONANCES)
+    cost = scan.at(resonances, DAMPINGS)[0]
+    rows, columns = cost.shape
+    around = np.pad(cost, 1, constant_values=np.inf)
+    lowest = np.min([around[i : i + rows, k : k + columns] for i in range(3) for k in range(3)], axis=0)
+    places = np.argwhere((cost == lowest) & np.isfinite(cost))
+    best = places[np.argsort(cost[tuple(places.T)])][:MOST_FRAMES]
+    found = [_zoomed(scan, resonances[row], DAMPINGS[column]) for row, column in best]
+    return [frame for _, frame in sorted(found, key=lambda pair: pair[0])]
+
+
+def _zoomed(scan: _FrameScan, resonance: float, damping: float) -> tuple[float, dict[str, float]]:
+    """Cost and elements at a minimum between the points of the scan."""
+    by_resonance = (BEYOND_BAND[1] / BEYOND_BAND[0] * scan.omega[-1] / scan.omega[0]) ** (1 / (RESONANCES - 1))
+    by_damping = DAMPINGS[1] / DAMPINGS[0]
+    for _ in range(ZOOMS):
+        resonances, dampings = resonance * by_resonance**ZOOM, damping * by_damping**ZOOM
+        cost, a, b = scan.at(resonances, dampings)
+        row, column = np.unravel_index(np.argmin(cost), cost.shape)
+        resonance, damping = float(resonances[row]), float(dampings[column])
+        by_resonance, by_damping = by_resonance**0.4, by_damping**0.4
+    whole, extra = float(a[row, column]), float(b[row, column])
+    least = LEAST_SHARE * max(whole + extra, 1.0)
+    total, cf = 1 / max(whole, least), 1 / (max(whole, least) + max(extra, least))
+    cr = total - cf
+    series = cr * cf / total
+    return float(cost[row, column]), {"Rr": damping / (resonance * series), "Lr": 1 / (resonance**2 * series), "Cr": cr, "Cf": cf}
