@@ -7,13 +7,15 @@ import pytest
 from ngspice import needs_ngspice, solve
 
 import motoremi as me
+from motoremi.data.analyser import gain_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import estimate_noise
 from motoremi.data.sweep import group_repeats
 from motoremi.errors import BadInput
+from motoremi.fitting.observed import informative_points
 from motoremi.fitting.paper import CANDIDATES, LOOPS, STOP_DEVIATION
 from motoremi.fitting.polish import polish
-from motoremi.fitting.problem import Problem, informative_points
+from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import restore
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
@@ -203,7 +205,7 @@ def test_gain_error_is_marginalised_as_with_explicit_unknowns():
     u = problem.vector({**DAMPED, "La": 12.2e-6})
     residual = problem.deviation(u)
     sigma = np.concatenate([noise.sigma for noise in measurement.noise])
-    basis = problem._gain[2]
+    basis = np.concatenate([gain_basis(measurement.analyser, sweep.frequency_hz) for sweep in measurement.sweeps])
     covariance = np.diag(sigma**2) + basis @ basis.T
     dense = sum(part @ np.linalg.solve(covariance, part) for part in (residual.real, residual.imag))
     # Directions of the gain error a thousand times smaller than the noise are left out.

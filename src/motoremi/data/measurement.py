@@ -13,9 +13,9 @@ from motoremi.data.noise import SCATTER_DOUBT, Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measurement:
-    """Sweeps of one motor, ready to be fitted.
+    """Sweeps of one motor, ready to be fitted. Compared by identity, so that what is derived from one can be kept.
 
     Parameters
     ----------

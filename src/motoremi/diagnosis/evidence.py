@@ -91,7 +91,7 @@ def effective_share(fit: Fit) -> float:
     """
     white = fit.problem.whitened(fit.unknowns)
     total = 0.0
-    series = [part[where] for where in fit.problem.slices.values() for part in (white.real, white.imag)]
+    series = [part[where] for where in fit.problem.observed.slices.values() for part in (white.real, white.imag)]
     noise = 2 / np.sqrt(sum(len(one) for one in series))
     for lag in range(1, min(40, min(len(one) for one in series) // 4)):
         correlation = float(np.mean([np.mean(one[lag:] * one[:-lag]) / np.mean(one**2) for one in series]))

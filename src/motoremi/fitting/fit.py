@@ -14,7 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
-from motoremi.fitting.search import Scouted, Task, base_starts, scout, search_base, settle
+from motoremi.fitting.search import Scouted, Task, base_starts, glance, scout, search_base, settle
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 
@@ -124,9 +124,12 @@ def scout_effect(
     if scanned and not any(name.startswith(f"{label}.") for name in fixed):
         fixed.update(_scanned_step(before, label))
     bounds = {name: b for name, b in {**before.bounds, **(limits or {})}.items() if name in names}
-    bases = base_starts({**before.parameters, **before.search_parameters}, before.measurement, few=len(added.effect.starts) > 9)
+    task = Task(motor, before.measurement, bounds, fixed)
+    own = {**before.parameters, **before.search_parameters}
+    bases = base_starts(own, before.measurement, few=len(added.effect.starts) > 9)
     starts = [_started(base, start, label) for start in added.effect.starts for base in bases]
-    return scout(Task(motor, before.measurement, bounds, fixed), starts, group=len(bases))
+    first = glance(task, starts)
+    return first if first.right else scout(task, starts, group=len(bases))
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
@@ -186,7 +189,7 @@ def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     problem = before.problem
     white = problem.deviation(before.unknowns) - problem.gain_error(before.unknowns)
     sigma = np.concatenate([noise.sigma for noise in before.measurement.noise])
-    frequency = problem.frequency_hz
+    frequency = problem.observed.frequency_hz
     candidates = np.unique(frequency)[2:-2]
     gains = []
     for f in candidates:

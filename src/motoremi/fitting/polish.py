@@ -69,6 +69,7 @@ def polish(
     tolerance: float = 1e-3,
     relative: float = 1e-5,
     enough: float = -np.inf,
+    damping: float = 1e-3,
 ) -> Polished:
     """Minimise the problem's objective from each start.
 
@@ -79,18 +80,20 @@ def polish(
         Converged when a step is expected to gain less than `tolerance + relative * objective`.
     enough : float
         Leave all where they are once one has an objective below this.
+    damping : float
+        To begin with, relative to the diagonal of the Gauss-Newton matrix.
     """
     u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
     count, size = u.shape
     state = problem.linearised(u)
-    damping = np.full(count, 1e-3)
+    damped = np.full(count, damping)
     converged = np.zeros(count, dtype=np.bool_)
     evaluations = count
     diagonal = np.arange(size)
-    # Whether the last step fell short of what the linear model promised: only then is the valley bent.
+    # Whether a step fell short of what the linear model promised: only then is the valley bent.
     bent = np.zeros(count, dtype=np.bool_)
     for _ in range(iterations):
-        live = np.flatnonzero(~converged & (damping < 1e12))
+        live = np.flatnonzero(~converged & (damped < 1e12))
         if not live.size or np.any(state.objective < enough):
             break
         here = state if live.size == count else state.subset(live)
@@ -98,7 +101,7 @@ def polish(
         system, right = here.matrix.copy(), np.where(held, 0.0, here.gradient)
         system[held[:, :, None] | held[:, None, :]] = 0.0
         spread: FloatArray = here.matrix[:, diagonal, diagonal]
-        system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damping[live, None]) + 1e-12)
+        system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damped[live, None]) + 1e-12)
         newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
         step = _limited(newton)
         if np.any(bent[live]):
@@ -114,17 +117,17 @@ def polish(
         new = problem.linearised(trial)
         evaluations += live.size
         better = new.objective <= here.objective
-        bent[live] = here.objective - new.objective < 0.7 * expected
+        bent[live] |= here.objective - new.objective < 0.7 * expected
         small = tolerance + relative * here.objective
         # A small step means convergence only where damping did not make it small.
-        free = (damping[live] < 1e-2) | (damping[live] > 1e8)
+        free = (damped[live] < 1e-2) | (damped[live] > 1e8)
         converged[live] = free & ((np.abs(expected) < small) | (better & (here.objective - new.objective < 0.1 * small)))
         taken = live[better]
         u[taken] = trial[better]
         state.put(taken, new.subset(np.flatnonzero(better)))
-        damping[taken] = np.maximum(damping[taken] * 0.15, 1e-9)
+        damped[taken] = np.maximum(damped[taken] * 0.15, 1e-9)
         failed = live[~better]
-        damping[failed] = np.maximum(damping[failed] * 6, 1e-6)
+        damped[failed] = np.maximum(damped[failed] * 6, 1e-6)
     return Polished(u, state.objective, converged, evaluations)
 
 

@@ -12,49 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import Analyser, gain_basis
+from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
-from motoremi.data.sweep import MINIMUM_POINTS
 from motoremi.errors import BadInput
+from motoremi.fitting.observed import ObservedSweep, Weights, observed, wrapped
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Series, Shunted, Tape
 from motoremi.model.laws import ValueAndSlopes
 from motoremi.model.motor import BASE_PARAMETERS, Motor
 from motoremi.model.parameter import Parameter
-
-Weights = Literal["likelihood", "log"]
-
-
-@dataclass(frozen=True)
-class _Sweep:
-    """One termination on the problem's grid."""
-
-    termination: str
-    frequency_hz: FloatArray
-    s: ComplexArray
-    log_measured: ComplexArray
-    sigma: FloatArray
-    tape: Tape
-    where: slice
-
-
-def informative_points(frequency_hz: FloatArray, impedance_ohm: ComplexArray, count: int) -> np.ndarray:
-    """Indices of about `count` points, dense where the impedance turns.
-
-    They are equally spaced along the curve (ln f, 0.5 ln Z), so a resonance gets its share however narrow it is.
-    """
-    if count >= frequency_hz.size:
-        return np.arange(frequency_hz.size)
-    x = np.log(frequency_hz)
-    turn = 0.5 * np.hypot(np.diff(np.log(np.abs(impedance_ohm))), np.diff(np.unwrap(np.angle(impedance_ohm))))
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), turn))])
-    return np.unique(np.searchsorted(length, np.linspace(0, length[-1] * (1 - 1e-12), count)))
 
 
 @dataclass
@@ -68,16 +38,16 @@ class Linearised:
         Half of the objective's gradient.
     matrix : ndarray, shape (..., k, k)
         Gauss-Newton matrix.
-    residual, jacobian, along : ndarray
-        Weighted residuals, their derivatives, and the derivatives along the gain error's directions.
+    residual, jacobian, along : ndarray, shapes (..., 2 n), (..., k, 2 n), (..., k, 2 q)
+        Weighted residuals, their derivatives, and the derivatives along the directions of the gain error; real parts first.
     """
 
     objective: FloatArray
     gradient: FloatArray
     matrix: FloatArray
-    residual: ComplexArray
-    jacobian: ComplexArray
-    along: ComplexArray
+    residual: FloatArray
+    jacobian: FloatArray
+    along: FloatArray
 
     def subset(self, index: np.ndarray) -> Linearised:
         """Some members of the batch."""
@@ -147,9 +117,9 @@ class Problem:
             np.where(self._log, np.log(np.where(self._log, limit, 1.0)), limit / self._scale) for limit in (self._low_si, self._high_si)
         )
         self.precision, self.centre = self._priors()
-        self._sweeps = self._prepare(names, points, with_residuals, highest_hz)
-        self.size = self._sweeps[-1].where.stop
-        self._weight = 1 / np.concatenate([sweep.sigma for sweep in self._sweeps])
+        self.observed = observed(measurement, points, weights, highest_hz)
+        self.size = self.observed.size
+        self._tapes = [Tape(self._circuit(sweep, with_residuals), names) for sweep in self.observed.sweeps]
 
     def _limits_si(self) -> tuple[FloatArray, FloatArray]:
         pairs = [self.bounds.get(parameter.name, (parameter.low, parameter.high)) for parameter in self.unknowns]
@@ -178,45 +148,11 @@ class Problem:
         total: FloatArray = np.sum(self.precision * (u - self.centre) ** 2, axis=-1)
         return total
 
-    def _prepare(self, names: list[str], points: int | None, with_residuals: bool, highest_hz: float) -> tuple[_Sweep, ...]:
-        prepared: list[_Sweep] = []
-        start = 0
-        for sweep, noise in zip(self.measurement.sweeps, self.measurement.noise, strict=True):
-            mean = sweep.mean_ohm
-            low = max(int(np.searchsorted(sweep.frequency_hz, highest_hz, side="right")), MINIMUM_POINTS)
-            chosen = informative_points(sweep.frequency_hz[:low], mean[:low], points or mean.size)
-            frequency = sweep.frequency_hz[chosen]
-            circuit = self.motor.circuit(sweep.termination)
-            if with_residuals:
-                circuit = with_connection_residuals(circuit, self.measurement.analyser, sweep.termination, frequency)
-            log_measured = np.log(np.abs(mean[chosen])) + 1j * np.angle(mean[chosen])
-            sigma = noise.sigma[chosen] if self.weights == "likelihood" else np.ones(chosen.size)
-            where = slice(start, start + chosen.size)
-            prepared.append(_Sweep(sweep.termination, frequency, 2j * np.pi * frequency, log_measured, sigma, Tape(circuit, names), where))
-            start += chosen.size
-        return tuple(prepared)
-
-    @cached_property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies of all residuals, sweep after sweep."""
-        return np.concatenate([sweep.frequency_hz for sweep in self._sweeps])
-
-    @cached_property
-    def slices(self) -> dict[str, slice]:
-        """Where each termination's residuals are."""
-        return {sweep.termination: sweep.where for sweep in self._sweeps}
-
-    @cached_property
-    def _gain(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Orthonormal basis of the weighted gain error, the share of each of its directions that is free, and B itself."""
-        analyser = self.measurement.analyser
-        everything = np.unique(self.frequency_hz)
-        basis = gain_basis(analyser, everything)[np.searchsorted(everything, self.frequency_hz)]
-        if self.weights == "log" or basis.shape[1] == 0:
-            return np.zeros((self.size, 0)), np.zeros(0), np.zeros((self.size, 0))
-        vectors, singular, _ = np.linalg.svd(basis * self._weight[:, None], full_matrices=False)
-        keep = singular > 1e-3
-        return vectors[:, keep], singular[keep] ** 2 / (1 + singular[keep] ** 2), basis
+    def _circuit(self, sweep: ObservedSweep, with_residuals: bool) -> Node:
+        circuit = self.motor.circuit(sweep.termination)
+        if with_residuals:
+            return with_connection_residuals(circuit, self.measurement.analyser, sweep.termination, sweep.frequency_hz)
+        return circuit
 
     def physical(self, u: FloatArray) -> FloatArray:
         """Values in SI units of all parameters, shape (..., p), from unknowns of shape (..., k)."""
@@ -253,99 +189,82 @@ class Problem:
         """ln(Z_measured / Z_model), complex, phase wrapped, shape (..., n)."""
         values = self.physical(u)
         parts = []
-        for sweep in self._sweeps:
+        for sweep, tape in zip(self.observed.sweeps, self._tapes, strict=True):
             with np.errstate(all="ignore"):
-                model = sweep.tape.impedance(sweep.s, values)
-                parts.append(_wrapped(sweep.log_measured - np.log(model)))
+                model = tape.impedance(sweep.s, values)
+                parts.append(wrapped(sweep.log_measured - np.log(model)))
         joined: ComplexArray = np.concatenate(parts, axis=-1)
         return np.nan_to_num(joined, nan=1e3, posinf=1e3, neginf=-1e3)
 
     def model_ohm(self, u: FloatArray) -> dict[str, ComplexArray]:
         """Impedance that the analyser should show (fixture residuals included, gain error not), by termination."""
         values = self.physical(u)
-        return {sweep.termination: sweep.tape.impedance(sweep.s, values) for sweep in self._sweeps}
+        return {sweep.termination: tape.impedance(sweep.s, values) for sweep, tape in zip(self.observed.sweeps, self._tapes, strict=True)}
 
     def objective(self, u: FloatArray) -> FloatArray:
         """Minus twice the log likelihood (and prior), up to a constant, shape (...)."""
-        residual = self.deviation(u) * self._weight
-        return self._quadratic(residual) + self._penalty(u)
+        residual = _parts(self.deviation(u) * self.observed.weight)
+        return self._quadratic(residual, self._along(residual)) + self._penalty(u)
 
-    def _quadratic(self, residual: ComplexArray) -> FloatArray:
-        total: FloatArray = np.sum(residual.real**2 + residual.imag**2, axis=-1)
-        vectors, shares, _ = self._gain
-        if shares.size:
-            along = residual @ vectors
-            total = total - np.sum(shares * (along.real**2 + along.imag**2), axis=-1)
+    def _along(self, parts: FloatArray) -> FloatArray:
+        """Components, shape (..., 2 q), along the directions that the gain error takes up, of real and imaginary parts, shape (..., 2 n)."""
+        directions = self.observed.directions
+        found: FloatArray = parts.reshape(*parts.shape[:-1], 2, self.size) @ directions
+        return found.reshape(*parts.shape[:-1], 2 * directions.shape[1])
+
+    def _quadratic(self, residual: FloatArray, along: FloatArray) -> FloatArray:
+        total: FloatArray = np.einsum("...i,...i->...", residual, residual) - np.einsum("...i,...i->...", along, along)
         return total
 
     def linearised(self, u: FloatArray) -> Linearised:
         """The objective round `u`, shape (..., k), to second order."""
         values = self.physical(u)
-        residuals, jacobians = [], []
         chain = np.where(self._log, values[..., self._varying], self._scale)
-        for sweep in self._sweeps:
+        residual = np.empty((*u.shape[:-1], self.size), dtype=np.complex128)
+        jacobian = np.empty((*u.shape, 2 * self.size))
+        for sweep, where, tape in zip(self.observed.sweeps, self.observed.slices.values(), self._tapes, strict=True):
             with np.errstate(all="ignore"):
-                model, slopes = sweep.tape.gradient(sweep.s, values)
-                residuals.append(_wrapped(sweep.log_measured - np.log(model)) / sweep.sigma)
-                relative = slopes[..., self._varying, :] / (model * sweep.sigma)[..., None, :]
-            jacobians.append(relative * -chain[..., None])
-        residual = np.concatenate(residuals, axis=-1)
-        jacobian = np.concatenate(jacobians, axis=-1)
+                model, slopes = tape.gradient(sweep.s, values)
+                residual[..., where] = wrapped(sweep.log_measured - np.log(model)) / sweep.sigma
+                relative = slopes[..., self._varying, :] * (-1 / (model * sweep.sigma))[..., None, :] * chain[..., None]
+            jacobian[..., where] = relative.real
+            jacobian[..., where.start + self.size : where.stop + self.size] = relative.imag
+        residual = _parts(residual)
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
             residual = np.nan_to_num(residual, nan=1e3, posinf=1e3, neginf=-1e3)
             jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
-        # Real and imaginary parts side by side make the products real, and twice as fast.
-        flat = np.concatenate([jacobian.real, jacobian.imag], axis=-1)
-        matrix = flat @ np.swapaxes(flat, -1, -2)
-        vectors, shares, _ = self._gain
-        along = jacobian @ vectors
-        if shares.size:
-            matrix = matrix - ((along * shares).conj() @ np.swapaxes(along, -1, -2)).real
+        along = self._along(jacobian)
+        matrix = jacobian @ np.swapaxes(jacobian, -1, -2) - along @ np.swapaxes(along, -1, -2)
         index = np.arange(len(self.unknowns))
         matrix[..., index, index] += self.precision
-        objective = self._quadratic(residual) + self._penalty(u)
-        gradient = self._pulled(jacobian, along, residual) + self.precision * (u - self.centre)
+        residual_along = self._along(residual)
+        objective = self._quadratic(residual, residual_along) + self._penalty(u)
+        gradient = _product(jacobian, residual) - _product(along, residual_along) + self.precision * (u - self.centre)
         return Linearised(objective, gradient, matrix, residual, jacobian, along)
 
-    def _pulled(self, jacobian: ComplexArray, along: ComplexArray, residual: ComplexArray) -> FloatArray:
-        """J' C^-1 r with the covariance C of the residuals, shape (..., k)."""
-        pulled: FloatArray = (jacobian.conj() @ residual[..., None])[..., 0].real
-        vectors, shares, _ = self._gain
-        if shares.size:
-            pulled = pulled - ((along * shares).conj() @ (residual @ vectors)[..., None])[..., 0].real
-        return pulled
-
     def curvature_pull(self, here: Linearised, u: FloatArray, step: FloatArray, fraction: float = 0.1) -> FloatArray:
-        """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation."""
-        ahead = self.deviation(u + fraction * step) * self._weight
+        """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation; shape (..., k)."""
+        ahead = self.deviation(u + fraction * step)
         along_step = (step[..., None, :] @ here.jacobian)[..., 0, :]
-        turned = _wrapped((ahead - here.residual) / self._weight) * self._weight
+        before = (here.residual[..., : self.size] + 1j * here.residual[..., self.size :]) / self.observed.weight
+        turned = _parts(wrapped(ahead - before) * self.observed.weight)
         second = 2 / fraction * (turned / fraction - along_step)
-        return self._pulled(here.jacobian, here.along, second)
+        return _product(here.jacobian, second) - _product(here.along, self._along(second))
 
     def gain_error(self, u: FloatArray) -> ComplexArray:
         """Most likely relative gain error of the analyser given the parameters, shape (n,)."""
-        vectors, shares, _ = self._gain
-        residual = self.deviation(u) * self._weight
-        error: ComplexArray = (vectors @ (shares * (vectors.T @ residual))) / self._weight
+        directions = self.observed.directions
+        residual = self.deviation(u) * self.observed.weight
+        error: ComplexArray = (directions @ (directions.T @ residual)) / self.observed.weight
         return error
 
     def whitened(self, u: FloatArray) -> ComplexArray:
         """Residuals whose covariance is one, shape (n,): what is left once the gain error has had its say."""
-        vectors, shares, _ = self._gain
-        residual = self.deviation(u) * self._weight
-        white: ComplexArray = residual - vectors @ ((1 - np.sqrt(1 - shares)) * (vectors.T @ residual))
+        directions = self.observed.directions
+        shares = np.sum(directions**2, axis=0)
+        residual = self.deviation(u) * self.observed.weight
+        white: ComplexArray = residual - directions @ ((1 - np.sqrt(1 - shares)) / shares * (directions.T @ residual))
         return white
-
-    @property
-    def expected_objective(self) -> float:
-        """What a perfect model would leave of the objective `log`: random noise and the analyser's systematic errors."""
-        total = 0.0
-        for sweep, noise in zip(self.measurement.sweeps, self.measurement.noise, strict=True):
-            systematic = self.measurement.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
-            chosen = np.searchsorted(sweep.frequency_hz, next(p for p in self._sweeps if p.termination == sweep.termination).frequency_hz)
-            total += float(np.sum((2 * noise.sigma**2 + systematic**2)[chosen]))
-        return total
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -353,11 +272,15 @@ class Problem:
         return float(2 * self.size - np.count_nonzero(self.precision == 0))
 
 
-def _wrapped(logarithm: ComplexArray) -> ComplexArray:
-    """The phase moved into ±180 degrees."""
-    phase = np.remainder(logarithm.imag + np.pi, 2 * np.pi) - np.pi
-    result: ComplexArray = logarithm.real + 1j * phase
-    return result
+def _parts(values: ComplexArray) -> FloatArray:
+    """Real parts, then imaginary parts: real products take half the time of complex ones."""
+    return np.concatenate([values.real, values.imag], axis=-1)
+
+
+def _product(rows: FloatArray, column: FloatArray) -> FloatArray:
+    """Matrix times vector for a batch."""
+    product: FloatArray = (rows @ column[..., None])[..., 0]
+    return product
 
 
 def _linear_scale(parameter: Parameter) -> float:

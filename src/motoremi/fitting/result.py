@@ -131,7 +131,7 @@ class Fit:
         problem = self.problem
         left = problem.deviation(self.unknowns) - problem.gain_error(self.unknowns)
         error = np.exp(-left) - 1
-        return {termination: error[where] for termination, where in problem.slices.items()}
+        return {termination: error[where] for termination, where in problem.observed.slices.items()}
 
     def add(self, effect: str, held: Mapping[str, float] | None = None, thorough: bool = True) -> Fit:
         """The fit with one more effect, refitted from here.

@@ -23,11 +23,15 @@ from motoremi.model.motor import Motor
 # Points a sweep for searching; the final polish uses all.
 SEARCH_POINTS = 48
 EFFECT_POINTS = 80
+# Steps, and how many start values are followed further.
+GLANCES = ((3, 10), (6, 3))
 FIRST_STEPS = 7
 FOLLOWED = 6
 MOST_LEADERS = 9
 GENERATIONS = 12
 ROUNDS = 3
+# Damping to begin with close to the solution, where the linear model holds.
+WARM = 1e-6
 ROUGH = {"tolerance": 1e-7, "relative": 1e-4}
 
 
@@ -100,7 +104,7 @@ def search_base(task: Task, seed: int) -> Found:
     evaluations = 0
     history: list[JsonDict] = []
     # The search problem is down to noise and analyser; the likelihood tells whether that was the right valley.
-    likely = 2 * search.expected_objective
+    likely = 2 * search.observed.expected_objective
     for round_number in range(ROUNDS + 1):
         if round_number == 0:
             if not len(seeds):
@@ -146,16 +150,39 @@ class Scouted:
     found: Polished
 
     @cached_property
+    def thinned(self) -> Problem:
+        """The likelihood on the thinned grid."""
+        task = self.task
+        return Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
+
+    @cached_property
     def likely(self) -> Polished:
         """The ends polished by the likelihood, still on the thinned grid."""
-        task = self.task
-        thinned = Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
-        return polish(thinned, moved(self.found.distinct(3), self.search, thinned), iterations=60, tolerance=0.1, relative=1e-3)
+        ends = moved(self.found.distinct(3), self.search, self.thinned)
+        return polish(self.thinned, ends, iterations=60, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(self.thinned))
+
+    @property
+    def right(self) -> bool:
+        """Whether nothing but noise is left."""
+        return self.objective < surely_right(self.thinned)
 
     @property
     def objective(self) -> float:
         """Minus twice the log likelihood of the best end, on the thinned grid."""
         return float(self.likely.objective[self.likely.best])
+
+
+def glance(task: Task, starts: Sequence[Mapping[str, float]]) -> Scouted:
+    """Follow start values that need not lead anywhere: a few steps for all, some more for the better, to the end for the best."""
+    search = task.thinned(EFFECT_POINTS)
+    first = u = np.array([search.vector(start) for start in starts])
+    evaluations = 0
+    for steps, kept in GLANCES:
+        if len(u) > kept:
+            part = polish(search, u, iterations=steps, **ROUGH)
+            u, evaluations = part.u[np.argsort(part.objective)[:kept]], evaluations + part.evaluations
+    found = polish(search, u, iterations=40, **ROUGH, enough=0.1 * search.observed.expected_objective)
+    return Scouted(task, search, first, dataclasses.replace(found, evaluations=found.evaluations + evaluations))
 
 
 def scout(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) -> Scouted:
@@ -168,8 +195,8 @@ def scout(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) -> 
     # Following the best few alone would follow one valley only, where false ones are easier to reach.
     count = len(leaders) if len(leaders) <= MOST_LEADERS else FOLLOWED
     followed = found.u[leaders[np.argsort(found.objective[leaders])[:count]]]
-    found = polish(search, followed, iterations=40, **ROUGH, enough=0.1 * search.expected_objective)
-    if found.objective[found.best] > 0.1 * search.expected_objective:
+    found = polish(search, followed, iterations=40, **ROUGH, enough=0.1 * search.observed.expected_objective)
+    if found.objective[found.best] > 0.1 * search.observed.expected_objective:
         found = found.joined(_climb(task, search, first))
     return Scouted(task, search, first, found)
 
@@ -181,7 +208,7 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
     """
     search, found, full = scouted.search, scouted.found, scouted.task.full
     # Both problems of the likelihood have the same unknowns.
-    final = polish(full, scouted.likely.distinct(2), iterations=150 if polished else 0)
+    final = polish(full, scouted.likely.distinct(1 if scouted.right else 2), iterations=150 if polished else 0, damping=WARM)
     if thorough and final.objective[final.best] > good_enough(full):
         colony = Colony(search, np.random.default_rng(seed), np.concatenate([scouted.starts, found.u]))
         colony.walk(GENERATIONS)
@@ -200,7 +227,7 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
 
 def _climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
     """Fit the low end of the band first and raise its upper edge: a wrong resonance higher up cannot mislead what it does not reach."""
-    lowest, highest = float(search.frequency_hz.min()), float(search.frequency_hz.max())
+    lowest, highest = float(search.observed.frequency_hz.min()), float(search.observed.frequency_hz.max())
     u, evaluations = starts, 0
     for share in (0.36, 0.5, 0.63, 0.75, 0.88):
         part = task.thinned(60, lowest * (highest / lowest) ** share)

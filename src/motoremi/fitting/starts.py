@@ -8,13 +8,15 @@ so those two are scanned and the rest solved for.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
-from motoremi.fitting.problem import informative_points
+from motoremi.fitting.observed import informative_points
 
 MOST_POINTS = 200
 FRAME_POINTS = 80
@@ -30,19 +32,20 @@ ZOOM = np.linspace(-1, 1, 5)
 LEAST_SHARE = 0.01
 
 
-def data_driven_starts(measurement: Measurement) -> list[dict[str, float]]:
+@lru_cache(maxsize=8)
+def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], ...]:
     """Sets of start values in SI units, the likeliest first; possibly none, never complete nonsense."""
     sweeps = {sweep.termination: (sweep.frequency_hz, sweep.mean_ohm) for sweep in measurement.sweeps}
     if "short" not in sweeps:
-        return []
+        return ()
     frequency, short = sweeps["short"]
     # A rational fit of four coefficients gains nothing from more points than this.
     step = max(1, frequency.size // MOST_POINTS)
     winding = _winding(frequency[::step], short[::step])
     if not winding:
-        return []
+        return ()
     if "open" not in sweeps:
-        return [winding]
+        return (winding,)
     at, seen = sweeps["open"]
     if at.size == frequency.size and np.allclose(at, frequency):
         through = short
@@ -51,7 +54,7 @@ def data_driven_starts(measurement: Measurement) -> list[dict[str, float]]:
         branch = winding["Ra"] + s * winding["La"]
         through = branch / (1 + s * winding["Ca"] * branch)
     chosen = informative_points(at, seen, FRAME_POINTS)
-    return [{**winding, **frame} for frame in _frames(at[chosen], seen[chosen], through[chosen])]
+    return tuple({**winding, **frame} for frame in _frames(at[chosen], seen[chosen], through[chosen]))
 
 
 def _winding(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> dict[str, float]:

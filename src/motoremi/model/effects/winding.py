@@ -203,7 +203,8 @@ EFFECTS = (
         deciding="swap the terminals; ground the far end as a third termination",
         source="uniform line; physics notes A.1 effect 12; Mirafzal et al. 2009",
         change=_distributed,
-        starts=({"share": 0.01}, {"share": 0.03}, {"share": 0.1}, {"share": 0.3}),
+        # Without the effect, what is spread across the winding was taken for a part of Ca.
+        starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.95), (0.1, 0.7), (0.2, 0.5), (0.3, 0.3))),
     ),
     Effect(
         name="field-coupling",
