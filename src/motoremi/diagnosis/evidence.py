@@ -8,15 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.fitting.fit import scout_effect, settled
+from motoremi.fitting.fit import glance_at, settled
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import Scouted, good_enough
+from motoremi.fitting.search import Scouted, good_enough, searched_through
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.quantities import show
 
 # Candidates whose first look ends within this factor (and so many units of chi-squared) of the best are refitted on all points.
 PROMISING_FACTOR = 2.0
 PROMISING_MARGIN = 100.0
+# How many of the nearest are searched through, with one that explains everything at hand and without.
+SEARCHED = 8
+SEARCHED_IN_THE_DARK = 14
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
 # How many candidates get a thorough search when none leads down to the noise.
@@ -157,7 +160,11 @@ def rank(before: Fit, progress: Callable[[str, int, int], None] | None = None, n
     for index, name in enumerate(chosen):
         if progress is not None:
             progress(name, index, len(chosen))
-        looks[name] = scout_effect(before, name)
+        looks[name] = glance_at(before, name)
+    nearest = sorted(looks, key=lambda name: looks[name].objective)
+    for name in nearest[: SEARCHED if looks[nearest[0]].right else SEARCHED_IN_THE_DARK]:
+        if not looks[name].right:
+            looks[name] = searched_through(looks[name])
     best = min(look.objective for look in looks.values())
     limit = PROMISING_FACTOR * best + PROMISING_MARGIN
     ranked = [evaluate(before, name, look, polished=look.objective <= limit) for name, look in looks.items()]

@@ -14,7 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
-from motoremi.fitting.search import Scouted, Task, base_starts, glance, scout, search_base, settle
+from motoremi.fitting.search import Scouted, Task, base_starts, glance, search_base, searched_through, settle
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 
@@ -111,10 +111,10 @@ def _by_the_paper(task: Task, seed: int) -> Fit:
     return dataclasses.replace(result, warnings=(*result.warnings, remark))
 
 
-def scout_effect(
+def glance_at(
     before: Fit, effect: str, held: Mapping[str, float] | None = None, limits: Mapping[str, tuple[float, float]] | None = None
 ) -> Scouted:
-    """A first look at a fit with one more effect, on a thinned grid."""
+    """A quick look at a fit with one more effect, on a thinned grid."""
     added = find_effect(effect)
     label = added.label_in(before.motor)
     motor = added.added_to(before.motor)
@@ -128,8 +128,7 @@ def scout_effect(
     own = {**before.parameters, **before.search_parameters}
     bases = base_starts(own, before.measurement, few=len(added.effect.starts) > 9)
     starts = [_started(base, start, label) for start in added.effect.starts for base in bases]
-    first = glance(task, starts)
-    return first if first.right else scout(task, starts, group=len(bases))
+    return glance(task, starts, group=len(bases))
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
@@ -146,7 +145,11 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
-    return settled(scout_effect(before, effect, held, limits), before, thorough)
+    return settled(_until_right(glance_at(before, effect, held, limits)), before, thorough)
+
+
+def _until_right(glanced: Scouted) -> Scouted:
+    return glanced if glanced.right else searched_through(glanced)
 
 
 def refit_without(before: Fit, effect: str | None = None) -> Fit:
@@ -172,7 +175,7 @@ def refit_without(before: Fit, effect: str | None = None) -> Fit:
         return dataclasses.replace(_by_ants(task, before.seed), elapsed_s=time.perf_counter() - started)
     own = {name: value for name, value in before.parameters.items() if name in names}
     starts = [{**own, **base} for base in base_starts(own, before.measurement, few=False)]
-    return settled(scout(task, starts), before, thorough=True)
+    return settled(_until_right(glance(task, starts)), before, thorough=True)
 
 
 def settled(scouted: Scouted, before: Fit, thorough: bool, polished: bool = True) -> Fit:

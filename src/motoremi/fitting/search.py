@@ -142,11 +142,25 @@ def search_base(task: Task, seed: int) -> Found:
 
 @dataclass(frozen=True)
 class Scouted:
-    """Where start values led on the search problem: the problem, the starts as its unknowns, and the ends."""
+    """Where start values led.
+
+    Parameters
+    ----------
+    task : Task
+    search : Problem
+        On a thinned grid.
+    starts : ndarray, shape (m, k)
+        As unknowns of `search`.
+    group : int
+        Each so many of them in turn start an effect alike, from different values of the elements.
+    found : Polished
+        Where they ended.
+    """
 
     task: Task
     search: Problem
     starts: FloatArray
+    group: int
     found: Polished
 
     @cached_property
@@ -172,7 +186,7 @@ class Scouted:
         return float(self.likely.objective[self.likely.best])
 
 
-def glance(task: Task, starts: Sequence[Mapping[str, float]]) -> Scouted:
+def glance(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) -> Scouted:
     """Follow start values that need not lead anywhere: a few steps for all, some more for the better, to the end for the best."""
     search = task.thinned(EFFECT_POINTS)
     first = u = np.array([search.vector(start) for start in starts])
@@ -182,23 +196,22 @@ def glance(task: Task, starts: Sequence[Mapping[str, float]]) -> Scouted:
             part = polish(search, u, iterations=steps, **ROUGH)
             u, evaluations = part.u[np.argsort(part.objective)[:kept]], evaluations + part.evaluations
     found = polish(search, u, iterations=40, **ROUGH, enough=0.1 * search.observed.expected_objective)
-    return Scouted(task, search, first, dataclasses.replace(found, evaluations=found.evaluations + evaluations))
+    return Scouted(task, search, first, group, dataclasses.replace(found, evaluations=found.evaluations + evaluations))
 
 
-def scout(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) -> Scouted:
-    """Search from start values; each `group` of them in turn starts the effect alike, and the best of each group is followed."""
-    search = task.thinned(EFFECT_POINTS)
-    first = np.array([search.vector(start) for start in starts])
-    # Successive halving: a few steps tell the hopeless starts, and only the best are followed.
-    found = polish(search, first, iterations=FIRST_STEPS, **ROUGH)
-    leaders = np.array([at + int(np.argmin(found.objective[at : at + group])) for at in range(0, len(starts), group)])
+def searched_through(glanced: Scouted) -> Scouted:
+    """The same starts once more without haste: the best of each group is followed, and the low end of the band comes first."""
+    search, starts, group = glanced.search, glanced.starts, glanced.group
+    first = polish(search, starts, iterations=FIRST_STEPS, **ROUGH)
+    leaders = np.array([at + int(np.argmin(first.objective[at : at + group])) for at in range(0, len(starts), group)])
     # Following the best few alone would follow one valley only, where false ones are easier to reach.
     count = len(leaders) if len(leaders) <= MOST_LEADERS else FOLLOWED
-    followed = found.u[leaders[np.argsort(found.objective[leaders])[:count]]]
-    found = polish(search, followed, iterations=40, **ROUGH, enough=0.1 * search.observed.expected_objective)
-    if found.objective[found.best] > 0.1 * search.observed.expected_objective:
-        found = found.joined(_climb(task, search, first))
-    return Scouted(task, search, first, found)
+    followed = first.u[leaders[np.argsort(first.objective[leaders])[:count]]]
+    enough = 0.1 * search.observed.expected_objective
+    found = polish(search, followed, iterations=40, **ROUGH, enough=enough)
+    if found.objective[found.best] > enough:
+        found = found.joined(_climb(glanced.task, search, starts))
+    return dataclasses.replace(glanced, found=found.joined(glanced.found))
 
 
 def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:
