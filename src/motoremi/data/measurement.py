@@ -12,6 +12,9 @@ from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
 from motoremi.data.noise import SCATTER_DOUBT, Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
 
+# What a user states, or what is taken from one sweep's scatter, is seldom better known than this.
+ERROR_OF_OTHER_NOISE = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
@@ -53,6 +56,14 @@ class Measurement:
         """Noise floor: what |Z_model/Z_measured - 1| would be, rms in percent, were the model perfect."""
         sigma: FloatArray = np.concatenate([noise.sigma for noise in self.noise])
         return float(100 * np.sqrt(np.mean(2 * sigma**2)))
+
+    @property
+    def noise_error(self) -> float:
+        """Relative standard deviation of the noise's variance, averaged over all points."""
+        if any(noise.source != "repeats" for noise in self.noise):
+            return ERROR_OF_OTHER_NOISE
+        # Each repeat beyond the first gives two real numbers a point.
+        return float(np.sqrt(2 / sum(2 * sweep.frequency_hz.size * (sweep.repeats - 1) for sweep in self.sweeps)))
 
     @property
     def doubt(self) -> float:

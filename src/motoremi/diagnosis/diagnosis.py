@@ -13,7 +13,7 @@ from motoremi.arrays import JsonDict
 from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank
 from motoremi.diagnosis.following import next_measurement
-from motoremi.fitting.fit import refit_with, refit_without
+from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
@@ -21,8 +21,9 @@ from motoremi.quantities import show_band
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "unexplained"]
 Progress: TypeAlias = Callable[[str, int, int], None]
 
-# Most effects that are sought at once.
-MOST_EFFECTS = 3
+# How often the two effects of a pair are sought again in turn. More than two at once are not sought: with three free effects almost
+# anything can be described, so a third is named only once the first two are in the ladder.
+EXCHANGES = 2
 # Odds against any effect before looking: half the motors that come to the bench need none, the rest share the catalogue.
 PRIOR_OF_NONE = 0.5
 # Log evidence that a further effect must bring, beyond its share of the prior, to be believed.
@@ -153,12 +154,10 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     none = 1 - sum(probabilities.values())
     if is_good(fit) and (none >= 0.5 or weight * (candidates[0].log_evidence - fit.log_evidence) < LEAST_GAIN):
         return _adequate(fit, candidates, probabilities, none, where)
-    steps, last = _forward(fit, candidates, progress)
-    best = steps[-1]
-    if not is_good(best):
-        return _unexplained(fit, best, candidates, probabilities, steps, where)
-    families, chance = _families(fit, best, last)
-    return _named(fit, best, candidates, probabilities, steps, where, families, chance)
+    explanation = _explain(fit, candidates, progress)
+    if not is_good(explanation.best):
+        return _unexplained(fit, explanation, candidates, probabilities, where)
+    return _named(fit, explanation, candidates, probabilities, where)
 
 
 def _posterior(fit: Fit, candidates: Sequence[Candidate], weight: float) -> dict[str, float]:
@@ -170,71 +169,65 @@ def _posterior(fit: Fit, candidates: Sequence[Candidate], weight: float) -> dict
     return {candidate.effect: float(weight) for candidate, weight in zip(candidates, weights[1:], strict=True)}
 
 
-def _forward(fit: Fit, candidates: list[Candidate], progress: Progress | None) -> tuple[list[Fit], list[Candidate]]:
-    """Add the best effect, look again, until the noise is reached, evidence ends, or enough is enough; then take out what is not needed."""
-    steps = [fit]
-    ranked = candidates
-    while len(steps) <= MOST_EFFECTS:
-        steps.append(ranked[0].fit)
-        if ranked[0].good or len(steps) > MOST_EFFECTS:
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """The best model that was found.
+
+    Parameters
+    ----------
+    steps : tuple of Fit
+        From base to best, one effect at a time.
+    rivals : dict
+        For each added effect, the candidates for its place, on top of all the others.
+    """
+
+    steps: tuple[Fit, ...]
+    rivals: dict[str, list[Candidate]]
+
+    @property
+    def best(self) -> Fit:
+        return self.steps[-1]
+
+
+def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -> _Explanation:
+    """One effect if one reaches the noise, else the best pair: each of the two is sought again with the other in place."""
+    first = candidates[0]
+    alone = _Explanation((fit, first.fit), {first.effect: candidates})
+    if first.good:
+        return alone
+    kept, ranked = first.fit, rank(first.fit, progress)
+    if ranked[0].log_evidence - kept.log_evidence < LEAST_GAIN:
+        return alone
+    for _ in range(EXCHANGES):
+        pair = ranked[0]
+        other = refit_without(pair.fit, kept.effects[-1])
+        others = rank(other, progress)
+        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, kept.effects[-1]: others})
+        if is_good(other):
+            return _Explanation((fit, other), {other.effects[-1]: candidates})
+        if others[0].log_evidence < pair.log_evidence + LEAST_GAIN:
             break
-        further = rank(steps[-1], progress)
-        if further[0].log_evidence - steps[-1].log_evidence < LEAST_GAIN:
-            break
-        ranked = further
-    if len(steps) > 2 and is_good(steps[-1]):
-        pruned = _pruned(fit, steps[-1])
-        if pruned is not None:
-            steps = [fit, *_ladder_to(fit, pruned)]
-            ranked = rank(steps[-2], progress)
-    return steps, ranked
+        kept, ranked = other, others
+    return found
 
 
-def _pruned(base: Fit, full: Fit) -> Fit | None:
-    """The model without the effects that it does as well without; None if all are needed."""
-    best, shorter = full, None
-    for effect in full.effects[len(base.effects) :]:
-        if effect not in best.effects or len(best.effects) - len(base.effects) < 2:
-            continue
-        without = refit_without(best, effect)
-        if is_good(without) and without.log_evidence > best.log_evidence - LEAST_GAIN:
-            best = shorter = without
-    return shorter
-
-
-def _ladder_to(base: Fit, target: Fit) -> list[Fit]:
-    """Steps from base to target, one effect at a time."""
-    steps: list[Fit] = []
-    current = base
-    added = list(target.effects[len(base.effects) :])
-    for effect in added[:-1]:
-        current = refit_with(current, effect, thorough=False)
-        steps.append(current)
-    return [*steps, target]
-
-
-def _families(base: Fit, best: Fit, ranked: Sequence[Candidate]) -> tuple[list[tuple[str, ...]], float]:
+def _families(explanation: _Explanation) -> tuple[list[tuple[str, ...]], float]:
     """For each named effect, those that would do as well in its place; and the probability of the named set among all such."""
-    added = best.effects[len(base.effects) :]
     families: list[tuple[str, ...]] = []
     chance = 1.0
+    best = explanation.best
     weight = effective_share(best)
-    for effect in added:
-        # What could stand in this effect's place: a ranking on top of all the others.
-        rivals = ranked if effect == added[-1] else rank(refit_without(best, effect))
+    for effect, rivals in explanation.rivals.items():
         evidence = {c.effect: c.log_evidence for c in rivals if c.good}
-        top = max(evidence.values(), default=best.log_evidence)
+        evidence[effect] = max(evidence.get(effect, -np.inf), best.log_evidence)
+        top = max(evidence.values())
         share = {name: float(np.exp(weight * (value - top))) for name, value in evidence.items()}
-        members = sorted((n for n, v in share.items() if v >= FAMILY_SHARE), key=lambda n: -share[n])
-        if effect in members:
-            members.remove(effect)
         total = sum(share.values())
+        members = sorted((n for n, v in share.items() if n != effect and v >= FAMILY_SHARE), key=lambda n: -share[n])
         if members:
             families.append((effect, *members))
-            chance *= min(1.0, (share.get(effect, 1.0) + sum(share[m] for m in members)) / max(total, 1e-300))
-        elif total > 0:
-            chance *= share.get(effect, 1.0) / total
-    return families, min(chance, 1.0)
+        chance *= sum(share[name] for name in (effect, *members)) / total
+    return families, chance
 
 
 def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, float], none: float, where: tuple[JsonDict, ...]) -> Diagnosis:
@@ -260,12 +253,12 @@ def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, fl
 
 def _unexplained(
     fit: Fit,
-    best: Fit,
+    explanation: _Explanation,
     candidates: list[Candidate],
     probabilities: dict[str, float],
-    steps: list[Fit],
     where: tuple[JsonDict, ...],
 ) -> Diagnosis:
+    best = explanation.best
     left = compare(best).where
     spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in left[:3]) or "spread over both sweeps"
     tried = len(possible_effects(fit))
@@ -278,12 +271,12 @@ def _unexplained(
         best=best,
         candidates=tuple(candidates),
         probabilities=probabilities,
-        steps=tuple(steps),
+        steps=explanation.steps,
         where=where,
         following=next_measurement(fit, [c.fit for c in candidates[:3]]),
         reasons=(
             f"something is missing (error {fit.rms_error_percent:.3g} %, floor {fit.floor_percent:.2g} %) and none of {tried} effects, "
-            f"nor up to {MOST_EFFECTS} of them together, explains it",
+            "nor two of them together, explains it",
             f"closest: {' + '.join(best.effects) or 'none'}, which leaves {best.rms_error_percent:.3g} % ({spans})",
         ),
     )
@@ -291,14 +284,13 @@ def _unexplained(
 
 def _named(
     fit: Fit,
-    best: Fit,
+    explanation: _Explanation,
     candidates: list[Candidate],
     probabilities: dict[str, float],
-    steps: list[Fit],
     where: tuple[JsonDict, ...],
-    families: list[tuple[str, ...]],
-    chance: float,
 ) -> Diagnosis:
+    best = explanation.best
+    families, chance = _families(explanation)
     added = best.effects[len(fit.effects) :]
     groups = [{find_effect(n).effect.group for n in family} for family in families]
     all_instrument = all(find_effect(n).effect.group == "instrument" for n in added)
@@ -325,7 +317,7 @@ def _named(
         best=best,
         candidates=tuple(candidates),
         probabilities=probabilities,
-        steps=tuple(steps),
+        steps=explanation.steps,
         where=where,
         following=next_measurement(best, rivals),
         reasons=tuple(reasons),

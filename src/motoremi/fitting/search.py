@@ -78,9 +78,11 @@ class Found:
 def good_enough(problem: Problem) -> float:
     """An objective that only the right valley reaches.
 
-    Five standard deviations above its expectation, with the noise itself uncertain by 10 %, or more where only scatter tells it.
+    Three standard deviations above its expectation, with the noise known no better than its repeats allow and the analyser's error
+    described to 2 %; more where only scatter tells the noise.
     """
-    return problem.measurement.doubt * problem.degrees_of_freedom * (1.1 + 5 * float(np.sqrt(2 / problem.degrees_of_freedom)))
+    measurement, degrees = problem.measurement, problem.degrees_of_freedom
+    return measurement.doubt * degrees * (1.02 + 3 * float(np.hypot(np.sqrt(2 / degrees), measurement.noise_error)))
 
 
 def surely_right(problem: Problem) -> float:
