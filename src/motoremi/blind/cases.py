@@ -1,0 +1,97 @@
+"""Blind cases: motors that hide nothing, one effect, two, what is in no catalogue, or a fault of the analyser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.errors import BadInput
+from motoremi.fitting.fit import fit
+from motoremi.fitting.search import good_enough
+from motoremi.model.effects import find_effect, identifiers
+from motoremi.model.motor import dc_motor
+from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS, split_effects
+from motoremi.simulate.motor import SimulatedMotor
+
+POINTS = 401
+SPAN_HZ = (150e3, 30e6)
+REPEATS = 3
+BANDWIDTH_FACTOR = 3
+SORTS = {"none": 0.2, "one": 0.45, "two": 0.15, "outside": 0.1, "instrument": 0.1}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One motor on one analyser.
+
+    Parameters
+    ----------
+    seed, index : int
+        A case depends on these two only.
+    sort : str
+        Key of `SORTS`.
+    hidden : tuple of str
+        Identifiers as in the catalogue; `outside-...` for what is not in it.
+    motor_seed : int
+    """
+
+    seed: int
+    index: int
+    sort: str
+    hidden: tuple[str, ...]
+    motor_seed: int
+
+    def sweeps(self, hidden: Sequence[str] | None = None, points: int = POINTS) -> list[ImpedanceSweep]:
+        """Three repeats of each termination; `hidden` replaces what the motor hides, all else the same."""
+        in_motor, in_analyser = split_effects(self.hidden if hidden is None else hidden)
+        motor = SimulatedMotor.random(self.motor_seed, in_motor)
+        analyser = SimulatedAnalyser(self.motor_seed + 1, faults=in_analyser)
+        frequency = np.geomspace(*SPAN_HZ, points)
+        measured = []
+        for connection, termination in enumerate(TERMINATIONS):
+            true = motor.impedance(termination, frequency)
+            for _ in range(REPEATS):
+                seen = analyser.measure(termination, frequency, true, connection=connection, bandwidth_factor=BANDWIDTH_FACTOR)
+                measured.append(ImpedanceSweep(termination, frequency, seen, metadata={"analyser": "4294a"}))
+        return measured
+
+    def detectable(self) -> bool:
+        """Whether each hidden effect alone keeps the best refit of the seven elements above noise and specification."""
+        for name in self.hidden:
+            base = fit(dc_motor(), self.sweeps((name,)))
+            if base.objective < good_enough(base.problem):
+                return False
+        return True
+
+
+def catalogue_kinds() -> dict[str, list[str]]:
+    """What can be hidden, by sort of case."""
+    known = [name for name in HIDDEN_EFFECTS if name in identifiers()]
+    instrument = [name for name in known if find_effect(name).effect.group == "instrument"]
+    return {"one": [name for name in known if name not in instrument], "outside": list(OUTSIDE_EFFECTS), "instrument": instrument}
+
+
+def draw(seed: int, index: int) -> Case:
+    """The case of a number."""
+    rng = np.random.default_rng([seed, index])
+    kinds = catalogue_kinds()
+    sort = str(rng.choice(list(SORTS), p=list(SORTS.values())))
+    hidden: tuple[str, ...] = ()
+    if sort == "two":
+        hidden = tuple(str(name) for name in rng.choice(kinds["one"], 2, replace=False))
+    elif sort != "none":
+        hidden = (str(rng.choice(kinds[sort])),)
+    return Case(seed, index, sort, hidden, int(rng.integers(1, 2**31)))
+
+
+def draw_many(seed: int, count: int) -> list[Case]:
+    """The first `count` cases of a seed."""
+    if count < 1:
+        raise BadInput(f"{count} cases: ask for at least one")
+    if seed < 0:
+        raise BadInput(f"the seed is {seed}; it must be 0 or above")
+    return [draw(seed, index) for index in range(count)]

@@ -1,0 +1,72 @@
+"""The scoreboard as text and picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motoremi.arrays import JsonDict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+OUTCOMES = ("right", "family", "wrong", "missed", "unexplained", "false alarm", "crashed", "too weak to see")
+
+
+def markdown(result: JsonDict) -> str:
+    """All tables of a scoreboard."""
+    lines = [f"# Blind test: {result['cases']} cases, seed {result['seed']}", "", "| goal | wanted | reached | cases | |", "|---|---|---|---|---|"]
+    for name, goal in result["goals"].items():
+        sign = "<=" if goal["at_most"] else ">="
+        value = "-" if goal["value"] is None else f"{100 * goal['value']:.1f} %"
+        state = "" if goal["reached"] is None else "yes" if goal["reached"] else "NO"
+        lines.append(f"| {name} | {sign} {100 * goal['wanted']:.0f} % | {value} | {goal['cases']} | {state} |")
+    seconds = result["seconds"]
+    if seconds["median"] is not None:
+        lines += ["", f"One diagnosis: median {seconds['median']:.1f} s, longest {seconds['largest']:.1f} s of processor time."]
+    lines += ["", "| hidden | " + " | ".join(OUTCOMES) + " |", "|---" * (len(OUTCOMES) + 1) + "|"]
+    for kind, counts in result["by_kind"].items():
+        lines.append(f"| {kind} | " + " | ".join(str(counts.get(outcome, "")) for outcome in OUTCOMES) + " |")
+    lines += ["", "| stated confidence | cases | mean stated | hit rate |", "|---|---|---|---|"]
+    for row in result["reliability"]:
+        lines.append(f"| {row['low']:.2f} - {row['high']:.2f} | {row['cases']} | {row['stated']:.3f} | {row['hit_rate']:.3f} |")
+    lines += ["", "Named instead (single effects):", "", "| hidden | named |", "|---|---|"]
+    for kind, counts in result["confusion"].items():
+        lines.append(f"| {kind} | {', '.join(f'{name} {count}' for name, count in sorted(counts.items(), key=lambda pair: -pair[1]))} |")
+    if result["wrong"]:
+        lines += ["", "Cases to look at (`index: hidden -> answer`):", ""]
+        for one in result["wrong"]:
+            answer = " + ".join(one["effects"]) or one["trouble"] or one["verdict"]
+            families = "; ".join(", ".join(family) for family in one["families"])
+            lines.append(f"- {one['index']}: {' + '.join(one['hidden']) or 'none'} -> {answer}" + (f" ({families})" if families else ""))
+    return "\n".join(lines) + "\n"
+
+
+def reliability_figure(result: JsonDict) -> Figure:
+    """Stated confidence against hit rate; the area of a point is its share of the cases."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.5, 4.2), layout="constrained")
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="0.6", linestyle="--", label="as sure as right")
+    rows = result["reliability"]
+    axes.scatter([r["stated"] for r in rows], [r["hit_rate"] for r in rows], s=[20 + 400 * r["cases"] / result["cases"] for r in rows], alpha=0.7)
+    axes.set_xlabel("stated confidence")
+    axes.set_ylabel("hit rate")
+    axes.set_xlim(0, 1.02)
+    axes.set_ylim(0, 1.02)
+    axes.legend(loc="upper left")
+    return figure
+
+
+def write_all(result: JsonDict, folder: Path) -> None:
+    """Tables, data and picture into a folder."""
+    import json
+
+    from motoremi.data.plain import plain
+    from motoremi.data.storage import write_whole
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "scoreboard.md", markdown(result).encode())
+    write_whole(folder / "scoreboard.json", json.dumps(plain(result), indent=1, allow_nan=False).encode())
+    reliability_figure(result).savefig(folder / "reliability.png", dpi=110)
