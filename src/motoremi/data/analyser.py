@@ -29,6 +29,8 @@ class Analyser:
         Where the analyser may switch ranges.
     step_share : float
         Size of such a step as a share of `gain_sigma`.
+    span_hz : tuple of float
+        Widest sweep.
     conductance_sigma_s : callable
         Frequency in Hz -> standard deviation of the conductance left across the terminals, in siemens, one draw a connection.
     capacitance_sigma_f, resistance_sigma_ohm, inductance_sigma_h : float
@@ -45,6 +47,7 @@ class Analyser:
     inductance_sigma_h: float
     step_frequencies_hz: tuple[float, ...] = ()
     step_share: float = 0.3
+    span_hz: tuple[float, float] = (40.0, 110e6)
 
     @property
     def ideal(self) -> bool:
@@ -101,6 +104,7 @@ ANALYSERS = (
         name="e4990a",
         title="Keysight E4990A with a four-terminal fixture, open and short compensated",
         source="taken to be as good as the 4294A that it replaces: unconfirmed",
+        span_hz=(20.0, 120e6),
     ),
     Analyser(
         name="nanovna",
@@ -111,6 +115,7 @@ ANALYSERS = (
         capacitance_sigma_f=0.5e-12,
         resistance_sigma_ohm=0.1,
         inductance_sigma_h=5e-9,
+        span_hz=(50e3, 300e6),
     ),
     Analyser(
         name="none",

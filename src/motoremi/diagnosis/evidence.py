@@ -116,20 +116,38 @@ def at_bound(fit: Fit, effect: str) -> tuple[str, ...]:
         span = problem.high[index] - problem.low[index]
         edge = u[index] < problem.low[index] + 1e-6 * span or u[index] > problem.high[index] - 1e-6 * span
         # Moving a fifth of the range back into the middle would cost more than two units of chi-squared.
-        if edge and abs(gradient[index]) * 0.2 * span > 1.0 and parameter.short_name not in _SOFT:
+        if edge and abs(gradient[index]) * 0.2 * span > 1.0 and parameter.special is None and parameter.short_name not in _SOFT:
             pushed.append(parameter.short_name)
     return tuple(pushed)
 
 
-# One is the Debye law itself, not a limit of what is possible; a lead's resistance below a milliohm is none at all.
-_SOFT = frozenset({"exponent", "resistance_ohm"})
+# A lead's resistance below a milliohm is none at all.
+_SOFT = frozenset({"resistance_ohm"})
+
+
+def simplest_form(fit: Fit, effect: str) -> float:
+    """What the log evidence gains since half of the prior lies on an effect's simplest form (a relaxation with one time constant).
+
+    The ratio of posterior to prior density there is that form's Bayes factor against the free one (Savage and Dickey), so it needs no
+    refit. Without it, a law would lose to its exact equivalent for no reason but one more parameter.
+    """
+    label = own_label(fit, effect)
+    problem, gained = fit.problem, 0.0
+    for index, parameter in enumerate(problem.unknowns):
+        if parameter.special is None or not parameter.name.startswith(f"{label}."):
+            continue
+        away = fit.unknowns[index] - problem.vector({**fit.parameters, parameter.name: parameter.special})[index]
+        variance = max(float(fit.covariance[index, index]), 1e-18)
+        factor = np.log((problem.high[index] - problem.low[index]) / np.sqrt(2 * np.pi * variance)) - 0.5 * away**2 / variance
+        gained += float(np.logaddexp(0.0, factor) - np.log(2))
+    return gained
 
 
 def evaluate(before: Fit, effect: str, scouted: Scouted, thorough: bool = False, polished: bool = True) -> Candidate:
     """The candidate that a first look leads to."""
     fit = settled(scouted, before, thorough, polished)
     bounds = at_bound(fit, effect)
-    return Candidate(effect, fit, fit.log_evidence - BOUND_PENALTY * len(bounds), bounds)
+    return Candidate(effect, fit, fit.log_evidence + simplest_form(fit, effect) - BOUND_PENALTY * len(bounds), bounds)
 
 
 def possible_effects(fit: Fit) -> list[str]:

@@ -1,17 +1,22 @@
-"""The next measurement: what would tell the standing candidates apart, found by simulating each under it."""
+"""The next measurement: what would tell the standing candidates apart, found by simulating each under all that can be measured."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
 from motoremi.arrays import JsonDict
+from motoremi.diagnosis.foresee import Parting, parting
+from motoremi.diagnosis.menu import MENU, Option
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show, show_band
 
-WIDE_HZ = (40.0, 110e6)
+# Differences of so many times the uncertainty decide.
+CLEAR = 5.0
+MOST_RIVALS = 4
 
 
 def next_measurement(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
@@ -27,13 +32,14 @@ def next_measurement(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
     Returns
     -------
     dict
-        `id` and `why`.
+        `id` and `why`; with rivals also `menu`: what each measurement would do (`id`, `separates`: share of pairs that it would tell
+        apart, `ratio`: smallest difference of a pair over the uncertainty), best first; `procedure` where the bench can do it.
     """
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"
         return {"id": f"{missing}-sweep", "why": f"measure the {missing}-circuit sweep too: one sweep cannot locate an effect"}
     if len(rivals) > 1:
-        return _separating(fit, rivals)
+        return _separating(rivals[:MOST_RIVALS])
     if fit.effects:
         effect = find_effect(fit.effects[-1]).effect
         return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}
@@ -41,28 +47,55 @@ def next_measurement(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
     if "Ra" in undetermined:
         return {"id": "dc-resistance", "why": "these sweeps do not determine Ra: measure it at DC with four wires and hold it in the fit"}
     if undetermined:
-        return {"id": "wide-sweep", "why": f"these sweeps do not determine {', '.join(undetermined)}: sweep {show_band(*WIDE_HZ)}"}
+        span = show_band(*fit.measurement.analyser.span_hz)
+        return {"id": "wide-sweep", "why": f"these sweeps do not determine {', '.join(undetermined)}: sweep {span}"}
     return {"id": "repeat", "why": "nothing is missing; repeat after turning the shaft or warming up to see what changes"}
 
 
-def _separating(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
-    """Where in a wider sweep the rivals' predictions part most, in units of the analyser's uncertainty."""
-    frequency = np.geomspace(*WIDE_HZ, 400)
-    low = min(sweep.frequency_hz[0] for sweep in fit.measurement.sweeps)
-    high = max(sweep.frequency_hz[-1] for sweep in fit.measurement.sweeps)
-    outside = (frequency < low) | (frequency > high)
-    first, second = rivals[0], rivals[1]
-    best_ratio, best_f = 0.0, float(frequency[0])
-    for termination in fit.measurement.terminations:
-        one, other = (model.model_ohm(termination, frequency) for model in (first, second))
-        uncertainty = np.hypot(fit.measurement.analyser.uncertainty(frequency, one), fit.floor_percent / 100)
-        ratio = np.where(outside, np.abs(one / other - 1) / uncertainty, 0.0)
-        if ratio.max() > best_ratio:
-            best_ratio, best_f = float(ratio.max()), float(frequency[np.argmax(ratio)])
-    names = f"{first.effects[-1]} and {second.effects[-1]}" if first.effects and second.effects else "the candidates"
-    if best_ratio > 5:
-        why = f"sweep {show_band(*WIDE_HZ)}: near {show(best_f, 'Hz')} {names} differ by {best_ratio:.0f} times the uncertainty"
-        return {"id": "wide-sweep", "why": why}
-    effect = find_effect(first.effects[-1]).effect if first.effects else None
-    why = f"even {show_band(*WIDE_HZ)} would not separate {names}" + (f"; {effect.deciding}" if effect else "")
-    return {"id": f"decide-{effect.name}" if effect else "wide-sweep", "why": why}
+def _separating(rivals: Sequence[Fit]) -> JsonDict:
+    """The least effort that tells most pairs apart."""
+    pairs = list(combinations(rivals, 2))
+    foreseen = [(option, [parting(option, one, other) for one, other in pairs]) for option in MENU]
+    foreseen.sort(key=lambda entry: (-_share(entry[1]), entry[0].effort, -_smallest(entry[1])))
+    if _share(foreseen[0][1]) == 0:
+        foreseen.sort(key=lambda entry: -_smallest(entry[1]))
+    option, partings = foreseen[0]
+    answer: JsonDict = {
+        "id": option.name,
+        "why": _why(option, partings, pairs),
+        "menu": [{"id": o.name, "action": o.action, "separates": _share(p), "ratio": _smallest(p)} for o, p in foreseen if _largest(p) >= 1],
+    }
+    if option.procedure:
+        answer["procedure"] = f"{option.procedure}.toml"
+    return answer
+
+
+def _share(partings: Sequence[Parting]) -> float:
+    return float(np.mean([one.ratio >= CLEAR for one in partings]))
+
+
+def _smallest(partings: Sequence[Parting]) -> float:
+    return min(one.ratio for one in partings)
+
+
+def _largest(partings: Sequence[Parting]) -> float:
+    return max(one.ratio for one in partings)
+
+
+def _why(option: Option, partings: Sequence[Parting], pairs: Sequence[tuple[Fit, Fit]]) -> str:
+    names = _names([fit for pair in pairs for fit in pair])
+    if _share(partings) == 0:
+        effect = find_effect(pairs[0][0].effects[-1]).effect
+        return (
+            f"none of {len(MENU)} measurements that were simulated would clearly separate {names}; the best of them is to {option.action} "
+            f"(they would differ by {_largest(partings):.1f} times the uncertainty); otherwise {effect.deciding}"
+        )
+    clear = max(partings, key=lambda one: one.ratio)
+    where = f" near {show(clear.frequency_hz, 'Hz')} ({clear.place})" if clear.place else ""
+    told = names if all(one.ratio >= CLEAR for one in partings) else "most of " + names
+    return f"{option.action}: {told} would then differ by {clear.ratio:.0f} times the uncertainty{where}"
+
+
+def _names(fits: Sequence[Fit]) -> str:
+    sets = list(dict.fromkeys(" + ".join(fit.effects) or "no effect" for fit in fits))
+    return f"{', '.join(sets[:-1])} and {sets[-1]}"

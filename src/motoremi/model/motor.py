@@ -63,12 +63,15 @@ class Motor:
     effects: tuple[str, ...] = ()
 
     def circuit(self, termination: str) -> Node:
-        """The one-port that the analyser sees with the far end `short` or `open`."""
-        if termination not in BOTH:
-            raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
+        """The one-port that the analyser sees with the far end `short` or `open`.
+
+        `grounded` is what `open` becomes once the far end is tied to the frame: seen through the same leads and strap, without the frame.
+        """
+        if termination not in (*BOTH, "grounded"):
+            raise BadInput(f"unknown termination {termination!r}: use 'short', 'open' or 'grounded'")
         winding, frame = self.winding, self.frame
         drift = self.capacitance_drift
-        if drift is not None and termination == "open":
+        if drift is not None and termination != "short":
             winding = replace_leaf(winding, "Ca", lambda leaf: Scaled(leaf, laws.drift_factor, (drift,)))
         share = self.distribution
         seen: Node
@@ -79,7 +82,7 @@ class Motor:
         else:
             seen = Series((winding, frame)) if termination == "open" else winding
         for attachment in self.attachments:
-            if termination in attachment.terminations:
+            if ("short" if termination == "short" else "open") in attachment.terminations:
                 seen = attachment.wrap(seen)
         return seen
 

@@ -27,6 +27,8 @@ class Parameter:
         Standard deviation of a Gaussian prior round zero (`linear` only): the analyser's specified errors.
     vary : bool
         False for a value that is found by a scan and then held.
+    special : float, optional
+        The value at which the law takes its simplest form, as likely beforehand as all others together.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Parameter:
     scale: Literal["log", "linear"] = "log"
     sigma: float | None = None
     vary: bool = True
+    special: float | None = None
 
     @property
     def short_name(self) -> str:
