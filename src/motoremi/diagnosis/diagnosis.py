@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank
+from motoremi.diagnosis.evidence import Candidate, Progress, effective_share, is_good, possible_effects, rank, rank_pairs
 from motoremi.diagnosis.following import next_measurement
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
@@ -19,7 +19,6 @@ from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "unexplained"]
-Progress: TypeAlias = Callable[[str, int, int], None]
 
 # How often the two effects of a pair are sought again in turn. More than two at once are not sought: with three free effects almost
 # anything can be described, so a third is named only once the first two are in the ladder.
@@ -195,8 +194,9 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
     alone = _Explanation((fit, first.fit), {first.effect: candidates})
     if first.good:
         return alone
-    kept, ranked = first.fit, rank(first.fit, progress)
-    if ranked[0].log_evidence - kept.log_evidence < LEAST_GAIN:
+    start, ranked = rank_pairs(candidates, progress)
+    kept = start.fit
+    if ranked[0].log_evidence - first.log_evidence < LEAST_GAIN:
         return alone
     for _ in range(EXCHANGES):
         pair = ranked[0]

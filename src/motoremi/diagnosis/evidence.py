@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,16 +15,21 @@ from motoremi.fitting.search import Scouted, good_enough, searched_through
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.quantities import show
 
-# Candidates whose first look ends within this factor (and so many units of chi-squared) of the best are refitted on all points.
+Progress: TypeAlias = Callable[[str, int, int], None]
+
+# Candidates whose first look ends within this factor (and so many units of chi-squared) of one that is right are refitted on all points.
 PROMISING_FACTOR = 2.0
 PROMISING_MARGIN = 100.0
 # How many of the nearest are searched through, with one that explains everything at hand and without.
-SEARCHED = 8
-SEARCHED_IN_THE_DARK = 14
+SEARCHED = 5
+SEARCHED_IN_THE_DARK = 8
+# How many are refitted on all points where none is right.
+POLISHED_IN_THE_DARK = 4
+# From how many single effects a second one is looked for, and how many pairs are then searched through.
+BEAM = 4
+PAIRS_SEARCHED = 6
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
-# How many candidates get a thorough search when none leads down to the noise.
-THOROUGH = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +149,9 @@ def simplest_form(fit: Fit, effect: str) -> float:
     return gained
 
 
-def evaluate(before: Fit, effect: str, scouted: Scouted, thorough: bool = False, polished: bool = True) -> Candidate:
+def evaluate(before: Fit, effect: str, scouted: Scouted, polished: bool) -> Candidate:
     """The candidate that a first look leads to."""
-    fit = settled(scouted, before, thorough, polished)
+    fit = settled(scouted, before, thorough=False, polished=polished)
     bounds = at_bound(fit, effect)
     return Candidate(effect, fit, fit.log_evidence + simplest_form(fit, effect) - BOUND_PENALTY * len(bounds), bounds)
 
@@ -165,7 +171,18 @@ def possible_effects(fit: Fit) -> list[str]:
     return names
 
 
-def rank(before: Fit, progress: Callable[[str, int, int], None] | None = None, names: Sequence[str] | None = None) -> list[Candidate]:
+def glances(before: Fit, progress: Progress | None = None) -> dict[str, Scouted]:
+    """A quick look at every possible effect."""
+    names = possible_effects(before)
+    found = {}
+    for index, name in enumerate(names):
+        if progress is not None:
+            progress(" + ".join((*before.effects, name)), index, len(names))
+        found[name] = glance_at(before, name)
+    return found
+
+
+def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
     """Refit with every possible effect, the promising ones on all points; best evidence first.
 
     Parameters
@@ -173,24 +190,37 @@ def rank(before: Fit, progress: Callable[[str, int, int], None] | None = None, n
     progress : callable, optional
         Told the effect's name, how many are done, and of how many.
     """
-    chosen = list(names) if names is not None else possible_effects(before)
-    looks: dict[str, Scouted] = {}
-    for index, name in enumerate(chosen):
-        if progress is not None:
-            progress(name, index, len(chosen))
-        looks[name] = glance_at(before, name)
+    looks = glances(before, progress)
     nearest = sorted(looks, key=lambda name: looks[name].objective)
     for name in nearest[: SEARCHED if looks[nearest[0]].right else SEARCHED_IN_THE_DARK]:
         if not looks[name].right:
             looks[name] = searched_through(looks[name])
-    best = min(look.objective for look in looks.values())
-    limit = PROMISING_FACTOR * best + PROMISING_MARGIN
+    return refitted(before, looks)
+
+
+def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
+    """Candidates from first looks; best evidence first."""
+    nearest = sorted(looks, key=lambda name: looks[name].objective)
+    best = looks[nearest[0]]
+    limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[nearest[:POLISHED_IN_THE_DARK][-1]].objective
     ranked = [evaluate(before, name, look, polished=look.objective <= limit) for name, look in looks.items()]
-    ranked.sort(key=lambda candidate: -candidate.log_evidence)
-    if not any(candidate.good for candidate in ranked):
-        # Nothing leads down to the noise: send ants out for the best few.
-        for index, candidate in enumerate(ranked[:THOROUGH]):
-            again = evaluate(before, candidate.effect, looks[candidate.effect], thorough=True)
-            ranked[index] = max(again, candidate, key=lambda c: c.log_evidence)
-        ranked.sort(key=lambda candidate: -candidate.log_evidence)
-    return ranked
+    return sorted(ranked, key=lambda candidate: -candidate.log_evidence)
+
+
+def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -> tuple[Candidate, list[Candidate]]:
+    """The most promising of the best single effects, and candidates for a second one beside it.
+
+    What describes the data best alone need not be one of the two, so the search starts from several.
+    """
+    looks: dict[tuple[int, str], Scouted] = {}
+    for first, single in enumerate(singles[:BEAM]):
+        looks.update({(first, name): look for name, look in glances(single.fit, progress).items()})
+        if any(look.right for look in looks.values()):
+            break
+    nearest = sorted(looks, key=lambda pair: looks[pair].objective)
+    for pair in nearest[:PAIRS_SEARCHED]:
+        if not looks[pair].right:
+            looks[pair] = searched_through(looks[pair])
+    chosen = min(looks, key=lambda pair: looks[pair].objective)[0]
+    first = singles[chosen]
+    return first, refitted(first.fit, {name: look for (at, name), look in looks.items() if at == chosen})
