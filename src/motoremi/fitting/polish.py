@@ -14,6 +14,9 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.fitting.problem import Problem
 
+# In error bars: what is left to go once a solution is sharpened.
+SHARP = 1e-6
+
 
 @dataclass(frozen=True)
 class Polished:
@@ -129,6 +132,42 @@ def polish(
         failed = live[~better]
         damped[failed] = np.maximum(damped[failed] * 6, 1e-6)
     return Polished(u, state.objective, converged, evaluations)
+
+
+def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[FloatArray, int]:
+    """Gauss-Newton on from where a polish ended, until what is left to go is a millionth of the error bars.
+
+    The length of a step in error bars, sqrt(g' M^-1 g), bounds its share of each parameter's own. Near the minimum each step is a fixed
+    share of the one before, usually about a hundredth, so two tell when to stop.
+
+    Returns
+    -------
+    u : ndarray, shape (k,)
+    evaluations : int
+    """
+    u, best, rate = solution, solution, 1.0
+    objective = previous = np.inf
+    for evaluations in range(1, most + 1):
+        here = problem.linearised(u)
+        if here.objective > objective * (1 + 1e-12):  # beyond rounding
+            return best, evaluations
+        held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
+        scale = np.sqrt(np.diag(here.matrix)) + 1e-150
+        system = here.matrix / np.outer(scale, scale)
+        system[held[:, None] | held[None, :]] = 0.0
+        system[np.diag_indices_from(system)] = 1.0 + 1e-13
+        right = np.where(held, 0.0, here.gradient / scale)
+        scaled = np.linalg.solve(system, right)
+        length = float(np.sqrt(max(right @ scaled, 0.0)))
+        if length >= previous:
+            return u, evaluations
+        if np.isfinite(previous):
+            rate = length / previous
+        best, objective, previous = u, float(here.objective), length
+        u = problem.clip(u - scaled / scale)
+        if length * rate < SHARP:
+            break
+    return u, evaluations
 
 
 def _limited(step: FloatArray) -> FloatArray:

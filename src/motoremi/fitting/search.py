@@ -15,7 +15,7 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
-from motoremi.fitting.polish import Polished, polish
+from motoremi.fitting.polish import Polished, polish, sharpened
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.starts import data_driven_starts
 from motoremi.model.motor import Motor
@@ -139,7 +139,17 @@ def search_base(task: Task, seed: int) -> Found:
         if best.objective[best.best] < surely_right(full):
             break
     assert best is not None
-    return Found(best.u[best.best], bool(best.converged[best.best]), evaluations, tuple(history), searched)
+    u, converged, more = _winner(full, best)
+    return Found(u, converged, evaluations + more, tuple(history), searched)
+
+
+def _winner(problem: Problem, ends: Polished) -> tuple[FloatArray, bool, int]:
+    """The best end, sharpened if it converged; whether it did; evaluations spent."""
+    u, converged = ends.u[ends.best], bool(ends.converged[ends.best])
+    if not converged:
+        return u, False, 0
+    sharp, evaluations = sharpened(problem, u)
+    return sharp, True, evaluations
 
 
 @dataclass(frozen=True)
@@ -230,11 +240,11 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
         ends = polish(search, colony.different(12), iterations=40, **ROUGH)
         final = final.joined(polish(full, moved(ends.distinct(3), search, full)))
         found = found.joined(ends)
-    best = final.best
+    u, converged, more = _winner(full, final)
     return Found(
-        final.u[best],
-        bool(final.converged[best]),
-        found.evaluations + scouted.likely.evaluations + final.evaluations,
+        u,
+        converged,
+        found.evaluations + scouted.likely.evaluations + final.evaluations + more,
         (),
         search.named(found.u[found.best]),
     )

@@ -1,0 +1,38 @@
+"""Simulated sweeps of the paper's motor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.paper.printed import HIGHEST_HZ, LOWEST_HZ
+from motoremi.simulate.effects import HiddenEffect
+from motoremi.simulate.motor import SimulatedMotor
+
+POINTS = 401
+NOISE = 0.005
+
+
+def grid_hz() -> FloatArray:
+    """The paper's band, even in the logarithm."""
+    return np.geomspace(LOWEST_HZ, HIGHEST_HZ, POINTS)
+
+
+def simulated(elements: Mapping[str, float], hidden: HiddenEffect | None = None) -> SimulatedMotor:
+    """A motor with these seven elements that may hide one effect."""
+    return SimulatedMotor(**elements, effects=() if hidden is None else (hidden,))
+
+
+def sweeps(elements: Mapping[str, float], hidden: HiddenEffect | None = None, noise: float = NOISE, seed: int = 2011) -> list[ImpedanceSweep]:
+    """Both sweeps; `noise` is relative, of the real and of the imaginary part, 0 for none (0.5 % is stated all the same)."""
+    motor = simulated(elements, hidden)
+    rng = np.random.default_rng(seed)
+    frequency = grid_hz()
+    measured = []
+    for termination in TERMINATIONS:
+        error = noise * (rng.normal(size=POINTS) + 1j * rng.normal(size=POINTS))
+        measured.append(ImpedanceSweep(termination, frequency, motor.impedance(termination, frequency) * (1 + error), NOISE))
+    return measured

@@ -1,0 +1,48 @@
+"""Certified motors: `fit` against minima found by independent 60-digit arithmetic (certify.py), as lmfit does with NIST's StRD."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+import motoremi as me
+from motoremi.data.files import read_impedance
+from motoremi.fitting.polish import SHARP
+from motoremi.model.effects import add_effects
+
+HERE = Path(__file__).parent
+CERTIFIED = json.loads((HERE / "certified.json").read_text())
+# A parameter counts as well determined if its certified error bar is below this share of it. What the final steps leave is a millionth of
+# the error bar, so six digits of it are then certain.
+WELL = 0.1
+DIGITS = 6
+# Rounding: the objective sums 1e3 squares, the error bars come from an inverse.
+DIGITS_OF_OBJECTIVE, DIGITS_OF_SIGMA = 9, 4
+
+
+def log_relative_error(found: float, certified: float) -> float:
+    """Digits in common, 15 at most."""
+    return 15.0 if found == certified else min(15.0, -math.log10(abs(found - certified) / abs(certified)))
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+def test_fit_agrees_with_the_certified_minimum(name):
+    certified = CERTIFIED[name]
+    effects = [certified["effect"]] if certified["effect"] else []
+    sweeps = [read_impedance(HERE / name / f"{termination}.csv", termination) for termination in ("short", "open")]
+    fit = me.fit(add_effects(me.dc_motor(), effects), sweeps, analyser="none")
+    assert fit.converged
+    assert log_relative_error(fit.objective, float(certified["objective"])) >= DIGITS_OF_OBJECTIVE
+    assert fit.parameters.keys() == certified["parameters"].keys()
+    well = 0
+    for key, text in certified["parameters"].items():
+        value, sigma = float(text), float(certified["sigma"][key])
+        assert abs(fit.parameters[key] - value) < 10 * SHARP * sigma
+        if sigma < WELL * value:
+            well += 1
+            assert log_relative_error(fit.parameters[key], value) >= DIGITS
+            assert log_relative_error(fit.sigma[key], sigma) >= DIGITS_OF_SIGMA
+    assert well >= 5
