@@ -86,6 +86,11 @@ class CausalModel:
     outliers_hz: tuple[float, ...]
 
     @property
+    def noise_multiple(self) -> float:
+        """Its error in multiples of the random noise, with the analyser's smooth errors marginalised."""
+        return float(np.sqrt(self.chi2_reduced))
+
+    @property
     def describes_the_data(self) -> bool:
         """Whether a fixed linear circuit explains the sweep."""
         return self.chi2_reduced < NOT_CAUSAL and not self.outliers_hz
@@ -110,6 +115,7 @@ class CausalModel:
             "sweep": self.termination,
             "order": self.order,
             "chi2_reduced": self.chi2_reduced,
+            "noise_multiple": self.noise_multiple,
             "rms_error_percent": self.rms_error_percent,
             "passive": self.passive,
             "describes_the_data": self.describes_the_data,
@@ -251,7 +257,7 @@ def _fitted(measurement: Measurement) -> CausalModel:
         chi2_reduced=float(np.sum(np.abs(white) ** 2)) / (2 * white.size - 2 * order - 1),
         rms_error_percent=float(100 * np.sqrt(np.mean(np.abs(np.exp(-left) - 1) ** 2))),
         passive=bool(np.all(impedance.real >= -NEGATIVE * uncertainty * np.abs(impedance))),
-        remainder_hz=tuple((low, high) for low, high in spans_of(sweep.frequency_hz, _smoothed(white) > REMAINDER * measurement.doubt)),
+        remainder_hz=tuple((low, high) for low, high in spans_of(sweep.frequency_hz, smoothed(white) > REMAINDER * measurement.doubt)),
         outliers_hz=tuple(float(f) for f in sweep.frequency_hz[outlying]),
     )
 
@@ -291,11 +297,11 @@ def _best_order(task: _Task, unit: float, reference: float) -> tuple[ComplexArra
 def _one_more_pair(task: _Task, poles: ComplexArray, coefficients: FloatArray) -> ComplexArray:
     """Poles with another pair where most is left."""
     white = task.whitened(task.reflection - coefficients[-1] - _columns(task.s, poles) @ coefficients[:-1])
-    top = task.s[int(np.argmax(_smoothed(white)))].imag
+    top = task.s[int(np.argmax(smoothed(white)))].imag
     return np.append(poles, complex(-0.1 * top, top))
 
 
-def _smoothed(white: ComplexArray) -> FloatArray:
+def smoothed(white: ComplexArray) -> FloatArray:
     """Mean variance of whitened residuals round each point; 1 for noise."""
     return np.convolve(np.pad(np.abs(white) ** 2 / 2, WINDOW // 2, mode="reflect"), np.full(WINDOW, 1 / WINDOW), mode="valid")
 

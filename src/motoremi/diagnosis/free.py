@@ -22,6 +22,7 @@ from motoremi.model.parameter import Parameter
 CORNERS = 9
 STRENGTH = {"R": 3.0, "L": 0.3, "C": 0.3}
 SEARCH_POINTS = 120
+GLANCE_POINTS, GLANCE_STEPS = 60, 30
 
 
 def with_free(fit: Fit, element: str) -> Fit:
@@ -37,15 +38,27 @@ def with_free(fit: Fit, element: str) -> Fit:
     return min(smooth, _freed(fit, element, True, [_resonating(fit, element)]), key=lambda found: found.objective)
 
 
+def promise(fit: Fit, element: str) -> float:
+    """The objective that a look at the model with one element free to vary smoothly ends at: a few steps on a few points."""
+    problem = _free_problem(fit, element, False, GLANCE_POINTS)
+    own = {**fit.parameters, **fit.nuisance}
+    starts = np.array([problem.vector({**own, **base}) for base in base_starts(own, fit.measurement, few=True)])
+    return float(polish(problem, starts, iterations=GLANCE_STEPS).objective.min())
+
+
 def _freed(fit: Fit, element: str, resonant: bool, starts: Sequence[Mapping[str, float]]) -> Fit:
+    thinned, full = (_free_problem(fit, element, resonant, points) for points in (SEARCH_POINTS, None))
+    near = polish(thinned, np.array([thinned.vector(start) for start in starts]), iterations=80)
+    found = polish(full, near.distinct(2), iterations=60)
+    return summarise(full, found.u[found.best], True, fit.method, fit.seed, 0, ())
+
+
+def _free_problem(fit: Fit, element: str, resonant: bool, points: int | None) -> Problem:
     frequency, width = fit.problem.observed.frequency_hz, STRENGTH[element[0]]
     corners = np.geomspace(frequency.min() / 2, 2 * frequency.max(), CORNERS)
     parameters = [Parameter(f"free {i}", "", -20 * width, 20 * width, "free", "linear", width) for i in range(CORNERS)]
     motor = _scaled(fit.motor, element, corners, [*parameters, *(_resonance(frequency) if resonant else [])])
-    thinned, full = (Problem(motor, fit.measurement, fit.bounds, fit.held, points=points) for points in (SEARCH_POINTS, None))
-    near = polish(thinned, np.array([thinned.vector(start) for start in starts]), iterations=80)
-    found = polish(full, near.distinct(2), iterations=60)
-    return summarise(full, found.u[found.best], True, fit.method, fit.seed, 0, ())
+    return Problem(motor, fit.measurement, fit.bounds, fit.held, points=points)
 
 
 def _resonance(frequency_hz: FloatArray) -> list[Parameter]:
