@@ -99,6 +99,23 @@ def test_files_by_hand_are_fitted_and_diagnosed_by_the_contract(session):
     assert motoremi("fit", session).returncode == 2
 
 
+def test_an_element_is_inspected(files, tmp_path):
+    session = tmp_path / "session"
+    assert motoremi("import", session, "--short", files / "short1.csv", "--open", files / "open1.csv").returncode == 0
+    plot = tmp_path / "cf.svg"
+    found = document(motoremi("inspect", session, "--element", "Cf", "--plot", plot, "--json"))
+    assert (found["schema"], found["element"], found["unit"]) == ("motoremi.inspection/1", "Cf", "F")
+    assert "leakage" in found["sweeps"][0]["reading"]
+    assert plot.read_text().lstrip().startswith("<?xml")
+    spoken = motoremi("inspect", session, "--element", "La")
+    assert "constant" in spoken.stdout
+    for wrong in ("Lx", "skin-effect"):
+        done = motoremi("inspect", session, "--element", wrong)
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+    assert motoremi("inspect", session, "--element", "La", "--plot", tmp_path / "la.doc").returncode == 2
+
+
 def test_commands_speak_to_people_too(files, tmp_path):
     out = tmp_path / "s"
     done = motoremi("import", out, "--short", files / "short1.csv", "--open", files / "open1.csv")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from motoremi.data.sweep import ImpedanceSweep
     from motoremi.diagnosis.compare import Comparison, Tolerance, compare
     from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
+    from motoremi.diagnosis.element import Inspection, inspect
     from motoremi.errors import BadInput, InstrumentError, MotoremiError
     from motoremi.fitting.fit import fit
     from motoremi.fitting.result import Fit
@@ -35,6 +36,8 @@ _HOMES = {
     "compare": "motoremi.diagnosis.compare",
     "Diagnosis": "motoremi.diagnosis.diagnosis",
     "diagnose": "motoremi.diagnosis.diagnosis",
+    "Inspection": "motoremi.diagnosis.element",
+    "inspect": "motoremi.diagnosis.element",
     "BadInput": "motoremi.errors",
     "InstrumentError": "motoremi.errors",
     "MotoremiError": "motoremi.errors",
@@ -49,6 +52,7 @@ __all__ = [
     "Diagnosis",
     "Fit",
     "ImpedanceSweep",
+    "Inspection",
     "InstrumentError",
     "Motor",
     "MotoremiError",
@@ -60,6 +64,7 @@ __all__ = [
     "dc_motor",
     "diagnose",
     "fit",
+    "inspect",
     "load",
     "verify",
 ]

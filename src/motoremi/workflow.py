@@ -16,6 +16,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session, load, reopen
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.diagnosis import Diagnosis, Progress, diagnose
+from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit, restore
@@ -109,6 +110,11 @@ def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", 
     result = diagnose(steps[-1] if start == "ladder" else steps[0], progress)
     store.save_analysis("diagnosis", result.to_dict())
     return result
+
+
+def inspect_session(store: Store, element: str) -> Inspection:
+    """What an element of the model that the ladder stands at would have to be."""
+    return inspect(current_steps(store)[-1], element)
 
 
 def diagnosis_in(session: Session) -> JsonDict:

@@ -8,6 +8,8 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from motoremi.errors import BadInput
+
 SessionPath: TypeAlias = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.", show_default=False)]
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="One JSON document on standard output, for machines.")]
 Out: TypeAlias = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to make.", show_default=False)]
@@ -16,3 +18,18 @@ Out: TypeAlias = Annotated[Path | None, typer.Option("--out", metavar="DIR", hel
 def command(app: typer.Typer, name: str, function: Callable[..., None], example: str) -> None:
     """Add a command whose help ends with an example."""
     app.command(name, epilog=f"Example: {example}")(function)
+
+
+def plot_file(path: Path) -> Path:
+    """A file that a plot can be written to.
+
+    Raises
+    ------
+    BadInput
+        For any other ending, or a folder that is not there.
+    """
+    if path.suffix.lower() not in (".svg", ".png", ".pdf"):
+        raise BadInput(f"{path}: plots are written as .svg, .png or .pdf")
+    if not path.parent.is_dir():
+        raise BadInput(f"{path}: there is no folder {path.parent}")
+    return path

@@ -1,4 +1,4 @@
-"""Commands on a session: import, verify, fit, compare, diagnose, add, drop, ladder, next, report, plot."""
+"""Commands on a session: import, verify, fit, compare, diagnose, inspect, add, drop, ladder, next, report, plot."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command
+from motoremi.cli.options import AsJson, SessionPath, command, plot_file
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -197,6 +197,31 @@ def diagnose_(
         say(f"next: motoremi add {path} {result.effects[0]}")
 
 
+def inspect_(
+    path: SessionPath,
+    element: Annotated[
+        str, typer.Option("--element", metavar="NAME", help="Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model.", show_default=False)
+    ],
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="SVG, PNG or PDF of the curve with its uncertainty.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """What an element would have to be, at each frequency, for the model to be exact."""
+    from motoremi.cli.output import emit_json, say
+    from motoremi.workflow import inspect_session, opened
+
+    file = None if plot is None else plot_file(plot)
+    with opened(path) as store:
+        found = inspect_session(store, element)
+    if file is not None:
+        found.plot().savefig(file)
+    if as_json:
+        emit_json(found.to_dict())
+        return
+    say(repr(found))
+    if file is not None:
+        say(str(file))
+
+
 def add_(
     path: SessionPath,
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="From the catalogue: motoremi effects.", show_default=False)],
@@ -296,9 +321,7 @@ def plot_(
     from motoremi.data.session import load
     from motoremi.workflow import figure_of
 
-    file = out if out is not None else Path(f"{what}.svg")
-    if file.suffix.lower() not in (".svg", ".png", ".pdf"):
-        raise BadInput(f"{file}: plots are written as .svg, .png or .pdf")
+    file = plot_file(out if out is not None else Path(f"{what}.svg"))
     figure_of(load(path), what).savefig(file)
     say(str(file))
 
@@ -310,6 +333,7 @@ def register(app: typer.Typer) -> None:
     command(app, "fit", fit_, 'motoremi fit my_motor --bound "La=1 uH:100 uH"')
     command(app, "compare", compare_, "motoremi compare my_motor --error-percent 5")
     command(app, "diagnose", diagnose_, "motoremi diagnose my_motor --json")
+    command(app, "inspect", inspect_, "motoremi inspect my_motor --element La --plot la.svg")
     command(app, "add", add_, "motoremi add my_motor eddy-laminations")
     command(app, "drop", drop_, "motoremi drop my_motor")
     command(app, "ladder", ladder_, "motoremi ladder my_motor")

@@ -212,11 +212,11 @@ def _band(sweep: str, curve: Curve, low: float, high: float) -> JsonDict:
         "max_phase_deg": float(phase.max()),
         "share_beyond_uncertainty": float(np.mean(curve.significant[inside])),
         "verdict": "fail" if np.any(curve.fails[inside]) else "pass",
-        "fails_hz": _spans(curve.frequency_hz, curve.fails & inside),
+        "fails_hz": spans_of(curve.frequency_hz, curve.fails & inside),
     }
 
 
-def _spans(frequency_hz: FloatArray, marked: BoolArray) -> list[list[float]]:
+def spans_of(frequency_hz: FloatArray, marked: BoolArray) -> list[list[float]]:
     """Contiguous spans of marked points."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
     return [[float(frequency_hz[a]), float(frequency_hz[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -40,6 +40,15 @@ def capacitor(s: ComplexArray, capacitance: Any) -> ValueAndSlopes:
     return impedance, (-impedance / capacitance,)
 
 
+def given(values: ComplexArray) -> Law:
+    """A law that takes given values, shape (n,), at the frequencies they belong to."""
+
+    def law(s: ComplexArray) -> ValueAndSlopes:
+        return values, ()
+
+    return law
+
+
 def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistance: Any) -> ValueAndSlopes:
     """Parallel L, C, R by its resonance: Z = 1 / (1/(s L) + s/(w0^2 L) + 1/R), w0 = 2 pi f0."""
     w0 = TWO_PI * resonance_hz

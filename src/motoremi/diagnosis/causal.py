@@ -1,0 +1,408 @@
+"""What the best linear, time-invariant, causal one-port reaches: a vector fit of each sweep, free of any circuit.
+
+It answers two questions. What could a model with the right physics reach, where the catalogue fails? And are the data those of a fixed
+linear circuit at all: drift within a sweep, sweeps put together from several runs and outliers are not, and no circuit will fit them.
+
+Lin-KK tools answer the second question wrongly for motors: their R-C chains have real poles only. The fit is made on the reflection
+coefficient S = (Z - z0) / (Z + z0), which is bounded by 1 for whatever is passive; scikit-rf's vector fitting finds the poles, and a
+least-squares polish brings the weights that the noise asks for. Orders are compared by BIC.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.compare import spans_of
+from motoremi.fitting.observed import observed
+from motoremi.quantities import show_band
+
+# Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
+MOST_PAIRS = 12
+# Orders that may fail to improve in a row before the search ends.
+PATIENCE = 2
+# Chi-squared per degree of freedom beyond which the data are not those of a fixed linear circuit. Noise from three repeats is known to
+# about 10 %, so its square to 20 %; what the analyser may add of smooth errors is marginalised.
+NOT_CAUSAL = 1.6
+# Poles lie within a factor exp(20) of the sweep's middle: nine decades either way.
+FARTHEST = 20.0
+# Half width of the narrowest resonance in steps between points: what is narrower cannot be told from an outlier.
+NARROWEST = 0.5
+# Resonances narrower than this are looked at again without the point at their top.
+SUSPECT = 1.5
+# Width in points of the window in which a remainder is located, and the multiple of the noise's variance that it must exceed there:
+# the mean over 9 complex points scatters by a third.
+WINDOW = 9
+REMAINDER = 3.0
+# Standard uncertainties by which a resistance may come out negative.
+NEGATIVE = 4.0
+# A single point so many standard deviations off is an outlier, not noise: one chance in 1e9 for Gaussian noise and 1000 points.
+OUTLIER = 7.0
+
+
+@dataclass(frozen=True, eq=False)
+class CausalModel:
+    """The best rational one-port for one sweep.
+
+    Parameters
+    ----------
+    termination : str
+    reference_ohm : float
+        z0 of its reflection coefficient.
+    poles, residues : ndarray, shape (order,)
+        In 1/s; complex ones stand for themselves and their conjugate. All poles lie in the left half plane.
+    constant : float
+        Reflection coefficient at infinite frequency.
+    order : int
+        Number of poles, conjugates counted.
+    chi2_reduced : float
+        Over random noise, with the analyser's smooth errors marginalised.
+    rms_error_percent : float
+        Of Z_model/Z_measured; the model holds the analyser's most likely gain error within its specification.
+    passive : bool
+        Whether Re Z >= 0 within the sweep, as far as the measurement can tell.
+    remainder_hz : tuple of pair
+        Spans in which it does not describe the data.
+    outliers_hz : tuple of float
+        Single points far off.
+    """
+
+    termination: str
+    reference_ohm: float
+    poles: ComplexArray
+    residues: ComplexArray
+    constant: float
+    order: int
+    chi2_reduced: float
+    rms_error_percent: float
+    passive: bool
+    remainder_hz: tuple[tuple[float, float], ...]
+    outliers_hz: tuple[float, ...]
+
+    @property
+    def noise_multiple(self) -> float:
+        """Its error in multiples of the random noise, with the analyser's smooth errors marginalised."""
+        return float(np.sqrt(self.chi2_reduced))
+
+    @property
+    def describes_the_data(self) -> bool:
+        """Whether a fixed linear circuit explains the sweep."""
+        return self.chi2_reduced < NOT_CAUSAL and not self.outliers_hz
+
+    def impedance_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
+        """Impedance in ohm."""
+        s: ComplexArray = np.asarray(2j * np.pi * np.asarray(frequency_hz, dtype=np.float64), dtype=np.complex128)
+        reflection = self.constant + _columns(s, self.poles) @ _stacked(self.residues, self.poles)
+        result: ComplexArray = self.reference_ohm * (1 + reflection) / (1 - reflection)
+        return result
+
+    def resonances(self) -> list[tuple[complex, complex]]:
+        """Poles of the impedance in the upper half plane, in 1/s, and their residues, in ohm/s: where S is one."""
+        poles = np.concatenate([self.poles, self.poles[self.poles.imag > 0].conj()])
+        residues = np.concatenate([self.residues, self.residues[self.poles.imag > 0].conj()])
+        own = np.linalg.eigvals(np.diag(poles) + np.outer(np.ones_like(poles), residues) / (1 - self.constant))
+        return [(complex(p), complex(2 * self.reference_ohm / np.sum(residues / (p - poles) ** 2))) for p in own if p.imag > 1e-6 * abs(p)]
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "sweep": self.termination,
+            "order": self.order,
+            "chi2_reduced": self.chi2_reduced,
+            "noise_multiple": self.noise_multiple,
+            "rms_error_percent": self.rms_error_percent,
+            "passive": self.passive,
+            "describes_the_data": self.describes_the_data,
+            "remainder_hz": [list(span) for span in self.remainder_hz],
+            "outliers_hz": list(self.outliers_hz),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CausalCheck:
+    """Whether sweeps are those of fixed linear circuits, and what such circuits reach. Immutable.
+
+    Parameters
+    ----------
+    models : dict
+        Termination -> CausalModel.
+    """
+
+    models: dict[str, CausalModel]
+
+    @property
+    def causal(self) -> bool:
+        """Whether a fixed linear circuit explains each sweep."""
+        return all(model.describes_the_data for model in self.models.values())
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The finding in words, one sentence for each sweep that has one."""
+        if self.causal:
+            reached = ", ".join(f"{t} {m.rms_error_percent:.2g} % with {m.order} poles" for t, m in self.models.items())
+            return (f"an unrestricted causal model reaches the noise ({reached}): the physics is missing, not the quality of the data",)
+        return tuple(_trouble(model) for model in self.models.values() if not model.describes_the_data)
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "schema": "motoremi.causality/1",
+            "causal": self.causal,
+            "sweeps": [model.to_dict() for model in self.models.values()],
+            "reasons": list(self.reasons),
+        }
+
+    def __repr__(self) -> str:
+        head = "a fixed linear circuit can explain these sweeps" if self.causal else "NO fixed linear circuit explains these sweeps"
+        return "\n".join([head, *(f"  {reason}" for reason in self.reasons)])
+
+
+def _trouble(model: CausalModel) -> str:
+    if model.chi2_reduced < NOT_CAUSAL:
+        where = ", ".join(f"{frequency:.4g} Hz" for frequency in model.outliers_hz[:4])
+        return f"the {model.termination} sweep has outliers at {where}: measure it again or take these points out"
+    spans = ", ".join(show_band(*span) for span in model.remainder_hz[:3]) or "the whole sweep"
+    return (
+        f"no fixed linear circuit, whatever its parts, gives the {model.termination} sweep (best causal model: error "
+        f"{model.rms_error_percent:.2g} %, chi2_reduced {model.chi2_reduced:.3g}, worst in {spans}): look for drift during the sweep, "
+        "a range switch, sweeps put together from several runs, or outliers before looking for physics"
+    )
+
+
+def check_causality(measurement: Measurement) -> CausalCheck:
+    """Vector-fit each sweep alone.
+
+    Parameters
+    ----------
+    measurement : Measurement
+
+    Returns
+    -------
+    CausalCheck
+    """
+    return CausalCheck({sweep.termination: _fitted(alone(measurement, sweep.termination)) for sweep in measurement.sweeps})
+
+
+def alone(measurement: Measurement, termination: str) -> Measurement:
+    """The measurement with one of its sweeps only."""
+    index = measurement.terminations.index(termination)
+    return Measurement((measurement.sweeps[index],), (measurement.noise[index],), measurement.analyser)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One sweep as a least-squares problem in S, frequencies in units of their geometric mean."""
+
+    s: ComplexArray
+    reflection: ComplexArray
+    weight: ComplexArray
+    directions: FloatArray
+    shrink: FloatArray
+
+    def subset(self, keep: BoolArray) -> _Task:
+        """Some of the points; a few points less leave the directions as good as orthogonal."""
+        return _Task(self.s[keep], self.reflection[keep], self.weight[keep], self.directions[keep], self.shrink)
+
+    def whitened(self, columns: ComplexArray) -> ComplexArray:
+        """Weighted, and freed of what the analyser's gain error may explain; shape (n, ...)."""
+        weighted = columns * (self.weight if columns.ndim == 1 else self.weight[:, None])
+        along = self.directions.T @ weighted
+        result: ComplexArray = weighted - self.directions @ ((self.shrink if along.ndim == 1 else self.shrink[:, None]) * along)
+        return result
+
+
+def _fitted(measurement: Measurement) -> CausalModel:
+    seen = observed(measurement, None, "likelihood", np.inf)
+    sweep = seen.sweeps[0]
+    measured: ComplexArray = np.exp(sweep.log_measured)
+    reference = float(np.exp(np.mean(sweep.log_measured.real)))
+    unit = float(2 * np.pi * np.exp(np.mean(np.log(sweep.frequency_hz))))
+    reflection: ComplexArray = np.asarray((measured - reference) / (measured + reference), dtype=np.complex128)
+    shares = np.sum(seen.directions**2, axis=0)
+    # To first order the deviation of ln Z is that of S times 2 / (1 - S^2).
+    s: ComplexArray = sweep.s / unit
+    weight: ComplexArray = 2 / (1 - reflection**2) / sweep.sigma
+    task = _Task(s, reflection, weight, seen.directions, (1 - np.sqrt(1 - shares)) / shares)
+    poles, coefficients = _best_order(task, unit, reference)
+    suspects = _narrow(task, poles)
+    if suspects.any():
+        # A resonance as narrow as the step between points may be a single bad one: is the rest simpler without it?
+        fewer, without = _best_order(task.subset(~suspects), unit, reference)
+        if _order(fewer) < _order(poles):
+            poles, coefficients = fewer, without
+    residues = _unstacked(coefficients[:-1], poles)
+    constant = float(coefficients[-1])
+    modelled = constant + _columns(task.s, poles) @ coefficients[:-1]
+    white = task.whitened(reflection - modelled)
+    deviation = np.log(measured * (1 - modelled) / (reference * (1 + modelled)))
+    # What the analyser's gain most likely contributes is no error of the model.
+    left = deviation - seen.directions @ (seen.directions.T @ (deviation / sweep.sigma)) * sweep.sigma
+    order = _order(poles)
+    impedance = reference * (1 + modelled) / (1 - modelled)
+    uncertainty = np.hypot(sweep.sigma, measurement.analyser.uncertainty(sweep.frequency_hz, measured))
+    outlying = np.abs(white) > OUTLIER
+    return CausalModel(
+        termination=sweep.termination,
+        reference_ohm=reference,
+        poles=poles * unit,
+        residues=residues * unit,
+        constant=constant,
+        order=order,
+        chi2_reduced=float(np.sum(np.abs(white) ** 2)) / (2 * white.size - 2 * order - 1),
+        rms_error_percent=float(100 * np.sqrt(np.mean(np.abs(np.exp(-left) - 1) ** 2))),
+        passive=bool(np.all(impedance.real >= -NEGATIVE * uncertainty * np.abs(impedance))),
+        remainder_hz=tuple((low, high) for low, high in spans_of(sweep.frequency_hz, smoothed(white) > REMAINDER * measurement.doubt)),
+        outliers_hz=tuple(float(f) for f in sweep.frequency_hz[outlying]),
+    )
+
+
+def _narrow(task: _Task, poles: ComplexArray) -> BoolArray:
+    """Points at which resonances of the model are hardly wider than the step between points."""
+    steps = np.gradient(task.s.imag)
+    marked = np.zeros(task.s.size, dtype=np.bool_)
+    for pole in poles[poles.imag > 0]:
+        nearest = int(np.argmin(np.abs(task.s.imag - pole.imag)))
+        if -pole.real < SUSPECT * steps[nearest]:
+            marked[nearest] = True
+    return marked
+
+
+def _best_order(task: _Task, unit: float, reference: float) -> tuple[ComplexArray, FloatArray]:
+    """Poles and coefficients of the order with the least BIC."""
+    count = 2 * task.s.size
+    best: tuple[float, ComplexArray, FloatArray, float] | None = None
+    worse = 0
+    for pairs in range(1, MOST_PAIRS + 1):
+        starts = [_vector_fitted(task, unit, reference, pairs)]
+        if best is not None:
+            starts.append(_one_more_pair(task, best[1], best[2]))
+        poles, coefficients, chi2 = min((_polished(task, start) for start in starts), key=lambda found: found[2])
+        score = chi2 + (2 * _order(poles) + 1) * np.log(count)
+        if best is None or score < best[0]:
+            best, worse = (score, poles, coefficients, chi2), 0
+        else:
+            worse += 1
+        if worse >= PATIENCE or (worse and best[3] < count + 3 * np.sqrt(2 * count)):
+            break
+    assert best is not None
+    return best[1], best[2]
+
+
+def _one_more_pair(task: _Task, poles: ComplexArray, coefficients: FloatArray) -> ComplexArray:
+    """Poles with another pair where most is left."""
+    white = task.whitened(task.reflection - coefficients[-1] - _columns(task.s, poles) @ coefficients[:-1])
+    top = task.s[int(np.argmax(smoothed(white)))].imag
+    return np.append(poles, complex(-0.1 * top, top))
+
+
+def smoothed(white: ComplexArray) -> FloatArray:
+    """Mean variance of whitened residuals round each point; 1 for noise."""
+    return np.convolve(np.pad(np.abs(white) ** 2 / 2, WINDOW // 2, mode="reflect"), np.full(WINDOW, 1 / WINDOW), mode="valid")
+
+
+def _vector_fitted(task: _Task, unit: float, reference: float, pairs: int) -> ComplexArray:
+    """Poles by scikit-rf, those of the upper half plane, in the task's unit of frequency."""
+    from skrf.network import Network
+    from skrf.vectorFitting import VectorFitting
+
+    network: Any = Network(f=task.s.imag * unit / (2 * np.pi), f_unit="Hz", s=task.reflection[:, None, None], z0=reference)
+    fitting: Any = VectorFitting(network)
+    fitting.max_iterations = 12
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        # It warns of iterations that did not settle and of fits that are not passive; both are judged here, after the polish.
+        warnings.simplefilter("ignore")
+        fitting.vector_fit(n_poles_real=1, n_poles_cmplx=pairs, init_pole_spacing="log", fit_constant=True, fit_proportional=False)
+    found: ComplexArray = np.asarray(fitting.poles, dtype=np.complex128) / unit
+    return found
+
+
+def _order(poles: ComplexArray) -> int:
+    return int(np.sum(np.where(poles.imag == 0, 1, 2)))
+
+
+def _columns(s: ComplexArray, poles: ComplexArray) -> ComplexArray:
+    """Partial fractions with real coefficients, shape (n, order): one column for a real pole, two for a pair."""
+    columns = []
+    for pole in poles:
+        if pole.imag == 0:
+            columns.append(1 / (s - pole.real))
+        else:
+            one, other = 1 / (s - pole), 1 / (s - pole.conjugate())
+            columns += [one + other, 1j * (one - other)]
+    return np.stack(columns, axis=1)
+
+
+def _stacked(residues: ComplexArray, poles: ComplexArray) -> FloatArray:
+    parts = [[r.real] if p.imag == 0 else [r.real, r.imag] for r, p in zip(residues, poles, strict=True)]
+    return np.concatenate(parts)
+
+
+def _unstacked(coefficients: FloatArray, poles: ComplexArray) -> ComplexArray:
+    left = list(coefficients)
+    found = [complex(left.pop(0)) if pole.imag == 0 else complex(left.pop(0), left.pop(0)) for pole in poles]
+    return np.array(found, dtype=np.complex128)
+
+
+def _real(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])
+
+
+def _polished(task: _Task, start: ComplexArray) -> tuple[ComplexArray, FloatArray, float]:
+    """Poles moved by least squares; the coefficients, which are linear, are solved for at each step (variable projection)."""
+    real = start.imag == 0
+    target = _real(task.whitened(task.reflection))
+    # Logarithms keep real parts negative, which is causality, and imaginary parts positive.
+    widths = np.log(np.clip(np.abs(start.real), 1e-8, 1e8))
+    heights = np.log(np.clip(np.abs(start.imag[~real]), 1e-8, 1e8))
+
+    def poles_of(u: FloatArray) -> ComplexArray:
+        u = np.clip(u, -FARTHEST, FARTHEST)
+        height = np.zeros(start.size)
+        height[~real] = np.exp(u[start.size :])
+        narrowest = np.where(real, 0.0, NARROWEST * np.interp(height, task.s.imag, np.gradient(task.s.imag)))
+        poles: ComplexArray = -np.maximum(np.exp(u[: start.size]), narrowest) + 1j * height
+        return poles
+
+    def solved(u: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
+        poles = poles_of(u)
+        columns = np.column_stack([_columns(task.s, poles), np.ones_like(task.s)])
+        white = task.whitened(columns)
+        design = np.concatenate([white.real, white.imag])
+        norms = np.linalg.norm(design, axis=0)
+        q, r = np.linalg.qr(design / norms)
+        coefficients = np.linalg.lstsq(r, q.T @ target, rcond=1e-12)[0] / norms
+        return poles, coefficients, target - design @ coefficients, q
+
+    def residual(u: FloatArray) -> FloatArray:
+        return solved(u)[2]
+
+    def jacobian(u: FloatArray) -> FloatArray:
+        poles, coefficients, _, q = solved(u)
+        residues = _unstacked(coefficients[:-1], poles)
+        slopes = np.empty((task.s.size, u.size), dtype=np.complex128)
+        after = start.size
+        for index, (pole, residue) in enumerate(zip(poles, residues, strict=True)):
+            one = residue / (task.s - pole) ** 2
+            if pole.imag == 0:
+                slopes[:, index] = one * pole.real
+                continue
+            other = residue.conjugate() / (task.s - pole.conjugate()) ** 2
+            slopes[:, index] = (one + other) * pole.real
+            slopes[:, after] = 1j * (one - other) * pole.imag
+            after += 1
+        white = task.whitened(slopes)
+        parts = np.concatenate([white.real, white.imag])
+        # Kaufman: what the linear coefficients can follow does not count.
+        slope: FloatArray = q @ (q.T @ parts) - parts
+        return slope
+
+    u = np.concatenate([widths, heights])
+    found = least_squares(residual, u, jacobian, method="lm", max_nfev=40, xtol=1e-6, ftol=1e-6)
+    poles, coefficients, left, _ = solved(found.x)
+    return poles, coefficients, float(left @ left)

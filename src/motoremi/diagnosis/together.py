@@ -1,0 +1,192 @@
+"""Whether the two sweeps can be of one motor: each is fitted alone, then asked to predict the other.
+
+Both sweeps hold the winding. If each fits alone but the two do not fit together, they disagree on it: they are of different motors, of
+different terminals, or of one motor that changed between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+from motoremi.data.measurement import Measurement
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.diagnosis.causal import CausalModel, alone, check_causality
+from motoremi.diagnosis.evidence import is_good
+from motoremi.fitting.fit import fit, settled
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import Task, glance, searched_through
+from motoremi.fitting.starts import data_driven_starts
+from motoremi.model.circuit import Tape
+from motoremi.model.motor import dc_motor
+from motoremi.quantities import show
+
+Value = TypeVar("Value")
+WINDING = ("Ra", "La", "Ca")
+# Standard deviations by which two values have to differ to be called different.
+DIFFERENT = 5.0
+# Inductance hardly depends on temperature, capacitance does: beyond these relative changes it is another winding, not a warmer one.
+ANOTHER_WINDING: Mapping[str, float] = {"La": 0.02, "Ca": 0.1}
+
+
+@dataclass(frozen=True, eq=False)
+class Disagreement:
+    """An element as each sweep alone sees it, SI units."""
+
+    element: str
+    unit: str
+    short: float
+    open: float
+
+    @property
+    def change(self) -> float:
+        """Relative difference, open against short."""
+        return self.open / self.short - 1
+
+    def __str__(self) -> str:
+        values = f"{show(self.short, self.unit)} in the short, {show(self.open, self.unit)} in the open sweep"
+        return f"{self.element} {values} ({100 * self.change:+.2g} %)"
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Whether two sweeps belong together. Immutable.
+
+    Parameters
+    ----------
+    alone : dict
+        Termination -> fit of that sweep alone.
+    fits_alone : dict
+        Termination -> whether that fit reaches the noise.
+    fits_together : bool
+    disagreements : tuple of Disagreement
+        Winding elements on which the sweeps differ beyond their error bars, largest change first.
+    """
+
+    alone: dict[str, Fit]
+    fits_alone: dict[str, bool]
+    fits_together: bool
+    disagreements: tuple[Disagreement, ...]
+
+    @property
+    def belong(self) -> bool:
+        """False if each sweep fits alone but the two do not fit together: nothing is missing in the circuit, the sweeps disagree."""
+        return self.fits_together or not all(self.fits_alone.values()) or not self.disagreements
+
+    @property
+    def other_winding(self) -> bool:
+        """Whether the difference is too large for one winding that only warmed up."""
+        return any(abs(d.change) > ANOTHER_WINDING.get(d.element, np.inf) for d in self.disagreements)
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        if self.fits_together:
+            return "the two sweeps fit together: they can be of one motor"
+        if not all(self.fits_alone.values()):
+            poor = " and ".join(t for t, good in self.fits_alone.items() if not good)
+            return f"the {poor} sweep does not fit alone either: something is missing in the model, whatever the other sweep says"
+        if not self.disagreements:
+            return "each sweep fits alone but not both together, though no winding element differs beyond its error bar"
+        what = "; ".join(map(str, self.disagreements))
+        if self.other_winding:
+            return f"the sweeps fit alone, not together: they look like two different motors or pairs of terminals ({what}); check the files"
+        return f"the sweeps fit alone, not together: the motor or the connection changed between them ({what}); repeat both in one go"
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "schema": "motoremi.together/1",
+            "belong": self.belong,
+            "fits_together": self.fits_together,
+            "fits_alone": dict(self.fits_alone),
+            "disagreements": [{"element": d.element, "unit": d.unit, "short": d.short, "open": d.open} for d in self.disagreements],
+            "sentence": self.sentence,
+        }
+
+    def __repr__(self) -> str:
+        return self.sentence
+
+
+def check_together(both: Fit) -> Together | None:
+    """Fit each sweep alone with the model of a fit, and hold the two against each other.
+
+    Parameters
+    ----------
+    both : Fit
+        Of both sweeps.
+
+    Returns
+    -------
+    Together or None
+        None if there is only one sweep.
+    """
+    measurement = both.measurement
+    if len(measurement.sweeps) < 2:
+        return None
+    short, open_ = _short_alone(both), _open_alone(both)
+    return Together({"short": short, "open": open_}, {"short": is_good(short), "open": is_good(open_)}, is_good(both), _disagreements(short, open_))
+
+
+def _short_alone(both: Fit) -> Fit:
+    measurement = alone(both.measurement, "short")
+    return fit(both.motor, measurement, seed=both.seed, bounds=_seen(both, "short", both.bounds), held=_seen(both, "short", both.held))
+
+
+def _open_alone(both: Fit) -> Fit:
+    """The open sweep alone, each of its resonances taken for the winding's in turn; of those that fit, the nearest to the joint fit.
+
+    The circuit's two resonances may change places in this sweep, so one good fit says nothing on which is the winding's.
+    """
+    measurement = alone(both.measurement, "open")
+    task = Task(both.motor, measurement, both.bounds, both.held)
+    starts = [{**both.parameters}]
+    for winding in _windings(check_causality(measurement).models["open"]):
+        starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
+    fits = [settled(searched_through(glance(task, [start])), both, thorough=False) for start in starts]
+    good = [one for one in fits if is_good(one)]
+    if good:
+        return min(good, key=lambda one: abs(np.log(one.parameters["La"] / both.parameters["La"])))
+    return min(fits, key=lambda one: one.objective)
+
+
+def _windings(model: CausalModel) -> list[dict[str, float]]:
+    """Ra, La, Ca of a parallel resonance with the pole and residue of each of a sweep's resonances."""
+    found = []
+    for pole, residue in model.resonances():
+        if residue.real > 0:
+            capacitance = 1 / (2 * residue.real)
+            inductance = 1 / (abs(pole) ** 2 * capacitance)
+            found.append({"Ra": -2 * pole.real * inductance, "La": inductance, "Ca": capacitance})
+    return found
+
+
+def _with_frames(winding: dict[str, float], measurement: Measurement) -> list[Mapping[str, float]]:
+    """Start values of all elements: the frame's from what the sweep leaves of such a winding."""
+    motor = dc_motor()
+    frequency = measurement.sweeps[0].frequency_hz
+    names = [p.name for p in motor.parameters if p.name in winding]
+    would_be = Tape(motor.circuit("short"), names).impedance(
+        np.asarray(2j * np.pi * frequency, dtype=np.complex128), np.array([winding[name] for name in names])
+    )
+    both = Measurement.of([ImpedanceSweep("short", frequency, would_be), ImpedanceSweep("open", frequency, measurement.sweeps[0].mean_ohm)])
+    return list(data_driven_starts(both))
+
+
+def _seen(both: Fit, termination: str, values: Mapping[str, Value]) -> dict[str, Value]:
+    used = both.motor.used_parameters(termination)
+    return {name: value for name, value in values.items() if name in used}
+
+
+def _disagreements(short: Fit, open_: Fit) -> tuple[Disagreement, ...]:
+    units = {p.name: p.unit for p in short.motor.parameters}
+    found = []
+    for name in WINDING:
+        one, other = short.parameters[name], open_.parameters[name]
+        if abs(one - other) > DIFFERENT * np.hypot(short.sigma[name], open_.sigma[name]):
+            found.append(Disagreement(name, units[name], one, other))
+    return tuple(sorted(found, key=lambda d: -abs(d.change)))

@@ -1,0 +1,79 @@
+"""Plot of what an element would have to be."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from motoremi.diagnosis.element import ElementCurve, Inspection
+from motoremi.report.axes import BLACK, BLUE, ORANGE, VERMILION, frequency_axis, legend_above, panels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NAMES = {
+    "H": ("inductance (H)", "loss tangent"),
+    "F": ("capacitance (F)", "loss tangent"),
+    "Ohm": ("resistance (Ω)", "reactance (Ω)"),
+    "S": ("conductance (S)", "susceptance (S)"),
+    "s": ("delay (s)", "imaginary part (s)"),
+    "1": ("factor, real part", "factor, imaginary part"),
+}
+
+
+def inspection_figure(inspection: Inspection) -> Figure:
+    """Value above, losses below, a column for each sweep; the band is twice the standard uncertainty."""
+    figure, axes = panels(5.0 * len(inspection.curves), 5.4, 2, len(inspection.curves), height_ratios=(3, 2))
+    upper, lower = NAMES[inspection.unit]
+    for column, curve in enumerate(inspection.curves):
+        top, bottom = axes[:, column]
+        _draw(inspection, curve, top, bottom)
+        top.set_title(f"{inspection.element} as the {curve.termination}-circuit sweep wants it", fontsize=10)
+        top.set_ylabel(upper)
+        bottom.set_ylabel(lower)
+        top.yaxis.set_major_formatter(_engineering())
+        if inspection.unit not in ("H", "F", "1"):
+            bottom.yaxis.set_major_formatter(_engineering())
+        for panel in (top, bottom):
+            frequency_axis(panel, curve.frequency_hz, label=panel is bottom)
+    legend_above(figure, *axes[0])
+    return figure
+
+
+def _engineering() -> object:
+    from matplotlib.ticker import EngFormatter
+
+    return EngFormatter(sep=" ")
+
+
+def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) -> None:
+    known, f = curve.known, curve.frequency_hz
+    lossy = inspection.unit in ("H", "F")
+    value = np.where(known, curve.value, np.nan)
+    spread = 2 * np.where(known, curve.sigma_relative, np.nan) * np.abs(value)
+    # Of a ratio of imaginary to real part; the real part's share of it is small where losses are.
+    second, margin = (-value.imag / value.real, np.abs(spread / value.real)) if lossy else (value.imag, spread)
+    model = -curve.model.imag / curve.model.real if lossy else curve.model.imag
+    for axes, needed, width, has in ((top, value.real, spread, curve.model.real), (bottom, second, margin, model)):
+        axes.fill_between(f, needed - width, needed + width, color=ORANGE, alpha=0.35, linewidth=0, label="expanded uncertainty (k = 2)")
+        axes.plot(f, needed, color=BLACK, linewidth=1.2, label="what it would have to be")
+        axes.plot(f, has, "--", color=VERMILION, linewidth=1.2, label="the model's")
+    tried = inspection.laws.get(curve.termination)
+    if tried and known.any():
+        law = tried[0].value(f[known])
+        top.plot(f[known], law.real, ":", color=BLUE, linewidth=1.6, label="nearest simple law")
+        bottom.plot(f[known], -law.imag / law.real if lossy else law.imag, ":", color=BLUE, linewidth=1.6)
+    for axes, needed in ((top, value.real), (bottom, second)):
+        _limit(axes, needed, spread if axes is top else margin)
+
+
+def _limit(axes: Axes, needed: np.ndarray, width: np.ndarray) -> None:
+    """The axis shows the points that are known best; the band may leave it."""
+    good = np.isfinite(needed) & (width < np.nanquantile(width, 0.8) + 1e-300)
+    if not good.any():
+        return
+    low, high = float(needed[good].min()), float(needed[good].max())
+    margin = 0.15 * (high - low) + 0.01 * max(abs(low), abs(high))
+    axes.set_ylim(low - margin, high + margin)

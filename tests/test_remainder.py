@@ -1,0 +1,68 @@
+"""What is said where nothing explains the data: the floor of any causal model, where the rest is, and where to look."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from conftest import FREQUENCY_HZ, simulated_sweeps
+
+import motoremi as me
+from motoremi.diagnosis.remainder import Remainder, remainder
+
+
+def left(sweeps: list[me.ImpedanceSweep]) -> tuple[Remainder, str]:
+    fit = me.fit(me.dc_motor(), sweeps)
+    found = remainder(fit, fit)
+    return found, "; ".join(found.reasons)
+
+
+@pytest.mark.parametrize(
+    ("effect", "elements"),
+    [("outside-rotor-coupling", {"La"}), ("dielectric-relaxation@Cf", {"Cf"}), ("dielectric-loss@Ca", {"Ca"}), ("bearing-film", {"Cr", "Cf"})],
+)
+def test_missing_physics_points_to_its_element_and_names_the_floor(effect, elements):
+    found, said = left(simulated_sweeps(903, (effect,))[0])
+    assert found.inspect[0] in elements
+    assert f"--element {found.inspect[0]}" in said
+    for termination, model in found.causality.models.items():
+        # The noise is known from three repeats a point, pooled: to about 5 %.
+        assert model.noise_multiple == pytest.approx(1.0, abs=0.1)
+        assert found.noise_multiple[termination] > 5
+        assert found.spans_hz[termination]
+    assert "times the noise" in said
+    assert not found.about_the_data
+    assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["inspect"] == list(found.inspect)
+
+
+def test_the_span_is_where_the_effect_is():
+    """A narrow resonance in the winding, far from the motor's own."""
+    sweeps, _ = simulated_sweeps(1)
+    bump = 1 + 0.2 / (1 + 20j * (FREQUENCY_HZ / 1e6 - 1e6 / FREQUENCY_HZ))
+    found, _ = left([dataclasses.replace(s, impedance_ohm=s.impedance_ohm * bump) for s in sweeps])
+    for spans in found.spans_hz.values():
+        low, high = spans[0][0], spans[-1][1]
+        assert low < 1e6 < high
+        assert high / low < 6
+
+
+def test_sweeps_of_two_motors_are_about_the_data():
+    one, other = simulated_sweeps(1)[0], simulated_sweeps(2)[0]
+    found, said = left([s for s in one if s.termination == "short"] + [s for s in other if s.termination == "open"])
+    assert found.about_the_data
+    assert "fit alone, not together" in said
+    assert "--element" not in said
+
+
+def test_data_of_no_circuit_are_about_the_data():
+    band = (FREQUENCY_HZ > 2e6) & (FREQUENCY_HZ < 4e6)
+    sweeps = [
+        dataclasses.replace(s, impedance_ohm=np.where(band, s.impedance_ohm.conj(), s.impedance_ohm)) if s.termination == "short" else s
+        for s in simulated_sweeps(1)[0]
+    ]
+    found, said = left(sweeps)
+    assert found.about_the_data
+    assert found.together is None
+    assert "no fixed linear circuit" in said
