@@ -18,7 +18,7 @@ from motoremi.simulate import emission
 @pytest.fixture
 def bench() -> Iterator[SimulatedBench]:
     bench = SimulatedBench(7)
-    bench.connect("lisn")
+    bench.connect("lisn-motor-on")
     yield bench
     bench.close()
 

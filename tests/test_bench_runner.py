@@ -108,7 +108,7 @@ def test_a_replay_of_another_procedure_tells_the_difference(tmp_path: Path, proc
     measure(tmp_path / "first", procedure, bench)
     data = copy.deepcopy(procedure.source)
     data["sweep"]["points"] = 22
-    with pytest.raises(InstrumentError, match=r"expected b'POIN 21\\n', got b'POIN 22\\n'"):
+    with pytest.raises(InstrumentError, match=r"expected write 'POIN 21\\n', got write 'POIN 22\\n'"):
         measure(tmp_path / "again", parse_procedure(data, "x"), ReplayBench(load(tmp_path / "first").traffic()))
     with pytest.raises(InstrumentError, match="analyser: the session holds no recorded traffic"):
         measure(tmp_path / "none", procedure, ReplayBench([]))
@@ -137,7 +137,7 @@ def test_an_instrument_that_fails_keeps_what_was_measured(
     safe = {document["role"]: document for document in session.documents if document["kind"] == "safe"}
     assert not safe["analyser"]["safe"]
     assert safe["receiver"]["safe"]
-    assert session.traffic()[-1]["direction"] == "read"
+    assert session.traffic()[-1]["direction"] == "close"
 
 
 def test_ctrl_c_leaves_the_instruments_safe(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:

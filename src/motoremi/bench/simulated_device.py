@@ -64,6 +64,9 @@ class SimulatedDevice(Device):
     clock : Clock
     """
 
+    # When the waiting answer may be read, in seconds of the clock; later than now only by a fault.
+    answer_due_s = 0.0
+
     def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
         with resources.as_file(resources.files("motoremi.sim_profiles") / profile) as path:
             ((name, data),) = parser.parse_file(path)["devices"].items()

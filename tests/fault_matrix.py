@@ -1,0 +1,186 @@
+"""Every fault at every measuring step of the full procedure: how each run ends. `python tests/fault_matrix.py` prints the table."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.faults import FAULTS, FaultLayer
+from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.runner import run, start_document
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.data.session import Session, SessionWriter, load, verify
+from motoremi.errors import InstrumentError, MotoremiError
+
+SEED = 5
+# What a repeated sweep may differ by: another draw of the analyser's noise, whose largest sigma here is some 0.1 %.
+NOISE = 0.02
+BENCH_FILE = BenchFile(backend="sim", seed=SEED)
+
+
+@functools.cache
+def small(name: str = "full_motor_test") -> Procedure:
+    """A ready procedure with few points: every step, little data."""
+    data = copy.deepcopy(load_procedure(name).source)
+    if "sweep" in data:
+        data["sweep"]["points"] = 11
+    if "spectrum" in data:
+        data["spectrum"]["step"] = "1 MHz"
+    return parse_procedure(data, name)
+
+
+def measured(folder: Path, procedure: Procedure, bench: SimulatedBench) -> Session:
+    """A run on the simulated bench, without the analysing steps."""
+    writer = SessionWriter.create(folder, start_document(procedure, BENCH_FILE))
+    run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    return load(folder)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Where a fault strikes: the exchanges of one instrument in one step."""
+
+    step: int
+    do: str
+    role: str
+    exchanges: tuple[int, ...]
+
+    @property
+    def title(self) -> str:
+        return f"{self.step} {self.do} ({self.role})"
+
+
+def cells(session: Session) -> list[Cell]:
+    """The exchanges of each instrument in each step, from what a healthy run recorded."""
+    found: dict[tuple[int, str, str], list[int]] = {}
+    counts: Counter[str] = Counter()
+    starts = [(d["time"], int(d["step"]), str(d["do"])) for d in session.documents if d["kind"] == "step-start"]
+    for record in session.traffic():
+        if record["direction"] != "write":
+            continue
+        role = str(record["instrument"])
+        counts[role] += 1
+        # A step's document is written before its first exchange.
+        step, do = [(number, name) for time, number, name in starts if time <= record["time"]][-1]
+        found.setdefault((step, do, role), []).append(counts[role])
+    measuring = {"identify", "compensate", "sweep", "spectrum"}
+    return [Cell(step, do, role, tuple(exchanges)) for (step, do, role), exchanges in found.items() if do in measuring]
+
+
+def places(cell: Cell, count: int) -> list[int]:
+    """`count` exchanges of a cell, first and last among them; all of them if `count` is 0."""
+    if not count or count >= len(cell.exchanges):
+        return list(cell.exchanges)
+    return [cell.exchanges[round(i)] for i in np.linspace(0, len(cell.exchanges) - 1, count)]
+
+
+def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path) -> str:
+    """How a run with this fault ends: "error", "recovered", "marked", "not struck", or "BAD: ..."."""
+    bench = SimulatedBench(SEED)
+    layer = FaultLayer(bench.devices[cell.role], kind, at)
+    writer = SessionWriter.create(folder, start_document(small(), BENCH_FILE))
+    acknowledged: list[JsonDict] = []
+    writer.subscribe(acknowledged.append)
+    error: MotoremiError | None = None
+    try:
+        run(small(), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    except MotoremiError as trouble:
+        error = trouble
+    except Exception as trouble:
+        return f"BAD: {type(trouble).__name__}: {trouble}"
+    finally:
+        bench.close()
+    if not layer.struck:
+        return "not struck"
+    return _judged(error, acknowledged, reference, folder)
+
+
+def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference: Session, folder: Path) -> str:
+    if problems := verify(folder):
+        return f"BAD: {problems[0]}"
+    session = load(folder)
+    told = [document["file"] for document in acknowledged if document["kind"] in ("sweep", "spectrum")]
+    stored = [document["file"] for document in session.documents if document["kind"] in ("sweep", "spectrum")]
+    if told != stored:
+        return "BAD: what was told and what is stored differ"
+    if wrong := _wrong_data(session, reference):
+        return f"BAD: {wrong}"
+    if error is not None:
+        line = str(error)
+        if error.exit_status != InstrumentError.exit_status or not line or "\n" in line or len(line) > 500:
+            return f"BAD: told as {line!r} with status {error.exit_status}"
+        return "error" if session.status == "failed" else f"BAD: status {session.status}"
+    if session.status != "done" or len(stored) != len(reference.sweeps) + len(reference.spectra):
+        return "BAD: ended well without all data"
+    return "marked" if any(spectrum.overload.any() for spectrum in session.spectra) else "recovered"
+
+
+def _wrong_data(session: Session, reference: Session) -> str:
+    for mine, theirs in zip(session.sweeps, reference.sweeps, strict=False):
+        if mine.frequency_hz.shape != theirs.frequency_hz.shape or not np.array_equal(mine.frequency_hz, theirs.frequency_hz):
+            return f"{mine.termination} sweep on other frequencies"
+        if (worst := np.max(np.abs(mine.impedance_ohm / theirs.impedance_ohm - 1))) > NOISE:
+            return f"{mine.termination} sweep wrong by {100 * worst:.3g} %"
+        if {**mine.metadata["settings"]} != {**theirs.metadata["settings"]}:
+            return f"{mine.termination} sweep with other settings"
+    for ours, other in zip(session.spectra, reference.spectra, strict=False):
+        if not np.array_equal(ours.frequency_hz, other.frequency_hz):
+            return f"{ours.detector} spectrum on other frequencies"
+        if (off := np.max(np.abs(ours.level_dbuv - other.level_dbuv))) > NOISE:
+            return f"{ours.detector} spectrum wrong by {off:.3g} dB"
+    return ""
+
+
+def matrix(per_cell: int, kinds: Iterable[str] = FAULTS) -> tuple[dict[str, dict[str, Counter[str]]], list[str]]:
+    """Kind -> cell -> how often which ending; and every bad one in words."""
+    root = Path(tempfile.mkdtemp(prefix="motoremi-faults-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+    table: dict[str, dict[str, Counter[str]]] = {}
+    bad: list[str] = []
+    try:
+        bench = SimulatedBench(SEED)
+        reference = measured(root / "reference", small(), bench)
+        bench.close()
+        for kind in kinds:
+            for cell in cells(reference):
+                count = table.setdefault(kind, {}).setdefault(cell.title, Counter())
+                for at in places(cell, per_cell):
+                    folder = root / "run"
+                    end = ending(kind, cell, at, reference, folder)
+                    shutil.rmtree(folder)
+                    count[end.split(":")[0]] += 1
+                    if end.startswith("BAD"):
+                        bad.append(f"{kind} at exchange {at} of {cell.title}: {end}")
+    finally:
+        shutil.rmtree(root)
+    return table, bad
+
+
+def rendered(table: dict[str, dict[str, Counter[str]]]) -> str:
+    """The table as text: e error, r recovered, m marked, - cannot strike there."""
+    columns = list(next(iter(table.values())))
+    lines = [f"{'fault':16s}" + "".join(f"{column:>24s}" for column in columns)]
+    for kind, row in table.items():
+        entries = []
+        for column in columns:
+            count = row[column]
+            parts = [f"{count[end]}{letter}" for end, letter in (("error", "e"), ("recovered", "r"), ("marked", "m"), ("BAD", " BAD")) if count[end]]
+            entries.append(" ".join(parts) or "-")
+        lines.append(f"{kind:16s}" + "".join(f"{entry:>24s}" for entry in entries))
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    import sys
+
+    found, problems = matrix(int(sys.argv[1]) if len(sys.argv) > 1 else 0, sys.argv[2:] or FAULTS)
+    total = Counter(end for row in found.values() for count in row.values() for end in count.elements())
+    sys.stdout.write("\n".join([rendered(found), str(dict(total)), *problems]) + "\n")
