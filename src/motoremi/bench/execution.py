@@ -80,7 +80,7 @@ class Execution:
     def step(self, planned: Planned) -> None:
         """Do one step, between its two documents."""
         step = planned.step
-        parameters = step.model_dump(exclude={"do"}, exclude_none=True)
+        parameters = step.parameters()
         self.where = str(planned)
         again: JsonDict = {"again": True} if planned.number <= self.done.steps else {}
         self.writer.emit("step-start", step=planned.number, of=self._of, do=step.do, parameters=parameters, **again)
@@ -138,6 +138,8 @@ class Execution:
         with _bad_data_is_trouble(receiver):
             spectrum = receiver.scan(detector)
         self._refuse_changed("receiver", spectrum.metadata.get("settings"))
+        # Receivers report before the scan, because their axis follows from it; what changed during the scan shows only afterwards.
+        self._refuse_changed("receiver", receiver.settings())
         if (asked := self.procedure.spectrum) is not None:
             span = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
             _refuse_other_span(receiver, span, (asked.start, asked.stop), asked.step)

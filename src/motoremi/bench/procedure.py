@@ -199,6 +199,11 @@ class BenchFile(Strict):
 Model = TypeVar("Model", Procedure, BenchFile)
 
 
+def ready_procedures() -> list[str]:
+    """Names of the procedures that come along."""
+    return sorted(entry.name.removesuffix(".toml") for entry in resources.files("motoremi.procedures").iterdir() if entry.name.endswith(".toml"))
+
+
 def load_procedure(path: str | Path) -> Procedure:
     """Read a procedure from a file, or one that comes with motoremi by its name, such as `full_motor_test`.
 

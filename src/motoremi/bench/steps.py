@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from motoremi.arrays import JsonDict
 from motoremi.bench.connections import Condition, ConnectionName
 from motoremi.bench.quantity import Quantity
 from motoremi.data.spectrum import Detector
@@ -19,6 +20,10 @@ class Strict(BaseModel):
     """A table whose keys are all known and that does not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def parameters(self) -> JsonDict:
+        """What a step does it with: its keys that matter."""
+        return self.model_dump(exclude={"do"}, exclude_none=True)
 
 
 class Identify(Strict):
@@ -67,6 +72,11 @@ class Check(Strict):
         if (self.standard == "load") != (self.nominal is not None):
             raise BadInput("nominal: belongs to the load standard, and to no other")
         return self
+
+    def parameters(self) -> JsonDict:
+        """The limits of this standard only."""
+        limits = {"short": {"resistance", "inductance"}, "open": {"conductance", "capacitance"}, "load": {"nominal", "tolerance_percent"}}
+        return self.model_dump(include={"standard", *limits[self.standard]})
 
 
 class Scan(Strict):

@@ -1,0 +1,121 @@
+"""SIGKILL at random moments of a run, then resume. `python tests/kill_run.py COUNT FOLDER` prints one JSON document.
+
+A program of its own: it forks, which a test process with threads must not. Each run is a fork of one that has everything loaded, so that
+200 kills cost seconds; what is killed is a whole process in the middle of its system calls all the same.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parent))
+
+from fault_matrix import BENCH_FILE, SEED, small
+
+from motoremi.bench.runner import resumable, run, start_document
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.data.session import SessionWriter, load, reopen, verify
+
+MEASURED = ("sweep", "spectrum")
+
+
+def forked(work: Callable[[], None]) -> int:
+    """Do something in a child; its process number."""
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            work()
+            status = 0
+        finally:
+            os._exit(status)
+    return child
+
+
+def begin(folder: Path, bench: SimulatedBench, told: int) -> None:
+    """A run that says over a pipe when the session exists and when each sweep or spectrum is stored."""
+    writer = SessionWriter.create(folder, start_document(small(), BENCH_FILE))
+    os.write(told, b"s")
+    writer.subscribe(lambda document: os.write(told, b"m") and None if document["kind"] in MEASURED else None)
+    run(small(), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+
+
+def go_on(folder: Path, bench: SimulatedBench) -> None:
+    """`motoremi run --resume`."""
+    procedure, done = resumable(load(folder), BENCH_FILE)
+    run(procedure, bench, reopen(folder), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+
+
+def stored(folder: Path) -> dict[str, str]:
+    """File to hash of everything measured, in order."""
+    return {str(d["file"]): str(d["sha256"]) for d in load(folder).documents if d["kind"] in MEASURED}
+
+
+def one(folder: Path, bench: SimulatedBench, after_s: float | None) -> tuple[bool, int]:
+    """Run, and kill after so long; whether it was killed, and how many measurements it had told of."""
+    hears, tells = os.pipe()
+    child = forked(lambda: begin(folder, bench, tells))
+    os.close(tells)
+    os.read(hears, 1)
+    if after_s is not None:
+        time.sleep(after_s)
+        os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    told = b""
+    while part := os.read(hears, 1000):
+        told += part
+    os.close(hears)
+    return os.WIFSIGNALED(status), told.count(b"m")
+
+
+def main(count: int, root: Path) -> dict[str, object]:
+    """Kill `count` runs; what was lost, and whether each could go on."""
+    bench = SimulatedBench(SEED)
+    begun = time.perf_counter()
+    one(root / "whole", bench, None)
+    duration_s = time.perf_counter() - begun
+    reference = stored(root / "whole")
+    randomly = random.Random(1)
+    kills, lost, kept, problems = 0, 0, Counter[int](), []
+    while kills < count:
+        folder = root / "run"
+        killed, told = one(folder, bench, randomly.uniform(0, duration_s))
+        if killed:
+            kills += 1
+            problem, has = after(folder, bench, told, reference)
+            kept[has] += 1
+            lost += max(0, told - has)
+            problems += [f"kill {kills}: {problem}"] if problem else []
+        shutil.rmtree(folder)
+    return {"kills": kills, "lost": lost, "kept": {str(n): kept[n] for n in sorted(kept)}, "problems": problems}
+
+
+def after(folder: Path, bench: SimulatedBench, told: int, reference: dict[str, str]) -> tuple[str, int]:
+    """What is wrong with a killed session and with going on from it; and how many measurements it held."""
+    held = stored(folder)
+    first = dict(list(reference.items())[: len(held)])
+    if held != first or len(held) < told:
+        return f"{len(held)} stored, {told} told, or not what was measured", len(held)
+    if odd := [text for text in verify(folder) if "interrupted" not in text and "not finished" not in text]:
+        return odd[0], len(held)
+    _, status = os.waitpid(forked(lambda: go_on(folder, bench)), 0)
+    now = stored(folder)
+    if status or verify(folder) or load(folder).status != "done":
+        return f"could not be resumed: {verify(folder)}", len(held)
+    if len(now) != len(reference) or dict(list(now.items())[: len(held)]) != held:
+        return "after going on, not all is there", len(held)
+    return "", len(held)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(main(int(sys.argv[1]), Path(sys.argv[2]))) + "\n")
