@@ -81,7 +81,8 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
     name = session.path.name
     if "procedure" not in session.start:
         raise BadInput(f"{name} was imported, not measured: there is nothing to resume")
-    if session.status == "done":
+    # Done but not closed lacks only its manifest.
+    if session.status == "done" and not session.interrupted:
         raise BadInput(f"{name} is complete: there is nothing to resume")
     now = {"backend": bench_file.backend or "visa", **_simulated(bench_file)}
     before = {key: session.start.get(key) for key in now}
