@@ -31,10 +31,10 @@ class Instruction:
 
 
 _LISN = """\
-  supply + --[ LISN ]--+-- terminal 1 ( motor ) terminal 2 --+--[ LISN ]-- supply -
-                |      |            frame                    |      |
-             receiver  |              |                      |   50 Ohm
-   ground plane =======+==============+======================+========"""
+  supply + --[ LISN ]--- terminal 1 ( motor ) terminal 2 ---[ LISN ]--- supply -
+               |                     frame                     |
+            receiver                   |                     50 Ohm
+  ground ======+=======================+=======================+========"""
 
 INSTRUCTIONS: dict[ConnectionName, Instruction] = {
     "open-standard": Instruction(

@@ -28,8 +28,8 @@ Analyse = Callable[[str, Any, JsonDict], JsonDict | None]
 Prompt = Callable[[str], None]
 # An instrument rounds what it is told to its own resolution, which is much finer than this.
 ROUNDING = 1e-3
-# A wait in slices this long shows progress and hears Ctrl-C.
-SLICE_S = 1.0
+# A wait in slices shows progress: a second each, but no more than so many.
+SLICE_S, MOST_SLICES = 1.0, 200
 # Settings that a step changes by itself.
 _CHANGING = {"detector"}
 
@@ -153,7 +153,7 @@ class Execution:
         clock = self.bench.clock
         until = clock.now() + seconds
         while (left := until - clock.now()) > 0:
-            clock.sleep(min(left, SLICE_S))
+            clock.sleep(min(left, max(SLICE_S, seconds / MOST_SLICES)))
             self.tick()
 
     def leave_safe(self) -> dict[str, str]:

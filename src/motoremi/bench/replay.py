@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ from motoremi.bench.difference import CONTEXT, RecordedEnd, ReplayDifference, sh
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink, decode_bytes, encode_bytes
 from motoremi.bench.transport import Transport
-from motoremi.errors import InstrumentError
+from motoremi.errors import BadInput, InstrumentError
 
 # How far a lenient replay looks for the command that is asked now: farther away it belongs to another measurement.
 LOOK_AHEAD = 40
@@ -173,6 +174,21 @@ class ReplayTransport(Transport):
             raise InstrumentError(str(record["error"]))
 
 
+def _check(record: Mapping[str, Any], number: int) -> None:
+    """Refuse what `RecordingTransport` cannot have written: a session may come from anywhere."""
+    try:
+        known = record["direction"] in ("open", "close", "leave", "clear", "read", "write", "error")
+        if record["direction"] in ("read", "write"):
+            decode_bytes(record)
+        elif record["direction"] == "error":
+            known = isinstance(record["error"], str) and isinstance(record["during"], str)
+        known = known and isinstance(record["instrument"], str) and math.isfinite(float(record.get("clock_s", 0.0)))
+    except (KeyError, TypeError, ValueError):
+        known = False
+    if not known:
+        raise BadInput(f"traffic.jsonl, line {number}: is no record of an exchange")
+
+
 class ReplayBench:
     """A bench whose instruments are recordings.
 
@@ -191,7 +207,8 @@ class ReplayBench:
         self._connections = 0
         # One recording for each time an instrument was opened: a run that was resumed has opened it again.
         self._recordings: dict[str, list[list[Mapping[str, Any]]]] = {}
-        for record in traffic:
+        for number, record in enumerate(traffic, start=1):
+            _check(record, number)
             parts = self._recordings.setdefault(str(record["instrument"]), [])
             if record["direction"] == "open" or not parts:
                 parts.append([])
@@ -203,7 +220,7 @@ class ReplayBench:
         if not parts:
             raise InstrumentError(f"{role}: the session holds no recorded traffic of it")
         records = parts.pop(0)
-        transport = ReplayTransport(str(records[0]["resource"]), records, self.clock, self._lenient)
+        transport = ReplayTransport(str(records[0].get("resource", role)), records, self.clock, self._lenient)
         self._transports.append(transport)
         return attach(transport, role, driver, sink)
 

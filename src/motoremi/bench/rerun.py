@@ -12,7 +12,7 @@ from motoremi.bench.execution import Analyse
 from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.replay import ReplayBench
 from motoremi.bench.resume import Done
-from motoremi.bench.runner import Outcome, run
+from motoremi.bench.runner import Outcome, done_by, run
 from motoremi.bench.writer import Writer
 from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
@@ -134,7 +134,7 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str]]:
     for first, end in zip(edges, edges[1:], strict=False):
         stop = next((d for d in session.documents[first:end] if d["kind"] == "stop"), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
-        yield (Done.of(session.documents[:first]) if first else None), reason
+        yield (done_by(session, session.documents[:first]) if first else None), reason
 
 
 def _held_against(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:

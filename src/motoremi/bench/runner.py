@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
 
@@ -88,7 +88,21 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
     before = {key: session.start.get(key) for key in now}
     if before != now:
         raise BadInput(f"{name} was begun on another bench (backend {before['backend']!r}); resume it with the same --bench")
-    return parse_procedure(session.start["procedure"], name), Done.of(session.documents)
+    return parse_procedure(session.start["procedure"], name), done_by(session, session.documents)
+
+
+def done_by(session: Session, documents: Sequence[JsonDict]) -> Done:
+    """What these documents of a session say was done.
+
+    Raises
+    ------
+    BadInput
+        If they are not those of a run.
+    """
+    try:
+        return Done.of(documents)
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadInput(f"{session.path.name}: its documents are not those of a run ({type(error).__name__}: {error})") from error
 
 
 def run(
