@@ -172,7 +172,9 @@ def rendered(table: dict[str, dict[str, Counter[str]]]) -> str:
         entries = []
         for column in columns:
             count = row[column]
-            parts = [f"{count[end]}{letter}" for end, letter in (("error", "e"), ("recovered", "r"), ("marked", "m"), ("BAD", " BAD")) if count[end]]
+            parts = [
+                f"{count[end]}{letter}" for end, letter in (("error", "e"), ("recovered", "r"), ("marked", "m"), ("BAD", " BAD")) if count[end]
+            ]
             entries.append(" ".join(parts) or "-")
         lines.append(f"{kind:16s}" + "".join(f"{entry:>24s}" for entry in entries))
     return "\n".join(lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 from pathlib import Path
@@ -41,10 +42,8 @@ def begin(folder: Path, bench: SimulatedBench, stop_at: str = "", name: str = "f
             raise KeyboardInterrupt
 
     writer.subscribe(stop)
-    try:
+    with contextlib.suppress(KeyboardInterrupt, MotoremiError):
         run(small(name), bench, writer, analyse=quiet, prompt=lambda text: None)
-    except (KeyboardInterrupt, MotoremiError):
-        pass
     return load(folder)
 
 
@@ -154,7 +153,7 @@ def test_a_difference_is_shown_with_both_sides(tmp_path: Path, bench: SimulatedB
     lines = caught.value.lines()
     assert lines[0].startswith("GPIB0::17::INSTR, exchange ")
     assert lines[-3:-1] == ["  - write 'POIN 12\\n'   (recorded)", "  + write 'POIN 11\\n'   (asked now)"]
-    assert lines[-1].index("^") == lines[-2].index("1\\n") 
+    assert lines[-1].index("^") == lines[-2].index("1\\n")
     assert "read '0,\"NO ERRORS\"\\n'" in lines[-4]
     assert "\n" not in str(caught.value)
 

@@ -63,18 +63,18 @@ def test_a_full_run(tmp_path: Path, procedure: Procedure, bench: SimulatedBench)
     outcome = measure(tmp_path / "s", procedure, bench, analyse=fake, prompt=told.append, listener=seen.append)
     session = load(tmp_path / "s")
     assert outcome.passed
-    assert outcome.to_dict() == {"steps": 11, "passed": True, "verdicts": [{"verdict": "pass", "error_percent": 5.0}]}
+    assert outcome.to_dict() == {"steps": 13, "passed": True, "verdicts": [{"verdict": "pass", "error_percent": 5.0}]}
     assert [kind for kind, _ in asked] == ["fit", "compare", "diagnose", "report"]
     assert asked[0][1] == {"method": "ant-colony", "seed": 1}
-    assert [text.split()[0] for text in told] == ["Leave", "Connect", "Connect", "Connect", "Connect"]
+    assert [text.split()[0] for text in told] == ["Leave"] + ["Connect"] * 5
     assert session.status == "done"
     assert not session.interrupted
     assert verify(tmp_path / "s") == []
     assert [sweep.termination for sweep in session.sweeps] == ["short"] * 3 + ["open"] * 3
     assert [sweep.metadata["connection"] for sweep in session.sweeps] == [3, 3, 3, 4, 4, 4]
-    assert sorted(spectrum.detector for spectrum in session.spectra) == ["average", "peak"]
+    assert sorted(spectrum.detector for spectrum in session.spectra) == ["average", "average", "peak", "peak"]
     assert [d["kind"] for d in seen] == kinds(session)[1:]
-    assert kinds(session).count("step-start") == kinds(session).count("step-stop") == 11
+    assert kinds(session).count("step-start") == kinds(session).count("step-stop") == 13
     assert kinds(session)[-3:] == ["safe", "safe", "stop"]
     instruments = [document for document in session.documents if document["kind"] == "instrument"]
     assert [document["identity"]["model"] for document in instruments] == ["4294A", "ESR3"]
@@ -175,7 +175,7 @@ def test_an_analysis_that_fails_is_told(tmp_path: Path, procedure: Procedure, be
     with pytest.raises(BadInput, match="nothing to fit"):
         measure(tmp_path / "s", procedure, bench, analyse=broken)
     session = load(tmp_path / "s")
-    assert session.documents[-1]["reason"] == "step 8 (fit): nothing to fit"
+    assert session.documents[-1]["reason"] == "step 10 (fit): nothing to fit"
     assert len(session.sweeps) == 6
 
 

@@ -90,7 +90,10 @@ def test_a_repeat_does_its_steps_in_rounds(tmp_path: Path, bench: SimulatedBench
     ("step", "message"),
     [
         ({"do": "repeat", "times": 2, "steps": [{"do": "repeat", "times": 2, "steps": [SHORT]}]}, "step 2 (repeat): steps.0"),
-        ({"do": "repeat", "times": 2, "steps": [{"do": "sweep", "termination": "shut"}]}, "step 2 (repeat): steps.0.sweep.termination: Input should be"),
+        (
+            {"do": "repeat", "times": 2, "steps": [{"do": "sweep", "termination": "shut"}]},
+            "step 2 (repeat): steps.0.sweep.termination: Input should be",
+        ),
         ({"do": "repeat", "times": 1000, "steps": [SHORT] * 11}, "steps: 11001 steps with all repeats; at most 10000"),
         ({"do": "wait", "time": "3"}, ""),
         ({"do": "wait", "time": "2 days"}, "step 2 (wait): time: "),
@@ -201,7 +204,7 @@ def test_a_dry_run_says_what_the_run_does(tmp_path: Path, bench: SimulatedBench,
     session = measured(tmp_path / "s", small(name), bench)
     sent = [str(r["text"]).strip() for r in session.traffic() if r["direction"] == "write"]
     # What is sent while the instruments are left safe belongs to no step.
-    leaving = [i for i, r in enumerate(session.traffic()) if r["direction"] == "leave"][0]
+    leaving = next(i for i, r in enumerate(session.traffic()) if r["direction"] == "leave")
     before = sum(r["direction"] == "write" for r in session.traffic()[:leaving])
     assert sum(step.messages for step in steps) == before
     listed = [message for step in steps for _, message, times in step.sent for _ in range(times)]
@@ -224,9 +227,7 @@ def test_a_dry_run_keeps_to_the_allow_list() -> None:
         rehearse(small(), BenchFile(allow=frozenset({"GPIB0::17::INSTR"})))
 
 
-def test_a_dry_run_on_the_command_line_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_on_the_command_line_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     for arguments in ([], ["--json"]):
         monkeypatch.setattr(sys, "argv", ["motoremi", "run", "emission_only", "--dry-run", *arguments])
@@ -266,7 +267,11 @@ def test_every_key_has_help_and_the_page_is_up_to_date() -> None:
 
 
 def test_the_ready_procedures_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, expected in (([], "fixture_check"), (["fixture_check"], "step 4 (connect), round 1 of 2: what short-standard"), (["--keys"], "text with unit, 20 Hz to 3 GHz")):
+    for arguments, expected in (
+        ([], "fixture_check"),
+        (["fixture_check"], "step 4 (connect), round 1 of 2: what short-standard"),
+        (["--keys"], "text with unit, 20 Hz to 3 GHz"),
+    ):
         for more in ([], ["--json"]):
             monkeypatch.setattr(sys, "argv", ["motoremi", "procedures", *arguments, *more])
             with pytest.raises(SystemExit) as caught:

@@ -8,6 +8,8 @@ from typing import Literal, get_args
 ConnectionName = Literal["open-standard", "short-standard", "load-standard", "short", "open", "lisn-motor-off", "lisn-motor-on"]
 CONNECTIONS: tuple[ConnectionName, ...] = get_args(ConnectionName)
 Condition = Literal["motor running", "motor off"]
+Standard = Literal["open", "short", "load"]
+STANDARDS: dict[Standard, ConnectionName] = {"open": "open-standard", "short": "short-standard", "load": "load-standard"}
 AT_THE_LISN: dict[Condition, ConnectionName] = {"motor running": "lisn-motor-on", "motor off": "lisn-motor-off"}
 
 
@@ -31,10 +33,14 @@ class Instruction:
 
 
 _LISN = """\
-  supply + --[ LISN ]--- terminal 1 ( motor ) terminal 2 ---[ LISN ]--- supply -
-               |                     frame                     |
-            receiver                   |                     50 Ohm
-  ground ======+=======================+=======================+========"""
+  supply + -[ LISN ]--- terminal 1 ( motor ) terminal 2 ---[ LISN ]- supply -
+               |                    frame                    |
+            receiver                  |                   50 Ohm
+  ground ======+======================+======================+======="""
+_SHORT = """\
+  H ----- terminal 1 ( motor ) terminal 2 --+
+                       frame                |
+  L ---------------------+------------------+"""
 
 INSTRUCTIONS: dict[ConnectionName, Instruction] = {
     "open-standard": Instruction(
@@ -51,7 +57,7 @@ INSTRUCTIONS: dict[ConnectionName, Instruction] = {
     ),
     "short": Instruction(
         "Connect the analyser between the two terminals of the motor, the far one joined to the frame",
-        "  H ----- terminal 1 ( motor ) terminal 2 --+\n                       frame                |\n  L ---------------------+------------------+",
+        _SHORT,
     ),
     "open": Instruction(
         "Connect the analyser between one terminal of the motor and its frame, the other terminal left open",

@@ -10,7 +10,7 @@ from typing import Any
 from motoremi.arrays import JsonDict
 from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.connect import Bench
-from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, ConnectionName, Instruction
+from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
 from motoremi.bench.driver import Driver, Identity
 from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure
 from motoremi.bench.receiver import EmiReceiver
@@ -74,7 +74,7 @@ class Execution:
         self._of = len(procedure.plan)
         self._settings: dict[str, JsonDict] = {}
         # What is connected, its number, and whether a step of its own asked for it.
-        self._connected: tuple[ConnectionName, int, bool] | None = None
+        self._connected: tuple[ConnectionName | None, int, bool] = (None, 0, False)
         self._leaving = False
 
     def step(self, planned: Planned) -> None:
@@ -103,7 +103,7 @@ class Execution:
         elif isinstance(step, Wait):
             self._wait(step.time)
         elif isinstance(step, Compensate):
-            self._connect("open-standard" if step.standard == "open" else "short-standard")
+            self._connect(STANDARDS[step.standard])
             self._analyser().compensate(step.standard)
         elif isinstance(step, Sweep):
             connection = self._connect(step.termination)
@@ -118,7 +118,7 @@ class Execution:
                 self.writer.add_spectrum(self._scanned(step.detector).with_metadata(condition=step.condition, connection=connection))
 
     def _check(self, planned: Planned, step: Check) -> None:
-        connection = self._connect(f"{step.standard}-standard")
+        connection = self._connect(STANDARDS[step.standard])
         # To the analyser a standard is one of its two terminations; that it is no motor is said by where it is stored.
         sweep = self._swept("short" if step.standard == "short" else "open")
         self.writer.add_standard(step.standard, sweep.with_metadata(connection=connection))
@@ -243,10 +243,10 @@ class Execution:
             raise InstrumentError(f"{self.drivers[role]}: its settings changed during the run ({'; '.join(changed)}); did it restart?")
 
     def _connect(self, what: ConnectionName, *, explicit: bool = False, note: str = "") -> int:
-        if self._connected is not None and self._connected[0] == what and not explicit:
-            # A second detector is read on the same connection. A second sweep step is a new connection, unless a step made it.
-            if self._connected[2] or what in AT_THE_LISN.values():
-                return self._connected[1]
+        before, number, made_by_step = self._connected
+        # A second detector is read on the same connection. A second sweep step is a new connection, unless a step made it.
+        if what == before and not explicit and (made_by_step or what in AT_THE_LISN.values()):
+            return number
         instruction = INSTRUCTIONS[what]
         self.prompt(str(Instruction(f"{instruction.text}. {note}" if note else instruction.text, instruction.drawing)))
         number = self.done.connections + self.bench.connect(what)

@@ -5,7 +5,6 @@ The layer sits where an instrument turns a message into an answer, so that drive
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -76,7 +75,7 @@ class FaultLayer:
     def restart(self) -> None:
         """Power off and on: every setting at its default, nothing compensated, answers gone."""
         name = str(self.device.resource_name)
-        type(self.device).__init__(self.device, self.device.wiring, self.device.clock)  # type: ignore[call-arg, arg-type]
+        type(self.device).__init__(self.device, self.device.wiring, self.device.clock)  # type: ignore[call-arg]
         self.device.resource_name = name
         del self.device._match
         self._inner = self.device._match

@@ -212,8 +212,8 @@ def load_procedure(path: str | Path) -> Procedure:
     BadInput
         With file, step and key in one line for everything that is wrong.
     """
-    shipped = resources.files("motoremi.procedures") / f"{path}.toml"
-    if not Path(path).exists() and shipped.is_file():
+    if not Path(path).exists() and str(path) in ready_procedures():
+        shipped = resources.files("motoremi.procedures") / f"{path}.toml"
         return parse_procedure(_toml(shipped.read_text(encoding="utf-8"), f"{path}.toml"), f"{path}.toml")
     return parse_procedure(_toml(_read(Path(path)), str(path)), str(path))
 

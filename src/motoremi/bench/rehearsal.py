@@ -86,7 +86,7 @@ class _Notes:
     def __init__(self, procedure: Procedure, bench: SimulatedBench) -> None:
         self.steps: list[Rehearsed] = []
         self._clock = bench.clock
-        self._queues = {role: driver_class(spec.driver).error_query for role, spec in procedure.instruments.items()}
+        self._queues: dict[str, str] = {role: driver_class(spec.driver).error_query for role, spec in procedure.instruments.items()}
         self._begin({})
 
     def _begin(self, parameters: Mapping[str, Any]) -> None:
@@ -106,9 +106,7 @@ class _Notes:
             self._begin(content["parameters"])
         elif kind == "step-stop":
             seconds = self._clock.now() - self._from_s
-            step = Rehearsed(
-                content["step"], content["do"], self._parameters, seconds, tuple(self._prompts), tuple(self._sent), self._messages
-            )
+            step = Rehearsed(content["step"], content["do"], self._parameters, seconds, tuple(self._prompts), tuple(self._sent), self._messages)
             self.steps.append(step)
         return content
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,7 +132,7 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str]]:
     """Each run of the session: what was done before it, and why it stopped (empty: it came to its end)."""
     starts = [i for i, d in enumerate(session.documents) if d["kind"] == "resume"]
     edges = [0, *starts, len(session.documents)]
-    for first, end in zip(edges, edges[1:], strict=False):
+    for first, end in itertools.pairwise(edges):
         stop = next((d for d in session.documents[first:end] if d["kind"] == "stop"), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
         yield (done_by(session, session.documents[:first]) if first else None), reason

@@ -23,6 +23,7 @@ from motoremi.bench.recording import TrafficSink
 from motoremi.bench.simulated_4294a import Simulated4294A
 from motoremi.bench.simulated_device import SimulatedDevice
 from motoremi.bench.simulated_esr import SimulatedESR
+from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import emission
 from motoremi.simulate.analyser import SimulatedAnalyser
@@ -157,7 +158,7 @@ class SimulatedBench:
         standard_ohm = np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
         if self._is_reference and self._connected != "load-standard":
             return standard_ohm
-        like = "short" if self._connected == "short-standard" else "open"
+        like: Termination = "short" if self._connected == "short-standard" else "open"
         return self._analyser.measure(like, frequency_hz, standard_ohm, self._connection, bandwidth_factor)
 
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:

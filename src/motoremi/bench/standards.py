@@ -23,12 +23,12 @@ def judge_standard(step: Check, sweep: ImpedanceSweep) -> JsonDict:
     """
     angular: FloatArray = 2 * np.pi * sweep.frequency_hz
     impedance = sweep.impedance_ohm
-    if step.standard == "short":
-        share, limit = np.abs(impedance) / (step.resistance + angular * step.inductance), "residual impedance"
-    elif step.standard == "open":
-        share, limit = 1 / np.abs(impedance) / (step.conductance + angular * step.capacitance), "residual admittance"
-    else:
+    if step.nominal is not None:
         share, limit = np.abs(impedance / step.nominal - 1) * 100 / step.tolerance_percent, "error of the load"
+    elif step.standard == "short":
+        share, limit = np.abs(impedance) / (step.resistance + angular * step.inductance), "residual impedance"
+    else:
+        share, limit = 1 / np.abs(impedance) / (step.conductance + angular * step.capacitance), "residual admittance"
     worst = int(np.argmax(share))
     frequency_hz = float(sweep.frequency_hz[worst])
     return {

@@ -63,9 +63,7 @@ def run_(
     _run(steps, bench_file, folder, lambda: SessionWriter.create(folder, start_document(steps, bench_file)), as_json, None)
 
 
-def _run(
-    procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None
-) -> None:
+def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
     from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
@@ -132,7 +130,8 @@ def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> Non
         )
         return
     say(f"{procedure.title}: rehearsed on simulated instruments; nothing is sent to real ones.")
-    say("Times are those of the simulators; fitting, diagnosis and the operator take their own. Each message is followed by a look at the error queue.")
+    say("Times are those of the simulators; fitting, diagnosis and the operator take their own.")
+    say("Each message is followed by a look at the error queue.")
     for step in steps:
         _show(step, len(steps))
     say(f"in all about {_duration(total)} of measuring, {sum(step.messages for step in steps)} messages")
@@ -209,8 +208,8 @@ def replay_(
     if as_json:
         emit_json({"schema": "motoremi.replay/1", **result.to_dict()})
     else:
-        for difference in result.differences:
-            say("\n".join(difference.lines()))
+        for passed_over in result.differences:
+            say("\n".join(passed_over.lines()))
         if result.ended != "done":
             say(f"the recorded run did not come to its end: {result.ended}")
         what = f"{result.compared} sweeps and spectra"

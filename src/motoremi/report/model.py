@@ -59,8 +59,7 @@ def _data(materials: Materials) -> JsonDict:
         ],
         "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
         "spectra": [
-            {"detector": s.detector, "condition": s.condition, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())}
-            for s in session.spectra
+            {"detector": s.detector, "condition": s.condition, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())} for s in session.spectra
         ],
         "ladder": [{**step.to_dict(), "result": is_result(step)} for step in materials.steps],
         "comparison": None if materials.comparison is None else materials.comparison.to_dict(),
