@@ -1,10 +1,11 @@
-"""Every fault at every measuring step of the full procedure: how each run ends. `python tests/fault_matrix.py` prints the table."""
+"""Every fault at every step of the full procedure that talks to an instrument: how each run ends. `make faults` prints the table."""
 
 from __future__ import annotations
 
 import copy
 import functools
 import shutil
+import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterable
@@ -24,6 +25,7 @@ from motoremi.errors import InstrumentError, MotoremiError
 SEED = 5
 # What a repeated sweep may differ by: another draw of the analyser's noise, whose largest sigma here is some 0.1 %.
 NOISE = 0.02
+MEASURED = ("sweep", "spectrum")
 BENCH_FILE = BenchFile(backend="sim", seed=SEED)
 
 
@@ -47,33 +49,44 @@ def measured(folder: Path, procedure: Procedure, bench: SimulatedBench) -> Sessi
 
 @dataclass(frozen=True)
 class Cell:
-    """Where a fault strikes: the exchanges of one instrument in one step."""
+    """Where a fault strikes: the exchanges of one instrument in one step, or in the leaving after the last one.
+
+    `stored` is how many sweeps and spectra a healthy run has stored before.
+    """
 
     step: int
     do: str
     role: str
     exchanges: tuple[int, ...]
+    stored: int
 
     @property
     def title(self) -> str:
-        return f"{self.step} {self.do} ({self.role})"
+        return f"{self.step} {self.do} {self.role}" if self.step else f"{self.do} {self.role}"
 
 
 def cells(session: Session) -> list[Cell]:
     """The exchanges of each instrument in each step, from what a healthy run recorded."""
     found: dict[tuple[int, str, str], list[int]] = {}
     counts: Counter[str] = Counter()
-    starts = [(d["time"], int(d["step"]), str(d["do"])) for d in session.documents if d["kind"] == "step-start"]
+    left: set[str] = set()
+    starts, before, stored = [], {0: len(session.sweeps) + len(session.spectra)}, 0
+    for document in session.documents:
+        stored += document["kind"] in MEASURED
+        if document["kind"] == "step-start":
+            starts.append((document["time"], int(document["step"]), str(document["do"])))
+            before[int(document["step"])] = stored
     for record in session.traffic():
+        role = str(record["instrument"])
+        if record["direction"] == "leave":
+            left.add(role)
         if record["direction"] != "write":
             continue
-        role = str(record["instrument"])
         counts[role] += 1
         # A step's document is written before its first exchange.
-        step, do = [(number, name) for time, number, name in starts if time <= record["time"]][-1]
+        step, do = (0, "leaving") if role in left else [(number, name) for time, number, name in starts if time <= record["time"]][-1]
         found.setdefault((step, do, role), []).append(counts[role])
-    measuring = {"identify", "compensate", "sweep", "spectrum"}
-    return [Cell(step, do, role, tuple(exchanges)) for (step, do, role), exchanges in found.items() if do in measuring]
+    return [Cell(step, do, role, tuple(exchanges), before[step]) for (step, do, role), exchanges in found.items()]
 
 
 def places(cell: Cell, count: int) -> list[int]:
@@ -101,17 +114,19 @@ def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path) -> 
         bench.close()
     if not layer.struck:
         return "not struck"
-    return _judged(error, acknowledged, reference, folder)
+    return _judged(error, acknowledged, reference, folder, cell.stored)
 
 
-def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference: Session, folder: Path) -> str:
+def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference: Session, folder: Path, least: int) -> str:
     if problems := verify(folder):
         return f"BAD: {problems[0]}"
     session = load(folder)
-    told = [document["file"] for document in acknowledged if document["kind"] in ("sweep", "spectrum")]
-    stored = [document["file"] for document in session.documents if document["kind"] in ("sweep", "spectrum")]
+    told = [document["file"] for document in acknowledged if document["kind"] in MEASURED]
+    stored = [document["file"] for document in session.documents if document["kind"] in MEASURED]
     if told != stored:
         return "BAD: what was told and what is stored differ"
+    if len(stored) < least:
+        return f"BAD: {len(stored)} stored, {least} were measured before"
     if wrong := _wrong_data(session, reference):
         return f"BAD: {wrong}"
     if error is not None:
@@ -165,24 +180,26 @@ def matrix(per_cell: int, kinds: Iterable[str] = FAULTS) -> tuple[dict[str, dict
 
 
 def rendered(table: dict[str, dict[str, Counter[str]]]) -> str:
-    """The table as text: e error, r recovered, m marked, - cannot strike there."""
+    """The table in Markdown; in each cell how many runs ended in which way, empty where the fault cannot strike."""
     columns = list(next(iter(table.values())))
-    lines = [f"{'fault':16s}" + "".join(f"{column:>24s}" for column in columns)]
+    letters = {"error": "e", "recovered": "r", "marked": "m", "BAD": "BAD"}
+    lines = ["| fault | " + " | ".join(columns) + " |", "|---" * (len(columns) + 1) + "|"]
     for kind, row in table.items():
-        entries = []
-        for column in columns:
-            count = row[column]
-            parts = [
-                f"{count[end]}{letter}" for end, letter in (("error", "e"), ("recovered", "r"), ("marked", "m"), ("BAD", " BAD")) if count[end]
-            ]
-            entries.append(" ".join(parts) or "-")
-        lines.append(f"{kind:16s}" + "".join(f"{entry:>24s}" for entry in entries))
+        entries = [" ".join(f"{row[column][end]}{letter}" for end, letter in letters.items() if row[column][end]) for column in columns]
+        lines.append(f"| {kind} | " + " | ".join(entries) + " |")
     return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    import sys
-
+def main() -> int:
+    """Print the table; the number of runs that ended badly."""
     found, problems = matrix(int(sys.argv[1]) if len(sys.argv) > 1 else 0, sys.argv[2:] or FAULTS)
     total = Counter(end for row in found.values() for count in row.values() for end in count.elements())
-    sys.stdout.write("\n".join([rendered(found), str(dict(total)), *problems]) + "\n")
+    struck = sum(count for end, count in total.items() if end != "not struck")
+    summary = f"{struck} runs with a fault: {total['error']} end in one clear error (e), {total['recovered']} with the same data as without (r), "
+    summary += f"{total['marked']} with the doubtful points marked (m), {total['BAD']} badly"
+    sys.stdout.write("\n".join([rendered(found), "", summary, *problems]) + "\n")
+    return total["BAD"]
+
+
+if __name__ == "__main__":
+    sys.exit(1 if main() else 0)

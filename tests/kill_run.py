@@ -1,4 +1,4 @@
-"""SIGKILL at random moments of a run, then resume. `python tests/kill_run.py COUNT` prints one JSON document.
+"""SIGKILL at random moments of a run, then resume. `make kills` does 200 and prints one JSON document.
 
 A program of its own: it forks, which a test process with threads must not. Each run is a fork of one that has everything loaded, so that
 200 kills cost seconds; what is killed is a whole process in the middle of its system calls all the same.
@@ -128,4 +128,6 @@ def after(folder: Path, bench: SimulatedBench, told: int, reference: dict[str, s
 if __name__ == "__main__":
     # Memory is as good as a disk here: a killed process takes neither away, and only a power cut would need the disk's own promise.
     with tempfile.TemporaryDirectory(prefix="motoremi-kill-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as place:
-        sys.stdout.write(json.dumps(main(int(sys.argv[1]), Path(place))) + "\n")
+        told = main(int(sys.argv[1]), Path(place))
+    sys.stdout.write(json.dumps(told) + "\n")
+    sys.exit(1 if told["problems"] or told["lost"] else 0)

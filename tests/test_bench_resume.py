@@ -156,6 +156,11 @@ def test_what_the_rest_stands_on() -> None:
     assert needed_again(plan, Done(steps=6)) == {1, 2, 3}
     assert needed_again(plan, Done(steps=10)) == set()
     assert needed_again(plan, Done()) == set()
+    # The motor is connected anew and has cooled down: the wait for its temperature is needed again too.
+    emission = small("emission_only").plan
+    assert [planned.step.do for planned in emission[3:7]] == ["connect", "wait", "spectrum", "spectrum"]
+    assert needed_again(emission, Done(steps=6)) == {1, 4, 5}
+    assert needed_again(emission, Done(steps=2)) == {1}
 
 
 def test_the_command_line_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

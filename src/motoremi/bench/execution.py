@@ -161,9 +161,9 @@ class Execution:
         self._leaving = True
         problems = dict.fromkeys(self.drivers, "")
         for role, driver in self.drivers.items():
-            # Where the procedure ends and the leaving begins: a replay has to know.
-            self._log({"time": datetime.now(UTC).isoformat(), "instrument": role, "direction": "leave"})
             try:
+                # Where the procedure ends and the leaving begins: a replay has to know.
+                self._log({"time": datetime.now(UTC).isoformat(), "instrument": role, "direction": "leave"})
                 driver.safe()
             except (InstrumentError, ValueError) as error:
                 problems[role] = str(error)

@@ -67,10 +67,18 @@ def markdown() -> str:
     """The reference as Markdown."""
     parts = []
     for table in reference():
-        rows = [f"| `{key.name}` | {key.takes} | {key.default or 'must be given'} | {key.help} |" for key in table.keys]
+        rows = ["| " + " | ".join(_cell(text) for text in _row(key)) + " |" for key in table.keys]
         head = ["", "| key | takes | default | is |", "|---|---|---|---|"] if rows else []
         parts.append("\n".join([f"### {table.title}", "", table.help, *head, *rows]))
     return "\n\n".join(parts) + "\n"
+
+
+def _row(key: Key) -> tuple[str, ...]:
+    return f"`{key.name}`", key.takes, key.default or "must be given", key.help
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
 
 
 def _table(title: str, model: type[Strict]) -> Table:

@@ -8,7 +8,7 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.procedure import Planned
-from motoremi.bench.steps import Check, Compensate, Connect, Identify, MeasuringStep, Scan, Sweep
+from motoremi.bench.steps import Check, Compensate, Connect, Identify, MeasuringStep, Scan, Sweep, Wait
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Done:
 
 
 def needed_again(plan: tuple[Planned, ...], done: Done) -> set[int]:
-    """Numbers of finished steps that the rest of the plan stands on: who is connected, compensation, the operator's connection."""
+    """Numbers of finished steps that the rest of the plan stands on: who is connected, compensation, the operator's connection and its wait."""
     before, after = plan[: done.steps], [planned.step for planned in plan[done.steps :]]
     again: set[int] = set()
     if any(isinstance(step, MeasuringStep) for step in after):
@@ -70,5 +70,6 @@ def needed_again(plan: tuple[Planned, ...], done: Done) -> set[int]:
     connected = [planned.number for planned in before if isinstance(planned.step, Connect)][-1:]
     until_next = after[: next((i for i, step in enumerate(after) if isinstance(step, Connect)), len(after))]
     if connected and any(isinstance(step, Sweep | Check | Scan) for step in until_next):
-        again.update(connected)
+        # What was waited for there, such as a warm motor, has passed too.
+        again.update(connected, (planned.number for planned in before[connected[0] :] if isinstance(planned.step, Wait)))
     return again
