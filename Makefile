@@ -41,9 +41,10 @@ bench: install
 faults: install
 	$(BIN)/python tests/fault_matrix.py
 
-# 200 runs killed at random moments, each resumed.
+# 200 runs killed and 200 stopped by Ctrl-C at random moments, each resumed.
 kills: install
-	$(BIN)/python tests/kill_run.py 200
+	$(BIN)/python tests/kill_run.py 200 SIGKILL
+	$(BIN)/python tests/kill_run.py 200 SIGINT
 
 # How fast simulation and replay are, and what recording costs.
 speed: install

@@ -1,4 +1,4 @@
-"""SIGKILL at random moments of a run, then resume. `make kills` does 200 and prints one JSON document.
+"""A signal at random moments of a run, then resume. `make kills` does 200 of SIGKILL and of Ctrl-C, and prints a JSON document for each.
 
 A program of its own: it forks, which a test process with threads must not. Each run is a fork of one that has everything loaded, so that
 200 kills cost seconds; what is killed is a whole process in the middle of its system calls all the same.
@@ -29,6 +29,7 @@ from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import SessionWriter, load, reopen, verify
 
 MEASURED = ("sweep", "spectrum")
+STOPPED = 130
 
 
 def forked(work: Callable[[], None]) -> int:
@@ -41,6 +42,8 @@ def forked(work: Callable[[], None]) -> int:
         try:
             work()
             status = 0
+        except KeyboardInterrupt:
+            status = STOPPED
         except Exception as error:
             sys.stderr.write(f"{type(error).__name__}: {error}\n")
         finally:
@@ -50,10 +53,10 @@ def forked(work: Callable[[], None]) -> int:
 
 def begin(folder: Path, bench: SimulatedBench, told: int) -> None:
     """A run that says over a pipe when the session exists and when each sweep or spectrum is stored."""
-    writer = SessionWriter.create(folder, start_document(small("impedance_only"), BENCH_FILE))
-    os.write(told, b"s")
-    writer.subscribe(lambda document: os.write(told, b"m") and None if document["kind"] in MEASURED else None)
-    run(small("impedance_only"), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    with SessionWriter.create(folder, start_document(small("impedance_only"), BENCH_FILE)) as writer:
+        os.write(told, b"s")
+        writer.subscribe(lambda document: os.write(told, b"m") and None if document["kind"] in MEASURED else None)
+        run(small("impedance_only"), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
 
 
 def go_on(folder: Path, bench: SimulatedBench) -> None:
@@ -67,43 +70,46 @@ def stored(folder: Path) -> dict[str, str]:
     return {str(d["file"]): str(d["sha256"]) for d in load(folder).documents if d["kind"] in MEASURED}
 
 
-def one(folder: Path, bench: SimulatedBench, after_s: float | None) -> tuple[bool, int]:
-    """Run, and kill after so long; whether it was killed, and how many measurements it had told of."""
+def one(folder: Path, bench: SimulatedBench, number: signal.Signals, after_s: float | None) -> tuple[bool, int]:
+    """Run, and send a signal after so long; whether that stopped it, and how many measurements it had told of."""
     hears, tells = os.pipe()
     child = forked(lambda: begin(folder, bench, tells))
     os.close(tells)
     os.read(hears, 1)
     if after_s is not None:
         time.sleep(after_s)
-        os.kill(child, signal.SIGKILL)
+        os.kill(child, number)
     _, status = os.waitpid(child, 0)
     told = b""
     while part := os.read(hears, 1000):
         told += part
     os.close(hears)
-    return os.WIFSIGNALED(status), told.count(b"m")
+    return os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == STOPPED, told.count(b"m")
 
 
-def main(count: int, root: Path) -> dict[str, object]:
-    """Kill `count` runs; what was lost, and whether each could go on."""
+def main(number: signal.Signals, count: int, root: Path) -> dict[str, object]:
+    """Stop `count` runs; what was lost, and whether each could go on."""
     bench = SimulatedBench(SEED)
     begun = time.perf_counter()
-    one(root / "whole", bench, None)
+    one(root / "whole", bench, number, None)
     duration_s = time.perf_counter() - begun
     reference = stored(root / "whole")
     randomly = random.Random(1)
     kills, lost, kept, problems = 0, 0, Counter[int](), []
     while kills < count:
         folder = root / "run"
-        killed, told = one(folder, bench, randomly.uniform(0, duration_s))
+        killed, told = one(folder, bench, number, randomly.uniform(0, duration_s))
         if killed:
             kills += 1
+            # Ctrl-C closes the session; after a kill it may be open.
+            left = verify(folder) if number == signal.SIGINT else []
             problem, has = after(folder, bench, told, reference)
+            problem = problem or "".join(left[:1])
             kept[has] += 1
             lost += max(0, told - has)
             problems += [f"kill {kills}: {problem}"] if problem else []
         shutil.rmtree(folder)
-    return {"kills": kills, "lost": lost, "kept": {str(n): kept[n] for n in sorted(kept)}, "problems": problems}
+    return {"signal": number.name, "kills": kills, "lost": lost, "kept": {str(n): kept[n] for n in sorted(kept)}, "problems": problems}
 
 
 def after(folder: Path, bench: SimulatedBench, told: int, reference: dict[str, str]) -> tuple[str, int]:
@@ -128,6 +134,6 @@ def after(folder: Path, bench: SimulatedBench, told: int, reference: dict[str, s
 if __name__ == "__main__":
     # Memory is as good as a disk here: a killed process takes neither away, and only a power cut would need the disk's own promise.
     with tempfile.TemporaryDirectory(prefix="motoremi-kill-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as place:
-        told = main(int(sys.argv[1]), Path(place))
+        told = main(signal.Signals[sys.argv[2]], int(sys.argv[1]), Path(place))
     sys.stdout.write(json.dumps(told) + "\n")
     sys.exit(1 if told["problems"] or told["lost"] else 0)

@@ -24,14 +24,11 @@ KILLS = 40
 HERE = Path(__file__).parent
 
 
-def test_killed_at_random_moments_loses_no_sweep_and_goes_on(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, HERE / "kill_run.py", str(KILLS)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )
+@pytest.mark.skipif(sys.platform == "win32", reason="no fork there")
+@pytest.mark.parametrize("signal", ["SIGKILL", "SIGINT"])
+def test_stopped_at_random_moments_loses_no_sweep_and_goes_on(signal: str) -> None:
+    command = [sys.executable, HERE / "kill_run.py", str(KILLS), signal]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"})
     told = json.loads(done.stdout)
     assert told["problems"] == [], done.stderr
     assert done.returncode == 0, done.stderr

@@ -21,6 +21,7 @@ from motoremi.bench.writer import Writer
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.data.sweep import ImpedanceSweep, Termination
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
+from motoremi.interrupts import unbroken
 from motoremi.quantities import show_band
 
 # Step kind, session, parameters of the step -> result, None if there is nothing to judge.
@@ -157,7 +158,14 @@ class Execution:
             self.tick()
 
     def leave_safe(self) -> dict[str, str]:
-        """Bring every connected instrument into its safe state and let it go; returns what went wrong, by role."""
+        """Bring every connected instrument into its safe state and let it go; returns what went wrong, by role.
+
+        Ctrl-C is heard afterwards: each exchange has its deadline, so this ends.
+        """
+        with unbroken():
+            return self._leave_safe()
+
+    def _leave_safe(self) -> dict[str, str]:
         self._leaving = True
         problems = dict.fromkeys(self.drivers, "")
         for role, driver in self.drivers.items():
@@ -167,9 +175,6 @@ class Execution:
                 driver.safe()
             except (InstrumentError, ValueError) as error:
                 problems[role] = str(error)
-            except KeyboardInterrupt:
-                # Impatience with one instrument is no reason to leave the next one on.
-                problems[role] = "stopped by the operator before it was safe"
             finally:
                 driver.close()
         # Written last: what cannot be stored must not keep the next instrument from its safe state.

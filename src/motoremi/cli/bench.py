@@ -70,10 +70,9 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
 
     made = make_bench(bench_file)
     try:
-        writer = begin()
-        if not as_json:
-            writer.subscribe(tell)
-        with _stopped_by_signals(), progress_bars(as_json) as bars:
+        with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
+            if not as_json:
+                writer.subscribe(tell)
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()

@@ -25,6 +25,7 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
 from motoremi.data.verify import inspect_session
 from motoremi.errors import BadInput
+from motoremi.interrupts import unbroken
 
 SCHEMA = "motoremi.session/1"
 Status = Literal["done", "failed", "interrupted"]
@@ -191,20 +192,25 @@ class SessionWriter:
         with self._turn:
             if self._closed:
                 return
-            try:
-                self._sync_traffic()
-                document = self._append("stop", {"status": status, "reason": clean_text(reason)})
-                with told_as_storage_error(self.path / MANIFEST):
-                    files, _ = list_files(self.path)
-                    records = {name: record_file(self.path / name) for name in files}
-                text = manifest_text(Manifest(self._seq, records), software())
-                write_whole(self.path / MANIFEST, text.encode())
-            finally:
-                self._closed = True
-                if self._traffic is not None:
-                    self._traffic.close()
-                self._log.close()
+            with unbroken():
+                document = self._closing(status, reason)
             self._tell(document)
+
+    def _closing(self, status: Status, reason: str) -> JsonDict:
+        try:
+            self._sync_traffic()
+            document = self._append("stop", {"status": status, "reason": clean_text(reason)})
+            with told_as_storage_error(self.path / MANIFEST):
+                files, _ = list_files(self.path)
+                records = {name: record_file(self.path / name) for name in files}
+            text = manifest_text(Manifest(self._seq, records), software())
+            write_whole(self.path / MANIFEST, text.encode())
+            return document
+        finally:
+            self._closed = True
+            if self._traffic is not None:
+                self._traffic.close()
+            self._log.close()
 
     def _must_be_open(self) -> None:
         if self._closed:
@@ -215,9 +221,10 @@ class SessionWriter:
         time = datetime.now(UTC).isoformat(timespec="microseconds")
         document = make_document(self._seq, time, kind, self._previous, content)
         line = document_line(document)
-        self._log.append(line, sync=True)
-        self._seq += 1
-        self._previous = line_sha256(line)
+        with unbroken():
+            self._log.append(line, sync=True)
+            self._seq += 1
+            self._previous = line_sha256(line)
         return document
 
     def _tell(self, document: JsonDict) -> None:
@@ -242,14 +249,15 @@ class SessionWriter:
             self._must_be_open()
             target = inside(self.path, relative)
             entry = {"file": relative, "sha256": record_bytes(data).sha256, **content}
-            if target.exists():
-                # Document first: after a crash in between, the old file still has its old document.
-                with replacing(target, data):
+            with unbroken():
+                if target.exists():
+                    # Document first: after a crash in between, the old file still has its old document.
+                    with replacing(target, data):
+                        document = self._append(kind, entry)
+                else:
+                    # File first: after a crash in between, no document speaks of a file that is not there.
+                    write_whole(target, data)
                     document = self._append(kind, entry)
-            else:
-                # File first: after a crash in between, no document speaks of a file that is not there.
-                write_whole(target, data)
-                document = self._append(kind, entry)
             self._tell(document)
         return target
 
