@@ -1,11 +1,11 @@
-# make demo | test | lint | bench : each creates its environment first; nothing else is needed.
+# make demo | test | lint | bench | faults | kills | speed : each creates its environment first; nothing else is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
-.PHONY: demo test lint bench install clean
+.PHONY: demo test lint bench faults kills speed install clean
 
 install: $(STAMP)
 
@@ -36,6 +36,19 @@ lint: install
 bench: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'cma>=3.3' 'lmfit>=1.3'
 	$(BIN)/python -m benchmarks
+
+# Every fault at every exchange of the full procedure (some ten minutes); `make test` strikes at the first and last exchange of each step.
+faults: install
+	$(BIN)/python tests/fault_matrix.py
+
+# 200 runs killed and 200 stopped by Ctrl-C at random moments, each resumed.
+kills: install
+	$(BIN)/python tests/kill_run.py 200 SIGKILL
+	$(BIN)/python tests/kill_run.py 200 SIGINT
+
+# How fast simulation and replay are, and what recording costs.
+speed: install
+	$(BIN)/python -m benchmarks.recording
 
 clean:
 	rm -rf $(VENV) build .files .mypy_cache .pytest_cache .ruff_cache

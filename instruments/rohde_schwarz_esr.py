@@ -26,6 +26,8 @@ class RohdeSchwarzESR(EmiReceiver):
     resolution_bandwidth_hz = number("SCAN1:BAND:RES", "Hz", (10.0, 10e6), "Control the 6 dB resolution bandwidth.")
     dwell_s = number("SCAN1:TIME", "s", (50e-6, 100.0), "Control the measuring time at each step.")
     attenuation_db = number("SCAN1:INP:ATT", "dB", (0.0, 75.0), "Control the input attenuation.")
+    # Read back with every scan: a receiver switched to another unit by hand would spoil the levels silently.
+    level_unit = choice("CALC:UNIT:POW", {"dBuV": "DBUV"}, "Control the unit of the levels.")
     preamplifier = switch("SCAN1:INP:GAIN:STAT", "Control the 20 dB preamplifier.")
     detector = choice(
         "DET1:REC",
@@ -48,7 +50,9 @@ class RohdeSchwarzESR(EmiReceiver):
         attenuation_db: float = 10.0,
     ) -> JsonDict:
         """Set receiver mode and one range of the scan table up; see `EmiReceiver.configure`."""
-        self.tell("INST:SEL REC", "CALC:UNIT:POW DBUV", "DISP:WIND:TRAC1:MODE WRIT", "SWE:SPAC LIN", "SCAN:RANG:COUN 1")
+        self.tell("INST:SEL REC")
+        self.level_unit = "dBuV"
+        self.tell("DISP:WIND:TRAC1:MODE WRIT", "SWE:SPAC LIN", "SCAN:RANG:COUN 1")
         self.start_hz = start_hz
         self.stop_hz = stop_hz
         self.step_hz = step_hz

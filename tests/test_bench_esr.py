@@ -18,7 +18,7 @@ from motoremi.simulate import emission
 @pytest.fixture
 def bench() -> Iterator[SimulatedBench]:
     bench = SimulatedBench(7)
-    bench.connect("lisn")
+    bench.connect("lisn-motor-on")
     yield bench
     bench.close()
 
@@ -74,6 +74,7 @@ def test_settings_are_what_the_instrument_says(receiver: RohdeSchwarzESR) -> Non
         "resolution_bandwidth_hz": 9e3,
         "dwell_s": 0.02,
         "attenuation_db": 10.0,
+        "level_unit": "dBuV",
         "preamplifier": False,
         "detector": "peak",
     }

@@ -90,11 +90,11 @@ def test_a_path_comes_before_a_name(tmp_path: Path) -> None:
         (changed("sweep", "start", value="150 kOhm"), "test.toml: sweep.start: '150 kOhm' has the unit 'Ohm', expected Hz"),
         (
             changed("sweep", "stop", value="200 MHz"),
-            "test.toml: sweep.stop: '200 MHz' is outside the range 40 Hz to 110 MHz",
+            "test.toml: sweep.stop: 200 MHz is outside the range 40 Hz to 110 MHz of the 4294a",
         ),
         (changed("sweep", "start", value=150000), "test.toml: sweep.start: write it as text with its unit"),
         (changed("sweep", "start", value="40 MHz"), "test.toml: sweep: stop must be above start"),
-        (changed("sweep", "points", value=802), "test.toml: sweep.points: Input should be less than or equal to 801"),
+        (changed("sweep", "points", value=802), "test.toml: sweep.points: 802 is outside the range 2 to 801 of the 4294a"),
         (changed("sweep", "points", value=7), "test.toml: sweep.points: Input should be greater than or equal to 8"),
         (changed("sweep", "oscillator", value="2 V"), "test.toml: sweep.oscillator: '2 V' is outside the range 5 mV to 1 V"),
         (changed("spectrum", "dwell", value="0 s"), "test.toml: spectrum.dwell: '0 s' is outside the range"),

@@ -63,18 +63,18 @@ def test_a_full_run(tmp_path: Path, procedure: Procedure, bench: SimulatedBench)
     outcome = measure(tmp_path / "s", procedure, bench, analyse=fake, prompt=told.append, listener=seen.append)
     session = load(tmp_path / "s")
     assert outcome.passed
-    assert outcome.to_dict() == {"steps": 11, "passed": True, "verdicts": [{"verdict": "pass", "error_percent": 5.0}]}
+    assert outcome.to_dict() == {"steps": 13, "passed": True, "verdicts": [{"verdict": "pass", "error_percent": 5.0}]}
     assert [kind for kind, _ in asked] == ["fit", "compare", "diagnose", "report"]
     assert asked[0][1] == {"method": "ant-colony", "seed": 1}
-    assert [text.split()[0] for text in told] == ["Leave", "Connect", "Connect", "Connect", "Connect"]
+    assert [text.split()[0] for text in told] == ["Leave"] + ["Connect"] * 5
     assert session.status == "done"
     assert not session.interrupted
     assert verify(tmp_path / "s") == []
     assert [sweep.termination for sweep in session.sweeps] == ["short"] * 3 + ["open"] * 3
     assert [sweep.metadata["connection"] for sweep in session.sweeps] == [3, 3, 3, 4, 4, 4]
-    assert sorted(spectrum.detector for spectrum in session.spectra) == ["average", "peak"]
+    assert sorted(spectrum.detector for spectrum in session.spectra) == ["average", "average", "peak", "peak"]
     assert [d["kind"] for d in seen] == kinds(session)[1:]
-    assert kinds(session).count("step-start") == kinds(session).count("step-stop") == 11
+    assert kinds(session).count("step-start") == kinds(session).count("step-stop") == 13
     assert kinds(session)[-3:] == ["safe", "safe", "stop"]
     instruments = [document for document in session.documents if document["kind"] == "instrument"]
     assert [document["identity"]["model"] for document in instruments] == ["4294A", "ESR3"]
@@ -108,7 +108,7 @@ def test_a_replay_of_another_procedure_tells_the_difference(tmp_path: Path, proc
     measure(tmp_path / "first", procedure, bench)
     data = copy.deepcopy(procedure.source)
     data["sweep"]["points"] = 22
-    with pytest.raises(InstrumentError, match=r"expected b'POIN 21\\n', got b'POIN 22\\n'"):
+    with pytest.raises(InstrumentError, match=r"expected write 'POIN 21\\n', got write 'POIN 22\\n'"):
         measure(tmp_path / "again", parse_procedure(data, "x"), ReplayBench(load(tmp_path / "first").traffic()))
     with pytest.raises(InstrumentError, match="analyser: the session holds no recorded traffic"):
         measure(tmp_path / "none", procedure, ReplayBench([]))
@@ -137,7 +137,7 @@ def test_an_instrument_that_fails_keeps_what_was_measured(
     safe = {document["role"]: document for document in session.documents if document["kind"] == "safe"}
     assert not safe["analyser"]["safe"]
     assert safe["receiver"]["safe"]
-    assert session.traffic()[-1]["direction"] == "read"
+    assert session.traffic()[-1]["direction"] == "close"
 
 
 def test_ctrl_c_leaves_the_instruments_safe(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
@@ -175,7 +175,7 @@ def test_an_analysis_that_fails_is_told(tmp_path: Path, procedure: Procedure, be
     with pytest.raises(BadInput, match="nothing to fit"):
         measure(tmp_path / "s", procedure, bench, analyse=broken)
     session = load(tmp_path / "s")
-    assert session.documents[-1]["reason"] == "step 8 (fit): nothing to fit"
+    assert session.documents[-1]["reason"] == "step 10 (fit): nothing to fit"
     assert len(session.sweeps) == 6
 
 

@@ -143,6 +143,7 @@ def test_a_scan_of_the_esr() -> None:
         ("SCAN1:BAND:RES?", "9000"),
         ("SCAN1:TIME?", "0.01"),
         ("SCAN1:INP:ATT?", "10"),
+        ("CALC:UNIT:POW?", "DBUV"),
         ("SCAN1:INP:GAIN:STAT?", "0"),
         ("DET1:REC?", "AVER"),
     ]

@@ -193,6 +193,10 @@ def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], 
         if kind == "diagnose":
             found = diagnose_session(store, progress=progress)
             return {"verdict": found.verdict, "effects": list(found.effects), "confidence": found.confidence}
+        if kind == "next":
+            following: JsonDict = diagnosis_in(load(store.path))["next_measurement"]
+            store.save_analysis("next", following)
+            return {"next_measurement": following}
         if kind == "report":
             report_session(store)
             return None

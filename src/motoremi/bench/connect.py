@@ -6,12 +6,13 @@ from collections.abc import Collection, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Literal, Protocol, get_args
+from typing import Protocol
 
 import pyvisa
 from pyvisa.resources import MessageBasedResource
 
 from motoremi.bench.clock import Clock, WallClock
+from motoremi.bench.connections import ConnectionName
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import RecordingTransport, TrafficSink
 from motoremi.bench.transport import Transport, VisaTransport
@@ -24,25 +25,20 @@ BUILT_IN = {
     "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
 }
 
-Connection = Literal["open-standard", "short-standard", "short", "open", "lisn"]
-CONNECTIONS: tuple[Connection, ...] = get_args(Connection)
-INSTRUCTIONS: dict[Connection, str] = {
-    "open-standard": "Leave the fixture open (open standard)",
-    "short-standard": "Connect the short standard to the fixture",
-    "short": "Connect the analyser between the two terminals of the motor, the far one joined to the frame",
-    "open": "Connect the analyser between one terminal of the motor and its frame, the other terminal left open",
-    "lisn": "Connect the motor to its supply through the LISN and the receiver to the LISN, and let the motor run",
-}
-
 
 class Bench(Protocol):
     """Where a procedure runs: real instruments, simulated ones, or a recording."""
+
+    @property
+    def clock(self) -> Clock:
+        """What waiting is measured by."""
+        ...
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
         """Connect the driver of a role, every exchange going to the sink."""
         ...
 
-    def connect(self, what: Connection) -> int:
+    def connect(self, what: ConnectionName) -> int:
         """Note that something has been connected; returns the number of the connection."""
         ...
 
@@ -115,6 +111,12 @@ def attach(transport: Transport, role: str, driver: str, sink: TrafficSink) -> D
     return driver_class(driver)(RecordingTransport(transport, role, sink))
 
 
+def refuse_unless_allowed(role: str, resource: str, allow: Collection[str] | None) -> None:
+    """Raise `BadInput` for a resource that is not on the bench's allow-list; None allows every one."""
+    if allow is not None and resource not in allow:
+        raise BadInput(f"{role}: {resource} is not on the bench's allow-list ({', '.join(sorted(allow))})")
+
+
 class VisaBench:
     """Real instruments.
 
@@ -133,15 +135,15 @@ class VisaBench:
         self._allow = allow
         self._manager = open_manager(backend)
         self._connections = 0
+        self.clock: Clock = WallClock()
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
         """Connect the driver of a role."""
         wanted = self._resources.get(role, resource)
-        if self._allow is not None and wanted not in self._allow:
-            raise BadInput(f"{role}: {wanted} is not on the bench's allow-list ({', '.join(sorted(self._allow))})")
-        return attach(open_transport(self._manager, wanted, clock=WallClock()), role, driver, sink)
+        refuse_unless_allowed(role, wanted, self._allow)
+        return attach(open_transport(self._manager, wanted, clock=self.clock), role, driver, sink)
 
-    def connect(self, what: Connection) -> int:
+    def connect(self, what: ConnectionName) -> int:
         """Count the connection; the operator makes it."""
         self._connections += 1
         return self._connections

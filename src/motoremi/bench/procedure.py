@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import date
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.connect import driver_names
-from motoremi.data.spectrum import Detector
-from motoremi.data.sweep import MINIMUM_POINTS, Termination
+from motoremi.bench.connect import driver_class, driver_names, refuse_unless_allowed
+from motoremi.bench.quantity import Quantity
+from motoremi.bench.steps import Check, Compensate, Identify, PlainStep, Repeat, Scan, Step, Strict, Sweep
+from motoremi.data.sweep import MINIMUM_POINTS
 from motoremi.errors import BadInput
-from motoremi.quantities import parse, show
+from motoremi.quantities import show
 
-
-def _quantity(unit: str, low: float, high: float) -> BeforeValidator:
-    """Text with the unit, such as `"150 kHz"`, to a number in SI units within a range."""
-
-    def read(value: object) -> float:
-        if not isinstance(value, str):
-            raise BadInput(f"write it as text with its unit, for example {show(low, unit)!r}")
-        number = parse(value, unit)
-        if not low <= number <= high:
-            raise BadInput(f"{value!r} is outside the range {show(low, unit)} to {show(high, unit)}")
-        return number
-
-    return BeforeValidator(read)
+# More than any bench does in a week; stops a procedure that would only fill memory.
+MOST_STEPS = 10_000
 
 
 def _known_driver(name: str) -> str:
@@ -40,22 +31,16 @@ def _known_driver(name: str) -> str:
 
 
 Role = Literal["analyser", "receiver"]
-AnalyserHertz = Annotated[float, _quantity("Hz", 40, 110e6)]
-ReceiverHertz = Annotated[float, _quantity("Hz", 10, 26.5e9)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class InstrumentSpec(_Strict):
+class InstrumentSpec(Strict):
     """Which driver plays a role, and where."""
 
-    driver: Annotated[str, BeforeValidator(_known_driver)]
-    resource: str = Field(min_length=1)
+    driver: Annotated[str, BeforeValidator(_known_driver)] = Field(description="name of the driver; motoremi instruments lists them")
+    resource: str = Field(min_length=1, description="VISA resource; a bench file overrides it")
 
 
-class _Band(_Strict):
+class _Band(Strict):
     start: float
     stop: float
 
@@ -67,97 +52,79 @@ class _Band(_Strict):
 
 
 class SweepSpec(_Band):
-    """The impedance sweep; frequencies in hertz, oscillator in volt."""
+    """The impedance sweep. The driver's own limits hold too."""
 
-    start: AnalyserHertz
-    stop: AnalyserHertz
-    points: int = Field(ge=MINIMUM_POINTS, le=801)
-    spacing: Literal["log", "linear"] = "log"
-    bandwidth: int = Field(default=3, ge=1, le=5)
-    oscillator: Annotated[float, _quantity("V", 0.005, 1.0)] = 0.5
+    start: Annotated[float, Quantity("Hz", 20, 3e9)] = Field(description="first frequency")
+    stop: Annotated[float, Quantity("Hz", 20, 3e9)] = Field(description="last frequency")
+    points: int = Field(ge=MINIMUM_POINTS, le=1601, description="number of frequencies")
+    spacing: Literal["log", "linear"] = Field(default="log", description="how the frequencies are spaced")
+    bandwidth: int = Field(default=3, ge=1, le=5, description="1 is fastest, 5 most accurate")
+    oscillator: Annotated[float, Quantity("V", 0.005, 1.0)] = Field(default=0.5, description="level of the test signal")
 
 
 class SpectrumSpec(_Band):
-    """The receiver's scan; frequencies in hertz, dwell in seconds, attenuation in dB."""
+    """The receiver's scan. The driver's own limits hold too."""
 
-    start: ReceiverHertz
-    stop: ReceiverHertz
-    step: Annotated[float, _quantity("Hz", 1, 1e6)]
-    bandwidth: Annotated[float, _quantity("Hz", 10, 10e6)] = 9e3
-    dwell: Annotated[float, _quantity("s", 50e-6, 100)] = 0.05
-    attenuation: Annotated[float, _quantity("dB", 0, 75)] = 10.0
-
-
-class Identify(_Strict):
-    """Connect, check who answers, set up."""
-
-    do: Literal["identify"]
+    start: Annotated[float, Quantity("Hz", 10, 26.5e9)] = Field(description="first frequency")
+    stop: Annotated[float, Quantity("Hz", 10, 26.5e9)] = Field(description="last frequency")
+    step: Annotated[float, Quantity("Hz", 1, 1e6)] = Field(description="step; half the bandwidth or less misses nothing")
+    bandwidth: Annotated[float, Quantity("Hz", 10, 10e6)] = Field(default=9e3, description="6 dB resolution bandwidth")
+    dwell: Annotated[float, Quantity("s", 50e-6, 100)] = Field(default=0.05, description="measuring time at each step")
+    attenuation: Annotated[float, Quantity("dB", 0, 75)] = Field(default=10.0, description="input attenuation")
 
 
-class Compensate(_Strict):
-    """Measure the fixture with a standard."""
-
-    do: Literal["compensate"]
-    standard: Literal["open", "short"]
-
-
-class Sweep(_Strict):
-    """Measure the motor's impedance, several times without touching the connection."""
-
-    do: Literal["sweep"]
-    termination: Termination
-    repeat: int = Field(default=1, ge=1, le=100)
-
-
-class Scan(_Strict):
-    """Measure the conducted emission."""
-
-    do: Literal["spectrum"]
-    detector: Detector
-    repeat: int = Field(default=1, ge=1, le=100)
+# Key of the table -> setting of a driver, whose own range is checked before anything is connected.
+DRIVER_SETTINGS: dict[str, dict[str, str]] = {
+    "sweep": {
+        "start": "start_hz",
+        "stop": "stop_hz",
+        "points": "points",
+        "bandwidth": "bandwidth_factor",
+        "oscillator": "oscillator_volt",
+    },
+    "spectrum": {
+        "start": "start_hz",
+        "stop": "stop_hz",
+        "step": "step_hz",
+        "bandwidth": "resolution_bandwidth_hz",
+        "dwell": "dwell_s",
+        "attenuation": "attenuation_db",
+    },
+}
+_NEEDS: tuple[tuple[Any, Role, str], ...] = ((Compensate | Sweep | Check, "analyser", "sweep"), (Scan, "receiver", "spectrum"))
 
 
-class FitStep(_Strict):
-    """Fit the model."""
+@dataclass(frozen=True)
+class Planned:
+    """One step in the order in which all are done, with those of a repeat one by one.
 
-    do: Literal["fit"]
-    method: Literal["ant-colony", "paper"] = "ant-colony"
-    seed: int = Field(default=1, ge=0)
+    Parameters
+    ----------
+    number : int
+        From 1.
+    step : step model
+    round, rounds : int
+        Which pass of a repeat; 1 of 1 outside of it.
+    """
 
+    number: int
+    step: PlainStep
+    round: int = 1
+    rounds: int = 1
 
-class CompareStep(_Strict):
-    """Judge the model against the measurement; without tolerances, against the measurement's own uncertainty."""
-
-    do: Literal["compare"]
-    error_percent: float | None = Field(default=None, gt=0)
-    magnitude_db: float | None = Field(default=None, gt=0)
-    phase_deg: float | None = Field(default=None, gt=0)
-
-
-class DiagnoseStep(_Strict):
-    """Name the missing effect."""
-
-    do: Literal["diagnose"]
-
-
-class ReportStep(_Strict):
-    """Write the report."""
-
-    do: Literal["report"]
+    def __str__(self) -> str:
+        passed = f", round {self.round} of {self.rounds}" if self.rounds > 1 else ""
+        return f"step {self.number} ({self.step.do}){passed}"
 
 
-AnalysisStep = FitStep | CompareStep | DiagnoseStep | ReportStep
-Step = Annotated[Identify | Compensate | Sweep | Scan | AnalysisStep, Field(discriminator="do")]
-
-
-class Procedure(_Strict):
+class Procedure(Strict):
     """A bench procedure: instruments by role, what to measure, and the steps in order."""
 
-    title: str = Field(min_length=1)
-    instruments: dict[Role, InstrumentSpec]
+    title: str = Field(min_length=1, max_length=200, description="what it is, for the report")
+    instruments: dict[Role, InstrumentSpec] = Field(description="analyser, receiver, or both")
     sweep: SweepSpec | None = None
     spectrum: SpectrumSpec | None = None
-    steps: tuple[Step, ...] = Field(min_length=1)
+    steps: tuple[Step, ...] = Field(min_length=1, description="what is done, in order")
     _source: JsonDict = PrivateAttr(default_factory=dict)
 
     @property
@@ -165,48 +132,76 @@ class Procedure(_Strict):
         """The procedure as written, for the record; `parse_procedure` reads it again."""
         return self._source
 
+    @property
+    def plan(self) -> tuple[Planned, ...]:
+        """Every step in the order in which it is done."""
+        return tuple(Planned(number, *entry) for number, entry in enumerate(self._unrolled(), start=1))
+
+    def _unrolled(self) -> Iterator[tuple[PlainStep, int, int]]:
+        for step in self.steps:
+            if isinstance(step, Repeat):
+                yield from ((inner, turn, step.times) for turn in range(1, step.times + 1) for inner in step.steps)
+            else:
+                yield step, 1, 1
+
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        measuring = [step for step in self.steps if isinstance(step, Compensate | Sweep | Scan)]
+        count = sum(step.times * len(step.steps) if isinstance(step, Repeat) else 1 for step in self.steps)
+        if count > MOST_STEPS:
+            raise BadInput(f"steps: {count} steps with all repeats; at most {MOST_STEPS}")
+        once = [inner for step in self.steps for inner in (step.steps if isinstance(step, Repeat) else (step,))]
+        measuring = [step for step in once if isinstance(step, Compensate | Sweep | Check | Scan)]
         if measuring and not isinstance(self.steps[0], Identify):
             raise BadInput("the first step must be 'identify', which connects and sets up the instruments")
-        for kinds, role, table in ((Compensate | Sweep, "analyser", "sweep"), (Scan, "receiver", "spectrum")):
+        for kinds, role, table in _NEEDS:
             if any(isinstance(step, kinds) for step in measuring):
                 if role not in self.instruments:
                     raise BadInput(f"the steps need instruments.{role}")
                 if getattr(self, table) is None:
                     raise BadInput(f"the steps need the table [{table}]")
+                self._refuse_beyond_driver(role, table)
         return self
 
+    def _refuse_beyond_driver(self, role: Role, table: str) -> None:
+        driver = self.instruments[role].driver
+        settings = driver_class(driver).table()
+        for key, name in DRIVER_SETTINGS[table].items():
+            setting, value = settings.get(name), getattr(getattr(self, table), key)
+            if setting is not None and setting.span is not None and not setting.span[0] <= value <= setting.span[1]:
+                low, high = (show(limit, setting.unit) for limit in setting.span)
+                raise BadInput(f"{table}.{key}: {show(value, setting.unit)} is outside the range {low} to {high} of the {driver}")
 
-class BenchFile(_Strict):
-    """What belongs to one laboratory rather than to the procedure.
 
-    Parameters
-    ----------
-    backend : str
-        What PyVISA takes, for example `@py`; empty for the system's VISA or PyVISA-py; `sim` for the embedded simulated bench.
-    resources : dict
-        Role to VISA resource; overrides the procedure.
-    allow : frozenset of str, optional
-        Resources that may be opened at all.
-    operator : str
-    calibrated : dict
-        Role to the date of the last calibration.
-    seed, effects
-        Of the simulated bench: what its motor is and what it hides.
-    """
+class BenchFile(Strict):
+    """What belongs to one laboratory rather than to the procedure."""
 
-    backend: str = ""
-    resources: dict[Role, str] = Field(default_factory=dict)
-    allow: frozenset[str] | None = None
-    operator: str = ""
-    calibrated: dict[Role, date] = Field(default_factory=dict)
-    seed: int = Field(default=1, ge=0)
-    effects: tuple[str, ...] = ()
+    backend: str = Field(default="", description="what PyVISA takes, such as @py; empty: the system's VISA or PyVISA-py; sim: the simulated bench")
+    resources: dict[Role, str] = Field(default_factory=dict, description="VISA resource of a role; overrides the procedure")
+    allow: frozenset[str] | None = Field(default=None, description="resources that may be opened at all; without it, every one")
+    operator: str = Field(default="", max_length=200, description="who measures")
+    calibrated: dict[Role, date] = Field(default_factory=dict, description="date of the last calibration")
+    seed: int = Field(default=1, ge=0, description="simulated bench: which motor")
+    effects: tuple[str, ...] = Field(default=(), description="simulated bench: what it hides")
+
+    def resource(self, role: str, named: str) -> str:
+        """The resource of a role: the bench's own, or what the procedure names.
+
+        Raises
+        ------
+        BadInput
+            If it is not on the allow-list.
+        """
+        wanted = {str(key): value for key, value in self.resources.items()}.get(role, named)
+        refuse_unless_allowed(role, wanted, self.allow)
+        return wanted
 
 
 Model = TypeVar("Model", Procedure, BenchFile)
+
+
+def ready_procedures() -> list[str]:
+    """Names of the procedures that come along."""
+    return sorted(entry.name.removesuffix(".toml") for entry in resources.files("motoremi.procedures").iterdir() if entry.name.endswith(".toml"))
 
 
 def load_procedure(path: str | Path) -> Procedure:
@@ -217,8 +212,8 @@ def load_procedure(path: str | Path) -> Procedure:
     BadInput
         With file, step and key in one line for everything that is wrong.
     """
-    shipped = resources.files("motoremi.procedures") / f"{path}.toml"
-    if not Path(path).exists() and shipped.is_file():
+    if not Path(path).exists() and str(path) in ready_procedures():
+        shipped = resources.files("motoremi.procedures") / f"{path}.toml"
         return parse_procedure(_toml(shipped.read_text(encoding="utf-8"), f"{path}.toml"), f"{path}.toml")
     return parse_procedure(_toml(_read(Path(path)), str(path)), str(path))
 

@@ -32,8 +32,9 @@ def decode_bytes(record: Mapping[str, Any]) -> bytes:
 class RecordingTransport(Transport):
     """Hands every exchange of another transport to a sink, before anything else happens.
 
-    A record holds `time` (UTC), `instrument` (its role), `resource`, `direction` (`write`, `read`, `clear` or `error`), and
-    `text`, `base64` or, for an error, `error` and the call that failed in `during`.
+    A record holds `time` (UTC), `clock_s` (of the bench's clock), `timeout_s` (the deadline in force), `instrument` (its role),
+    `resource`, `direction` (`open`, `write`, `read`, `clear`, `error` or `close`), and `text`, `base64` or, for an error, `error` and
+    the call that failed in `during`. `open` says how the link carries messages.
 
     Parameters
     ----------
@@ -49,15 +50,19 @@ class RecordingTransport(Transport):
         self._inner = inner
         self._instrument = instrument
         self._sink = sink
+        # Asking VISA for every record would cost more than the record.
+        self._timeout_s = inner.timeout_s
+        self._record("open", stream=inner.stream)
 
     @property
     def timeout_s(self) -> float:
         """Deadline of one exchange in seconds."""
-        return self._inner.timeout_s
+        return self._timeout_s
 
     @timeout_s.setter
     def timeout_s(self, seconds: float) -> None:
         self._inner.timeout_s = seconds
+        self._timeout_s = seconds
 
     def write(self, command: str) -> None:
         """Send a command."""
@@ -85,7 +90,8 @@ class RecordingTransport(Transport):
             self._inner.clear()
 
     def close(self) -> None:
-        """Close the link."""
+        """Record, then close the link."""
+        self._record("close")
         self._inner.close()
 
     @contextmanager
@@ -96,10 +102,12 @@ class RecordingTransport(Transport):
             self._record("error", during=during, error=str(error))
             raise
 
-    def _record(self, direction: str, **content: str) -> None:
+    def _record(self, direction: str, **content: str | bool) -> None:
         self._sink(
             {
                 "time": datetime.now(UTC).isoformat(),
+                "clock_s": self.clock.now(),
+                "timeout_s": self._timeout_s,
                 "instrument": self._instrument,
                 "resource": self.resource_name,
                 "direction": direction,

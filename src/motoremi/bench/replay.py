@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from motoremi.bench.clock import VirtualClock
-from motoremi.bench.connect import Connection, attach
+from motoremi.bench.connect import attach
+from motoremi.bench.connections import ConnectionName
+from motoremi.bench.difference import CONTEXT, RecordedEnd, ReplayDifference, shown
 from motoremi.bench.driver import Driver
-from motoremi.bench.recording import TrafficSink, decode_bytes
+from motoremi.bench.recording import TrafficSink, decode_bytes, encode_bytes
 from motoremi.bench.transport import Transport
-from motoremi.errors import InstrumentError
+from motoremi.errors import BadInput, InstrumentError
+
+# How far a lenient replay looks for the command that is asked now: farther away it belongs to another measurement.
+LOOK_AHEAD = 40
+# Records that are no exchange.
+_MARKS = ("open", "close")
+
+
+class ReplayClock(VirtualClock):
+    """Virtual time that follows the recorded one, so that deadlines are kept and missed as they were."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._origin_s: float | None = None
+
+    def follow(self, recorded_s: float) -> None:
+        """Move on to a recorded moment; never back."""
+        if self._origin_s is None:
+            self._origin_s = recorded_s - self.now()
+        self.sleep(recorded_s - self._origin_s - self.now())
 
 
 class ReplayTransport(Transport):
@@ -20,14 +42,27 @@ class ReplayTransport(Transport):
     ----------
     resource_name : str
     records : iterable of mapping
-        As `RecordingTransport` writes them, of this instrument only.
+        As `RecordingTransport` writes them, of one connection to this instrument.
+    clock : ReplayClock, optional
+    lenient : bool
+        Go on at a difference: skip what is no longer asked, and answer what is asked anew from the record where it can.
+        The differences are kept in `differences`.
     """
 
-    def __init__(self, resource_name: str, records: Iterable[Mapping[str, Any]]) -> None:
-        super().__init__(resource_name, VirtualClock())
-        self._records = list(records)
+    def __init__(self, resource_name: str, records: Iterable[Mapping[str, Any]], clock: ReplayClock | None = None, lenient: bool = False) -> None:
+        everything = list(records)
+        opened = next((record for record in everything if record["direction"] == "open"), {})
+        self._clock = clock or ReplayClock()
+        super().__init__(resource_name, self._clock, bool(opened.get("stream", False)))
+        self._records = [record for record in everything if record["direction"] not in _MARKS]
+        # A run that was killed has no mark of leaving: its record just ends.
+        self._killed = bool(opened) and not any(record["direction"] == "leave" for record in self._records)
         self._position = 0
-        self._timeout_s = 5.0
+        self._lenient = lenient
+        # Where the next answer comes from when the last command was found elsewhere; -1: nowhere.
+        self._borrowed: int | None = None
+        self.differences: list[ReplayDifference] = []
+        self._timeout_s = float(opened.get("timeout_s", 5.0))
 
     @property
     def timeout_s(self) -> float:
@@ -40,20 +75,30 @@ class ReplayTransport(Transport):
 
     def send(self, data: bytes) -> None:
         """Compare with what was sent when the record was made."""
-        record = self._next("write", f"{data!r} to be sent")
-        expected = decode_bytes(record)
-        if expected != data:
-            raise InstrumentError(f"{self.resource_name}: replay differs at exchange {self._position}: expected {expected!r}, got {data!r}")
+        self._borrowed = None
+        wanted = {"direction": "write", **encode_bytes(data)}
+        try:
+            self._take("write", wanted)
+        except ReplayDifference as difference:
+            self._resume_at(difference, data)
         self._raise_recorded_error("write")
 
     def receive(self) -> bytes:
         """The recorded answer, or the recorded error."""
+        if self._borrowed is not None:
+            return self._borrow()
         self._raise_recorded_error("read")
-        return decode_bytes(self._next("read", "an answer to be read"))
+        return decode_bytes(self._take("read", {"direction": "read", "text": "(an answer)"}))
 
     def clear(self) -> None:
         """Compare with the record."""
-        self._next("clear", "the link to be cleared")
+        self._borrowed = None
+        try:
+            self._take("clear", {"direction": "clear"})
+        except ReplayDifference as difference:
+            if not self._lenient:
+                raise
+            self.differences.append(difference)
         self._raise_recorded_error("clear")
 
     def close(self) -> None:
@@ -61,28 +106,87 @@ class ReplayTransport(Transport):
 
     def finish(self) -> None:
         """Raise if part of the record was not played."""
-        left = len(self._records) - self._position
-        if left:
-            raise InstrumentError(
-                f"{self.resource_name}: replay ended early: {left} recorded exchanges left, next {_show(self._records[self._position])}"
-            )
+        left = [record for record in self._records[self._position :] if record["direction"] != "leave"]
+        if left and not self._lenient:
+            raise InstrumentError(f"{self.resource_name}: replay ended early: {len(left)} recorded exchanges left, next {shown(left[0])}")
 
-    def _next(self, direction: str, asked: str) -> Mapping[str, Any]:
-        if self._position >= len(self._records):
-            raise InstrumentError(f"{self.resource_name}: replay differs: expected the end of the record, got {asked}")
-        record = self._records[self._position]
-        self._position += 1
-        if record["direction"] != direction:
-            raise InstrumentError(f"{self.resource_name}: replay differs at exchange {self._position}: expected {_show(record)}, got {asked}")
+    def _take(self, direction: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The next record, which must be what is asked; answers may be any."""
+        skip = 1 if self._is_leaving(self._position) and self._fits(self._position + 1, asked) else 0
+        at = self._position + skip
+        if self._is_leaving(at) or (at >= len(self._records) and self._killed):
+            raise RecordedEnd(f"{self.resource_name}: the recorded run ended here, after {at} exchanges")
+        if not self._fits(at, asked):
+            recorded = shown(self._records[at]) if at < len(self._records) else "the end of the record"
+            before = [shown(record) for record in self._records[max(0, at - CONTEXT) : at]]
+            raise ReplayDifference(self.resource_name, at + 1, recorded, shown(asked), before)
+        self._position = at + 1
+        record = self._records[at]
+        if "clock_s" in record:
+            self._clock.follow(float(record["clock_s"]))
         return record
 
+    def _fits(self, at: int, asked: Mapping[str, Any]) -> bool:
+        if at >= len(self._records) or self._records[at]["direction"] != asked["direction"]:
+            return False
+        return asked["direction"] != "write" or decode_bytes(self._records[at]) == decode_bytes(asked)
+
+    def _is_leaving(self, at: int) -> bool:
+        return at < len(self._records) and self._records[at]["direction"] == "leave"
+
+    def _resume_at(self, difference: ReplayDifference, data: bytes) -> None:
+        """Find the place of a command that is not the next one in the record."""
+        if not self._lenient:
+            raise difference
+        self.differences.append(difference)
+        asked = {"direction": "write", **encode_bytes(data)}
+        ahead = range(self._position, min(self._position + LOOK_AHEAD, len(self._records)))
+        found = next((at for at in ahead if self._fits(at, asked)), None)
+        if found is not None:
+            self._position = found + 1
+            return
+        elsewhere = sorted((abs(at - self._position), at) for at in range(len(self._records)) if self._fits(at, asked))
+        if not elsewhere and self._is_other_argument(data):
+            self._position += 1
+            return
+        self._borrowed = elsewhere[0][1] + 1 if elsewhere else -1
+
+    def _is_other_argument(self, data: bytes) -> bool:
+        """Whether the next record is the same command with another argument."""
+        following = self._records[self._position : self._position + 1]
+        return bool(following) and following[0]["direction"] == "write" and decode_bytes(following[0]).split()[:1] == data.split()[:1]
+
+    def _borrow(self) -> bytes:
+        at = -1 if self._borrowed is None else self._borrowed
+        if at < 0 or at >= len(self._records) or self._records[at]["direction"] != "read":
+            raise InstrumentError(f"{self.resource_name}: nothing in the record answers {self._last_command!r}")
+        self._borrowed = at + 1
+        return decode_bytes(self._records[at])
+
     def _raise_recorded_error(self, during: str) -> None:
-        if self._position >= len(self._records):
+        if self._borrowed is not None or self._position >= len(self._records):
             return
         record = self._records[self._position]
         if record["direction"] == "error" and record["during"] == during:
             self._position += 1
+            if "clock_s" in record:
+                self._clock.follow(float(record["clock_s"]))
             raise InstrumentError(str(record["error"]))
+
+
+def _check(record: Mapping[str, Any], number: int) -> None:
+    """Refuse what `RecordingTransport` cannot have written: a session may come from anywhere."""
+    try:
+        known = record["direction"] in ("open", "close", "leave", "clear", "read", "write", "error")
+        if record["direction"] in ("read", "write"):
+            decode_bytes(record)
+        elif record["direction"] == "error":
+            known = isinstance(record["error"], str) and isinstance(record["during"], str)
+        known = known and isinstance(record["instrument"], str) and math.isfinite(float(record.get("clock_s", 0.0)))
+    except (KeyError, TypeError, ValueError):
+        known = False
+    if not known:
+        raise BadInput(f"traffic.jsonl, line {number}: is no record of an exchange")
 
 
 class ReplayBench:
@@ -92,26 +196,47 @@ class ReplayBench:
     ----------
     traffic : iterable of mapping
         All records of a session, as `Session.traffic()` gives them.
+    lenient : bool
+        See `ReplayTransport`.
     """
 
-    def __init__(self, traffic: Iterable[Mapping[str, Any]]) -> None:
-        self._traffic = list(traffic)
+    def __init__(self, traffic: Iterable[Mapping[str, Any]], lenient: bool = False) -> None:
+        self.clock = ReplayClock()
+        self._lenient = lenient
         self._transports: list[ReplayTransport] = []
         self._connections = 0
+        # One recording for each time an instrument was opened: a run that was resumed has opened it again.
+        self._recordings: dict[str, list[list[Mapping[str, Any]]]] = {}
+        for number, record in enumerate(traffic, start=1):
+            _check(record, number)
+            parts = self._recordings.setdefault(str(record["instrument"]), [])
+            if record["direction"] == "open" or not parts:
+                parts.append([])
+            parts[-1].append(record)
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
         """Connect the driver of a role to what was recorded of that role."""
-        records = [record for record in self._traffic if record["instrument"] == role]
-        if not records:
+        parts = self._recordings.get(role)
+        if not parts:
             raise InstrumentError(f"{role}: the session holds no recorded traffic of it")
-        transport = ReplayTransport(str(records[0]["resource"]), records)
+        records = parts.pop(0)
+        transport = ReplayTransport(str(records[0].get("resource", role)), records, self.clock, self._lenient)
         self._transports.append(transport)
         return attach(transport, role, driver, sink)
 
-    def connect(self, what: Connection) -> int:
+    def connect(self, what: ConnectionName) -> int:
         """Count as the recorded run did."""
         self._connections += 1
         return self._connections
+
+    def start_again(self) -> None:
+        """Count from one again, as the bench of a resumed run does."""
+        self._connections = 0
+
+    @property
+    def differences(self) -> list[ReplayDifference]:
+        """What a lenient replay has passed over."""
+        return [difference for transport in self._transports for difference in transport.differences]
 
     def finish(self) -> None:
         """Raise if a recorded exchange was not played."""
@@ -120,8 +245,3 @@ class ReplayBench:
 
     def close(self) -> None:
         """Nothing to give back."""
-
-
-def _show(record: Mapping[str, Any]) -> str:
-    content = record.get("text", record.get("base64", record.get("error", "")))
-    return f"{record['direction']} {content!r:.80}"

@@ -1,51 +1,21 @@
-"""Runs a procedure: measuring steps here, analysing steps by whoever calls; all that happens goes into the session."""
+"""Runs a procedure: measuring steps on a bench, analysing steps by whoever calls, and a safe state at the end."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
-from pathlib import Path
-from typing import Any, Literal, Protocol
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser
-from motoremi.bench.connect import INSTRUCTIONS, Bench, Connection, VisaBench
-from motoremi.bench.driver import Driver
-from motoremi.bench.procedure import BenchFile, Compensate, Identify, Procedure, Scan, Step, Sweep
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.connect import Bench, VisaBench
+from motoremi.bench.execution import Analyse, Execution, Prompt
+from motoremi.bench.procedure import BenchFile, Procedure, parse_procedure
+from motoremi.bench.resume import Done, needed_again
 from motoremi.bench.simulated import SimulatedBench
-from motoremi.data.spectrum import Spectrum
-from motoremi.data.sweep import ImpedanceSweep
-from motoremi.errors import BadInput, InstrumentError, MotoremiError
-
-
-class Writer(Protocol):
-    """What a run asks of a session; `motoremi.data.session.SessionWriter` is one."""
-
-    def emit(self, kind: str, **content: Any) -> JsonDict:
-        """Append one document and tell the listeners."""
-        ...
-
-    def add_sweep(self, sweep: ImpedanceSweep) -> Path:
-        """Store a sweep."""
-        ...
-
-    def add_spectrum(self, spectrum: Spectrum) -> Path:
-        """Store a spectrum."""
-        ...
-
-    def log_traffic(self, record: Mapping[str, Any]) -> None:
-        """Store one exchange."""
-        ...
-
-    def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
-        """Write the stop document and the manifest."""
-        ...
-
-
-# Step kind, session, parameters of the step -> result, None if there is nothing to judge.
-Analyse = Callable[[str, Any, JsonDict], JsonDict | None]
+from motoremi.bench.writer import Writer
+from motoremi.data.session import Session, StorageError
+from motoremi.errors import BadInput, InstrumentError
 
 
 @dataclass(frozen=True)
@@ -87,9 +57,52 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
         "procedure": procedure.source,
         "operator": bench_file.operator,
         "backend": bench_file.backend or "visa",
+        **_simulated(bench_file),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
         "calibration_age_days": {role: (date.today() - day).days for role, day in bench_file.calibrated.items()},
     }
+
+
+def _simulated(bench_file: BenchFile) -> JsonDict:
+    """Which simulated bench, without telling what it hides."""
+    if bench_file.backend != "sim":
+        return {}
+    return {"simulated_sha256": hashlib.sha256(repr((bench_file.seed, bench_file.effects)).encode()).hexdigest()}
+
+
+def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]:
+    """What is left of a session's procedure.
+
+    Raises
+    ------
+    BadInput
+        If the session has no procedure, is complete, or belongs to another bench.
+    """
+    name = session.path.name
+    if "procedure" not in session.start:
+        raise BadInput(f"{name} was imported, not measured: there is nothing to resume")
+    # Done but not closed lacks only its manifest.
+    if session.status == "done" and not session.interrupted:
+        raise BadInput(f"{name} is complete: there is nothing to resume")
+    now = {"backend": bench_file.backend or "visa", **_simulated(bench_file)}
+    before = {key: session.start.get(key) for key in now}
+    if before != now:
+        raise BadInput(f"{name} was begun on another bench (backend {before['backend']!r}); resume it with the same --bench")
+    return parse_procedure(session.start["procedure"], name), done_by(session, session.documents)
+
+
+def done_by(session: Session, documents: Sequence[JsonDict]) -> Done:
+    """What these documents of a session say was done.
+
+    Raises
+    ------
+    BadInput
+        If they are not those of a run.
+    """
+    try:
+        return Done.of(documents)
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadInput(f"{session.path.name}: its documents are not those of a run ({type(error).__name__}: {error})") from error
 
 
 def run(
@@ -98,7 +111,9 @@ def run(
     writer: Writer,
     *,
     analyse: Analyse,
-    prompt: Callable[[str], None],
+    prompt: Prompt,
+    tick: Callable[[], None] = lambda: None,
+    done: Done | None = None,
 ) -> Outcome:
     """Run a procedure to its end, or into a safe state.
 
@@ -110,9 +125,13 @@ def run(
     writer : Writer
         An open session. It is closed here, with the reason, however the run ends.
     analyse : callable
-        Does the steps fit, compare, diagnose and report.
+        Does the steps fit, compare, diagnose, next and report.
     prompt : callable
         Tells the operator what to connect and returns when it is done.
+    tick : callable, optional
+        Called at every exchange, for whoever shows progress.
+    done : Done, optional
+        What an earlier run of this session has finished; that is not done again, except for what the rest stands on.
 
     Returns
     -------
@@ -123,131 +142,30 @@ def run(
     Exception
         Whatever stopped the run, after the instruments are safe and the stop document is written.
     """
-    state = _Run(procedure, bench, writer, analyse, prompt)
+    state = Execution(procedure, bench, writer, analyse, prompt, tick, done or Done())
+    plan = procedure.plan
     try:
+        again: set[int] = set()
+        if done is not None:
+            again = needed_again(plan, done)
+            writer.emit("resume", step=done.steps + 1, stored=done.stored, again=sorted(again))
         try:
-            for number, step in enumerate(procedure.steps, start=1):
-                state.step(number, step)
+            for planned in plan:
+                if planned.number > state.done.steps or planned.number in again:
+                    state.step(planned)
         finally:
-            state.leave_safe()
+            unsafe = state.leave_safe()
+        if unsafe:
+            raise InstrumentError("; ".join(f"{role} could not be brought into its safe state ({problem})" for role, problem in unsafe.items()))
     except KeyboardInterrupt:
         writer.close("interrupted", f"stopped by the operator in {state.where}")
         raise
     except BaseException as error:
-        writer.close("failed", f"{state.where}: {str(error) or type(error).__name__}")
+        try:
+            writer.close("failed", f"{state.where}: {str(error) or type(error).__name__}")
+        except StorageError as second:
+            # The first error is the one to act on.
+            error.add_note(f"the session could not be closed either: {second}")
         raise
     writer.close("done")
-    return Outcome(len(procedure.steps), tuple(state.verdicts))
-
-
-class _Run:
-    """The state of one run: who is connected, and what has been said."""
-
-    def __init__(self, procedure: Procedure, bench: Bench, writer: Writer, analyse: Analyse, prompt: Callable[[str], None]) -> None:
-        self.procedure = procedure
-        self.bench = bench
-        self.writer = writer
-        self.analyse = analyse
-        self.prompt = prompt
-        self.drivers: dict[str, Driver] = {}
-        self.verdicts: list[JsonDict] = []
-        self.where = "the start"
-        self._connected: tuple[Connection, int] | None = None
-        self._leaving = False
-
-    def step(self, number: int, step: Step) -> None:
-        """Do one step, between its two documents."""
-        parameters = step.model_dump(exclude={"do"}, exclude_none=True)
-        self.where = f"step {number} ({step.do})"
-        self.writer.emit("step-start", step=number, of=len(self.procedure.steps), do=step.do, parameters=parameters)
-        if isinstance(step, Identify):
-            self._identify()
-        elif isinstance(step, Compensate):
-            self._connect("open-standard" if step.standard == "open" else "short-standard")
-            self._analyser().compensate(step.standard)
-        elif isinstance(step, Sweep):
-            connection = self._connect(step.termination)
-            for _ in range(step.repeat):
-                # Stored one by one: an instrument that fails in the third sweep leaves two.
-                self.writer.add_sweep(self._analyser().sweep(step.termination).with_metadata(connection=connection))
-        elif isinstance(step, Scan):
-            self._connect("lisn")
-            for _ in range(step.repeat):
-                self.writer.add_spectrum(self._receiver().scan(step.detector))
-        else:
-            result = self.analyse(step.do, self.writer, parameters)
-            if result is not None:
-                self.verdicts.append(result)
-                self.writer.emit("verdict", step=number, do=step.do, result=result)
-        self.writer.emit("step-stop", step=number, of=len(self.procedure.steps), do=step.do)
-
-    def leave_safe(self) -> None:
-        """Bring every connected instrument into its safe state and let it go; says so, and never hides the first error."""
-        self._leaving = True
-        problems = dict.fromkeys(self.drivers, "")
-        for role, driver in self.drivers.items():
-            try:
-                driver.safe()
-            except InstrumentError as error:
-                problems[role] = str(error)
-            finally:
-                driver.close()
-        # Written last: what cannot be stored must not keep the next instrument from its safe state.
-        for role, problem in problems.items():
-            self.writer.emit("safe", role=role, safe=not problem, problem=problem)
-
-    def _log(self, record: Mapping[str, Any]) -> None:
-        try:
-            self.writer.log_traffic(record)
-        except MotoremiError:
-            # A full disk ends the run, but does not stand between an instrument and its safe state.
-            if not self._leaving:
-                raise
-
-    def _identify(self) -> None:
-        for role, spec in self.procedure.instruments.items():
-            driver = self.bench.open(role, spec.driver, spec.resource, self._log)
-            try:
-                identity = driver.identify()
-            except BaseException:
-                # What answers may be anything; commands that make ours safe could harm it.
-                driver.close()
-                raise
-            self.drivers[role] = driver
-            driver.reset()
-            self.writer.emit(
-                "instrument",
-                role=role,
-                driver=spec.driver,
-                resource=driver.transport.resource_name,
-                identity=identity.to_dict(),
-                settings=self._configure(driver),
-            )
-
-    def _configure(self, driver: Driver) -> JsonDict:
-        sweep, spectrum = self.procedure.sweep, self.procedure.spectrum
-        if isinstance(driver, ImpedanceAnalyser) and sweep is not None:
-            return driver.configure(sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator)
-        if isinstance(driver, EmiReceiver) and spectrum is not None:
-            return driver.configure(spectrum.start, spectrum.stop, spectrum.step, spectrum.bandwidth, spectrum.dwell, spectrum.attenuation)
-        return driver.settings()
-
-    def _connect(self, what: Connection) -> int:
-        # A second detector is read on the same connection. A second sweep step is a new connection on purpose.
-        if what == "lisn" and self._connected is not None and self._connected[0] == what:
-            return self._connected[1]
-        self.prompt(INSTRUCTIONS[what])
-        self._connected = (what, self.bench.connect(what))
-        return self._connected[1]
-
-    def _analyser(self) -> ImpedanceAnalyser:
-        driver = self.drivers["analyser"]
-        if not isinstance(driver, ImpedanceAnalyser):
-            raise BadInput(f"instruments.analyser: the driver {type(driver).__name__} is no impedance analyser")
-        return driver
-
-    def _receiver(self) -> EmiReceiver:
-        driver = self.drivers["receiver"]
-        if not isinstance(driver, EmiReceiver):
-            raise BadInput(f"instruments.receiver: the driver {type(driver).__name__} is no EMI receiver")
-        return driver
+    return Outcome(len(plan), tuple(state.verdicts))

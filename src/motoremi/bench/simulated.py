@@ -16,12 +16,14 @@ from pyvisa_sim.highlevel import SimVisaLibrary
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.clock import Clock, VirtualClock
-from motoremi.bench.connect import CONNECTIONS, Connection, attach, open_transport
+from motoremi.bench.connect import attach, open_transport
+from motoremi.bench.connections import CONNECTIONS, ConnectionName
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink
 from motoremi.bench.simulated_4294a import Simulated4294A
 from motoremi.bench.simulated_device import SimulatedDevice
 from motoremi.bench.simulated_esr import SimulatedESR
+from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import emission
 from motoremi.simulate.analyser import SimulatedAnalyser
@@ -29,6 +31,7 @@ from motoremi.simulate.effects import split_effects
 from motoremi.simulate.motor import SimulatedMotor
 
 OPEN_STANDARD_OHM = 1e12
+STANDARDS_OHM = {"short-standard": 0.0, "load-standard": 100.0}
 _library_numbers = itertools.count(1)
 
 
@@ -53,6 +56,25 @@ class BenchLibrary(SimVisaLibrary):
         if status != constants.StatusCode.success:
             raise pyvisa.VisaIOError(status)
         return opened, status
+
+    def read(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
+        """Read from an instrument; a deadline passes on its own clock, so that silence costs no real time on a virtual one."""
+        link, device = self.sessions[session], self._device(session)
+        if link.parsed.interface_type_const == constants.InterfaceType.asrl or link.parsed.resource_class == "SOCKET":
+            return super().read(session, count)
+        timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
+        wait_s = device.answer_due_s - device.clock.now() if device._output_buffers else np.inf
+        if wait_s > timeout_s:
+            device.clock.sleep(timeout_s)
+            raise pyvisa.VisaIOError(constants.VI_ERROR_TMO)
+        device.clock.sleep(wait_s)
+        message = device._output_buffers[0]
+        part = bytes(message[:count])
+        del message[:count]
+        if message:
+            return part, constants.StatusCode.success_max_count_read
+        device._output_buffers.popleft()
+        return part, constants.StatusCode.success
 
     def clear(self, session: VISASession) -> constants.StatusCode:
         """Device clear."""
@@ -89,7 +111,9 @@ class SimulatedBench:
         hidden, faults = split_effects(effects)
         self.motor = SimulatedMotor.random(seed, hidden)
         self._analyser = SimulatedAnalyser(seed, faults=faults)
-        self._connected: Connection = "open-standard"
+        self._connected: ConnectionName = "open-standard"
+        self._standards: set[str] = set()
+        self._is_reference = True
         self._connection = 0
         self.devices: dict[str, SimulatedDevice] = {
             "analyser": Simulated4294A(self, self.clock),
@@ -107,10 +131,13 @@ class SimulatedBench:
         transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
         return attach(transport, role, driver, sink)
 
-    def connect(self, what: Connection) -> int:
+    def connect(self, what: ConnectionName) -> int:
         """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
         if what not in CONNECTIONS:
             raise BadInput(f"unknown connection {what!r}: use one of {', '.join(CONNECTIONS)}")
+        # What compensation leaves shows when a standard is connected again: the first time it is the reference itself.
+        self._is_reference = what not in self._standards
+        self._standards.add(what)
         self._connected = what
         self._connection += 1
         return self._connection
@@ -125,15 +152,19 @@ class SimulatedBench:
 
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
         """What the analyser would read without fixture, in ohm."""
-        if self._connected == "short-standard":
-            return np.zeros(frequency_hz.shape, dtype=np.complex128)
-        if self._connected not in ("short", "open"):
-            return np.full(frequency_hz.shape, OPEN_STANDARD_OHM, dtype=np.complex128)
-        true_ohm = self.motor.impedance(self._connected, frequency_hz)
-        return self._analyser.measure(self._connected, frequency_hz, true_ohm, self._connection, bandwidth_factor)
+        if self._connected in ("short", "open"):
+            true_ohm = self.motor.impedance(self._connected, frequency_hz)
+            return self._analyser.measure(self._connected, frequency_hz, true_ohm, self._connection, bandwidth_factor)
+        standard_ohm = np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
+        if self._is_reference and self._connected != "load-standard":
+            return standard_ohm
+        like: Termination = "short" if self._connected == "short-standard" else "open"
+        return self._analyser.measure(like, frequency_hz, standard_ohm, self._connection, bandwidth_factor)
 
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""
-        if self._connected != "lisn":
-            return np.full(frequency_hz.shape, -200.0)
-        return emission.spectrum(self.motor, frequency_hz, detector, self.seed)
+        if self._connected == "lisn-motor-on":
+            return emission.spectrum(self.motor, frequency_hz, detector, self.seed)
+        if self._connected == "lisn-motor-off":
+            return emission.background(frequency_hz, detector, self.seed)
+        return np.full(frequency_hz.shape, -200.0)

@@ -6,6 +6,8 @@ overridden here, `Device._match` and the buffers and tables it works on, is priv
 
 from __future__ import annotations
 
+import copy
+import functools
 import re
 from collections.abc import Callable
 from importlib import resources
@@ -50,6 +52,13 @@ class Wiring(Protocol):
         ...
 
 
+@functools.cache
+def _parsed(profile: str) -> dict[str, Any]:
+    """Reading YAML takes longer than a simulated sweep."""
+    with resources.as_file(resources.files("motoremi.sim_profiles") / profile) as path:
+        return parser.parse_file(path)
+
+
 class SimulatedDevice(Device):
     """An instrument whose settings come from a profile and whose answers may be computed.
 
@@ -64,9 +73,11 @@ class SimulatedDevice(Device):
     clock : Clock
     """
 
+    # When the waiting answer may be read, in seconds of the clock; later than now only by a fault.
+    answer_due_s = 0.0
+
     def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
-        with resources.as_file(resources.files("motoremi.sim_profiles") / profile) as path:
-            ((name, data),) = parser.parse_file(path)["devices"].items()
+        ((name, data),) = copy.deepcopy(_parsed(profile))["devices"].items()
         super().__init__(name, b"")
         self.wiring = wiring
         self.clock = clock

@@ -6,6 +6,9 @@ import os
 import sys
 from typing import Any
 
+# What a shell, and typer, make of Ctrl-C.
+STOPPED = 130
+
 
 def main() -> None:
     """Run a command; every expected trouble is one line on standard error and an exit status."""
@@ -30,7 +33,7 @@ def main() -> None:
     except MotoremiError as error:
         fail(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
-        fail("stopped; what was measured is kept", 130)
+        status = STOPPED
     except BrokenPipeError:
         # The reader of our output went away: nothing is wrong on our side.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -41,6 +44,8 @@ def main() -> None:
         if os.environ.get("MOTOREMI_DEBUG"):
             raise
         fail(f"internal error ({type(error).__name__}: {error}); set MOTOREMI_DEBUG=1 for the details and report it", 2)
+    if status == STOPPED:
+        fail("stopped; what was measured is kept", STOPPED)
     sys.exit(status or 0)
 
 

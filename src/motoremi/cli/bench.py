@@ -1,7 +1,11 @@
-"""Commands that run a bench: run, replay."""
+"""Commands that run a bench: run, replay, procedures."""
 
 from __future__ import annotations
 
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,34 +13,67 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motoremi.cli.options import AsJson, Out, SessionPath, command
+from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
+    from motoremi.bench.connect import Bench
+    from motoremi.bench.procedure import BenchFile, Procedure
+    from motoremi.bench.rehearsal import Rehearsed
+    from motoremi.bench.resume import Done
+    from motoremi.bench.runner import Outcome
+    from motoremi.cli.bars import Bars
+    from motoremi.data.session import SessionWriter
+
+# What one step of a dry run shows of its messages.
+SHOWN_MESSAGES = 40
 
 
 def run_(
-    procedure: Annotated[str, typer.Argument(metavar="PROCEDURE", help="A TOML file, or a ready one: full_motor_test, impedance_only.")],
+    procedure: Annotated[
+        str | None, typer.Argument(metavar="[PROCEDURE]", help="A TOML file, or a ready one: motoremi procedures lists them.", show_default=False)
+    ] = None,
     bench: Annotated[str | None, typer.Option(help="Bench file with resources and calibration dates; 'sim' is the embedded bench.")] = None,
     out: Out = None,
+    resume: Annotated[
+        Path | None, typer.Option("--resume", metavar="SESSION", help="Go on with an interrupted session instead.", show_default=False)
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would be sent and how long it takes; touches no instrument.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails."""
+    """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails. Ctrl-C stops safely and keeps the data."""
     from motoremi.bench.procedure import BenchFile, load_bench_file, load_procedure
-    from motoremi.bench.runner import make_bench, run, start_document
-    from motoremi.cli.output import emit_json, progress_bar, say
-    from motoremi.data.session import SessionWriter
-    from motoremi.workflow import analyse
+    from motoremi.bench.runner import resumable, start_document
+    from motoremi.data.session import SessionWriter, load, reopen
 
-    steps = load_procedure(procedure)
     bench_file = load_bench_file(bench) if bench is not None else BenchFile()
+    if (procedure is None) == (resume is None):
+        raise BadInput("name a procedure, or a session with --resume SESSION; not both")
+    if resume is not None:
+        if dry_run or out is not None:
+            raise BadInput("--resume goes on in the session itself: it takes neither --out nor --dry-run")
+        steps, done = resumable(load(resume), bench_file)
+        _run(steps, bench_file, resume, lambda: reopen(resume), as_json, done)
+        return
+    steps = load_procedure(str(procedure))
+    if dry_run:
+        _rehearse(steps, bench_file, as_json)
+        return
     folder = out if out is not None else fresh_folder("run")
+    _run(steps, bench_file, folder, lambda: SessionWriter.create(folder, start_document(steps, bench_file)), as_json, None)
+
+
+def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
+    from motoremi.bench.runner import make_bench
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.output import emit_json, say
+
     made = make_bench(bench_file)
     try:
-        writer = SessionWriter.create(folder, start_document(steps, bench_file))
-        if not as_json:
-            writer.subscribe(tell)
-        with progress_bar("diagnosing", as_json) as progress:
-            outcome = run(steps, made, writer, analyse=analyse(progress), prompt=_ask if bench_file.backend != "sim" else lambda text: None)
+        with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
+            if not as_json:
+                writer.subscribe(tell)
+            outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
     if as_json:
@@ -46,37 +83,179 @@ def run_(
     raise typer.Exit(0 if outcome.passed else 1)
 
 
-def _ask(text: str) -> None:
-    """Tell the operator what to connect and wait."""
-    typer.prompt(f"{text}\nPress Enter when done", default="", show_default=False, err=True)
-
-
-def replay_(path: SessionPath, out: Out = None, as_json: AsJson = False) -> None:
-    """Run a session's procedure again, its recorded traffic answering; any difference is an error."""
-    from motoremi.bench.procedure import parse_procedure
-    from motoremi.bench.replay import ReplayBench
+def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: SessionWriter, bars: Bars, done: Done | None) -> Outcome:
+    """Run with a bar of seconds, as far as the procedure can be rehearsed."""
+    from motoremi.bench.progress import RunProgress
+    from motoremi.bench.rehearsal import rehearse
     from motoremi.bench.runner import run
-    from motoremi.cli.output import emit_json, say
-    from motoremi.data.session import SessionWriter, load
-    from motoremi.errors import BadInput
     from motoremi.workflow import analyse
 
-    session = load(path)
-    if "procedure" not in session.start:
-        raise BadInput(f"{path} was imported, not measured: there is no traffic to replay")
-    steps = parse_procedure(session.start["procedure"], str(path))
-    folder = out if out is not None else fresh_folder("replay")
-    bench = ReplayBench(session.traffic())
-    start = {key: value for key, value in session.start.items() if key in ("title", "procedure", "operator", "backend", "calibrated")}
-    writer = SessionWriter.create(folder, {**start, "replay_of": path.name})
-    if not as_json:
-        writer.subscribe(tell)
-    outcome = run(steps, bench, writer, analyse=analyse(), prompt=lambda text: None)
-    bench.finish()
+    def nothing() -> None: ...
+
+    tick = nothing
+    if (show := bars.bar("measuring")) is not None:
+        try:
+            progress = RunProgress(rehearse(procedure, bench_file), made.clock, show)
+        except BadInput:
+            # A driver of somebody else has no simulated instrument: then there is no bar, but the run is as good.
+            pass
+        else:
+            writer.subscribe(progress.document)
+            tick = progress.tick
+
+    def ask(text: str) -> None:
+        if bench_file.backend != "sim":
+            with bars.paused():
+                _ask(text)
+
+    return run(procedure, made, writer, analyse=analyse(bars.bar("diagnosing")), prompt=ask, tick=tick, done=done)
+
+
+def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> None:
+    from motoremi.bench.rehearsal import rehearse
+    from motoremi.cli.output import emit_json, say
+
+    steps = rehearse(procedure, bench_file)
+    total = sum(step.seconds for step in steps)
     if as_json:
-        emit_json({"schema": "motoremi.replay/1", "session": str(folder), "same": True, **outcome.to_dict()})
+        emit_json(
+            {
+                "schema": "motoremi.dry-run/1",
+                "title": procedure.title,
+                "seconds": total,
+                "messages": sum(step.messages for step in steps),
+                "steps": [step.to_dict() for step in steps],
+            }
+        )
+        return
+    say(f"{procedure.title}: rehearsed on simulated instruments; nothing is sent to real ones.")
+    say("Times are those of the simulators; fitting, diagnosis and the operator take their own.")
+    say("Each message is followed by a look at the error queue.")
+    for step in steps:
+        _show(step, len(steps))
+    say(f"in all about {_duration(total)} of measuring, {sum(step.messages for step in steps)} messages")
+
+
+def _show(step: Rehearsed, of: int) -> None:
+    import textwrap
+
+    from motoremi.cli.output import say
+
+    detail = " ".join(f"{key} {value}" for key, value in step.parameters.items())
+    say(f"[{step.number}/{of}] {step.do} {detail}".rstrip() + (f": {_duration(step.seconds)}" if step.seconds else ""))
+    for prompt in step.prompts:
+        say(f"    operator: {prompt}")
+    for role in dict.fromkeys(entry[0] for entry in step.sent):
+        messages = [message + (f" (x {times})" if times > 1 else "") for sender, message, times in step.sent if sender == role]
+        more = f" | and {len(messages) - SHOWN_MESSAGES} more (--json lists all)" if len(messages) > SHOWN_MESSAGES else ""
+        text = " | ".join(messages[:SHOWN_MESSAGES]) + more
+        say("\n".join(textwrap.wrap(f"{role}: {text}", 140, initial_indent="    ", subsequent_indent="      ")))
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    return f"{seconds // 60:.0f} min {seconds % 60:.0f} s"
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """A closed terminal or a polite kill ends a run as Ctrl-C does: instruments safe, data kept."""
+    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), signal.default_int_handler) for name in names}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
+
+def _ask(text: str) -> None:
+    """Tell the operator what to connect and wait."""
+    from motoremi.data.text import clean_text
+
+    lines = "\n".join(clean_text(line) for line in text.split("\n"))
+    sys.stderr.write(f"\n{lines}\n\nPress Enter when done (Ctrl-C stops): ")
+    sys.stderr.flush()
+    if not sys.stdin.readline():
+        raise BadInput("nobody answers the prompt: standard input has ended; run from a terminal")
+
+
+def replay_(
+    path: SessionPath,
+    out: Out = None,
+    lenient: Annotated[bool, typer.Option("--lenient", help="Go on at a difference where the record can still answer.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a session's procedure again, its recorded traffic answering; any difference is an error that shows what was expected and what came."""
+    from motoremi.bench.difference import ReplayDifference
+    from motoremi.bench.rerun import rerun
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import load
+    from motoremi.errors import InstrumentError
+    from motoremi.workflow import analyse
+
+    folder = out if out is not None else fresh_folder("replay")
+    try:
+        result = rerun(load(path), folder, analyse, lenient, None if as_json else tell)
+    except ReplayDifference as difference:
+        if as_json:
+            emit_json({"schema": "motoremi.replay/1", "session": str(folder), "same": False, "differences": [difference.to_dict()]})
+        else:
+            say("\n".join(difference.lines()))
+        raise
+    if as_json:
+        emit_json({"schema": "motoremi.replay/1", **result.to_dict()})
     else:
-        say(f"replayed without a difference: session {folder}")
+        for passed_over in result.differences:
+            say("\n".join(passed_over.lines()))
+        if result.ended != "done":
+            say(f"the recorded run did not come to its end: {result.ended}")
+        what = f"{result.compared} sweeps and spectra"
+        say(f"{f'replayed without a difference, {what} bit for bit' if result.same else 'replayed with differences'}: session {folder}")
+    if result.differing:
+        raise InstrumentError(f"{len(result.differing)} of {result.compared} measured files came out otherwise: {', '.join(result.differing)}")
+
+
+def procedures_(
+    name: Annotated[str | None, typer.Argument(metavar="[PROCEDURE]", help="A ready one, or a TOML file.", show_default=False)] = None,
+    keys: Annotated[bool, typer.Option("--keys", help="Every key of a procedure and of a bench file: units, limits, defaults.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """The ready procedures; the steps of one; every key that a procedure may have."""
+    from motoremi.bench.keys import reference
+    from motoremi.bench.procedure import load_procedure, ready_procedures
+    from motoremi.cli.output import emit_json, say
+
+    if keys:
+        tables = reference()
+        if as_json:
+            emit_json({"schema": "motoremi.procedure-keys/1", "tables": [table.to_dict() for table in tables]})
+            return
+        for table in tables:
+            say(f"{table.title}\n  {table.help}")
+            for key in table.keys:
+                say(f"    {key.name:18s} {key.takes}; {f'default {key.default}' if key.default else 'must be given'}")
+                say(f"    {'':18s} {key.help}")
+        return
+    if name is None:
+        titles = {ready: load_procedure(ready).title for ready in ready_procedures()}
+        if as_json:
+            emit_json({"schema": "motoremi.procedures/1", "procedures": titles})
+            return
+        for ready, title in titles.items():
+            say(f"{ready:20s} {title}")
+        return
+    procedure = load_procedure(name)
+    if as_json:
+        emit_json({"schema": "motoremi.procedure/1", **procedure.source})
+        return
+    say(procedure.title)
+    for role, spec in procedure.instruments.items():
+        say(f"  {role}: {spec.driver} at {spec.resource}")
+    for planned in procedure.plan:
+        detail = " ".join(f"{key} {value}" for key, value in planned.step.parameters().items())
+        say(f"  {planned}: {detail}".rstrip(" :"))
 
 
 def tell(document: JsonDict) -> None:
@@ -88,15 +267,31 @@ def tell(document: JsonDict) -> None:
     if kind == "instrument":
         identity = document["identity"]
         say(f"  {document['role']}: {identity['vendor']} {identity['model']} serial {identity['serial']} at {document['resource']}")
-    elif kind in ("sweep", "spectrum"):
-        what = document.get("termination") or document.get("detector")
+    elif kind in ("sweep", "spectrum", "standard"):
+        what = " ".join(str(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
     elif kind == "step-start":
         detail = " ".join(str(value) for value in document["parameters"].values())
-        say(f"[{document['step']}/{document['of']}] {document['do']} {detail}".rstrip())
+        again = " (again, for what follows)" if document.get("again") else ""
+        say(f"[{document['step']}/{document['of']}] {document['do']} {detail}".rstrip() + again)
+    elif kind == "resume":
+        say(f"going on at step {document['step']}" + (f", of which {document['stored']} are stored" if document["stored"] else ""))
     elif kind == "verdict":
-        effects = ", ".join(document["result"].get("effects", []))
-        say(f"  {document['do']}: {document['result'].get('verdict')}" + (f" ({effects})" if effects else ""))
+        _tell_verdict(document)
+    elif kind == "safe" and not document["safe"]:
+        say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
+
+
+def _tell_verdict(document: JsonDict) -> None:
+    from motoremi.cli.output import say
+
+    result = document["result"]
+    if following := result.get("next_measurement"):
+        say(f"  next: {following['id']}: {following['why']}")
+        return
+    effects = ", ".join(result.get("effects", []))
+    detail = f" ({effects})" if effects else f": {result['says']}" if "says" in result else ""
+    say(f"  {document['do']}: {result.get('verdict')}{detail}")
 
 
 def fresh_folder(prefix: str) -> Path:
@@ -108,3 +303,4 @@ def register(app: typer.Typer) -> None:
     """Add these commands."""
     command(app, "run", run_, "motoremi run full_motor_test --bench sim --out session")
     command(app, "replay", replay_, "motoremi replay session --out again")
+    command(app, "procedures", procedures_, "motoremi procedures full_motor_test")

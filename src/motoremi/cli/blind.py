@@ -65,11 +65,12 @@ def scoreboard_(
     """Diagnose many simulated motors with hidden effects and count how often the answer is right."""
     from motoremi.blind.scoreboard import play_all, summary
     from motoremi.blind.table import markdown, write_all
-    from motoremi.cli.output import emit_json, progress_bar, say
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.output import emit_json, say
 
     chosen = seed if seed is not None else secrets.randbelow(1_000_000)
-    with progress_bar("blind test", as_json) as progress:
-        result = {"seed": chosen, **summary(play_all(chosen, cases, jobs, progress))}
+    with progress_bars(as_json) as bars:
+        result = {"seed": chosen, **summary(play_all(chosen, cases, jobs, bars.bar("blind test")))}
     if out is not None:
         write_all(result, out)
     if as_json:

@@ -25,7 +25,8 @@ def demo_(
     from motoremi.bench.procedure import BenchFile, load_procedure
     from motoremi.bench.runner import run, start_document
     from motoremi.bench.simulated import SimulatedBench
-    from motoremi.cli.output import emit_json, progress_bar, say
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.output import emit_json, say
     from motoremi.data.session import SessionWriter, load
     from motoremi.simulate.effects import DEMO_EFFECTS
     from motoremi.workflow import add_to_session, analyse, compare_session, diagnosis_in, ladder_of, opened, report_session
@@ -42,8 +43,8 @@ def demo_(
         if not as_json:
             say("A simulated motor on the embedded bench hides something; motoremi does not know what.\n")
             writer.subscribe(tell)
-        with progress_bar("diagnosing", as_json) as progress:
-            run(procedure, bench, writer, analyse=analyse(progress), prompt=lambda text: None)
+        with progress_bars(as_json) as bars:
+            run(procedure, bench, writer, analyse=analyse(bars.bar("diagnosing")), prompt=lambda text: None)
     finally:
         bench.close()
     found = diagnosis_in(load(folder))

@@ -175,11 +175,12 @@ def diagnose_(
     as_json: AsJson = False,
 ) -> None:
     """Which physical effect is missing, with the evidence, what cannot be told apart, and what to measure next."""
-    from motoremi.cli.output import emit_json, progress_bar, say
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.output import emit_json, say
     from motoremi.workflow import diagnose_session, opened
 
-    with opened(path) as store, progress_bar("diagnosing", as_json) as progress:
-        result = diagnose_session(store, start, progress)
+    with opened(path) as store, progress_bars(as_json) as bars:
+        result = diagnose_session(store, start, bars.bar("diagnosing"))
     if as_json:
         emit_json(result.to_dict())
         return

@@ -25,6 +25,7 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
 from motoremi.data.verify import inspect_session
 from motoremi.errors import BadInput
+from motoremi.interrupts import unbroken
 
 SCHEMA = "motoremi.session/1"
 Status = Literal["done", "failed", "interrupted"]
@@ -32,7 +33,7 @@ STATUSES: tuple[Status, ...] = get_args(Status)
 Listener = Callable[[JsonDict], None]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_@+.-]*")
 # Folders and files with a meaning of their own: `save_file` may not touch what was measured.
-_RESERVED = {"sweeps", "spectra", "analysis", SESSION, TRAFFIC, MANIFEST}
+_RESERVED = {"sweeps", "spectra", "standards", "analysis", SESSION, TRAFFIC, MANIFEST}
 
 
 class SessionWriter:
@@ -133,10 +134,17 @@ class SessionWriter:
         return self._add_numbered("sweep", f"sweeps/{sweep.termination}", impedance_csv(sweep), content)
 
     def add_spectrum(self, spectrum: Spectrum) -> Path:
-        """Store a spectrum as `spectra/<detector>-<n>.csv` and emit a "spectrum" document."""
+        """Store a spectrum as `spectra/<detector>-<n>.csv` (a background as `<detector>-motor-off-<n>`) and emit a "spectrum" document."""
         low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
-        content = {"detector": spectrum.detector, "points": len(spectrum), "span_hz": [low, high]}
-        return self._add_numbered("spectrum", f"spectra/{spectrum.detector}", spectrum_csv(spectrum), content)
+        content = {"detector": spectrum.detector, "condition": spectrum.condition, "points": len(spectrum), "span_hz": [low, high]}
+        stem = f"spectra/{spectrum.detector}{'-motor-off' if spectrum.is_background else ''}"
+        return self._add_numbered("spectrum", stem, spectrum_csv(spectrum), content)
+
+    def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Store what was measured with a standard in the fixture, as `standards/<standard>-<n>.csv`; it is no sweep of the motor."""
+        low, high = sweep.span_hz
+        content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
+        return self._add_numbered("standard", f"standards/{standard}", impedance_csv(sweep), content)
 
     def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
         """Store `analysis/<name>.json`, in place of an older one, and emit an "analysis" document.
@@ -184,20 +192,25 @@ class SessionWriter:
         with self._turn:
             if self._closed:
                 return
-            try:
-                self._sync_traffic()
-                document = self._append("stop", {"status": status, "reason": clean_text(reason)})
-                with told_as_storage_error(self.path / MANIFEST):
-                    files, _ = list_files(self.path)
-                    records = {name: record_file(self.path / name) for name in files}
-                text = manifest_text(Manifest(self._seq, records), software())
-                write_whole(self.path / MANIFEST, text.encode())
-            finally:
-                self._closed = True
-                if self._traffic is not None:
-                    self._traffic.close()
-                self._log.close()
+            with unbroken():
+                document = self._closing(status, reason)
             self._tell(document)
+
+    def _closing(self, status: Status, reason: str) -> JsonDict:
+        try:
+            self._sync_traffic()
+            document = self._append("stop", {"status": status, "reason": clean_text(reason)})
+            with told_as_storage_error(self.path / MANIFEST):
+                files, _ = list_files(self.path)
+                records = {name: record_file(self.path / name) for name in files}
+            text = manifest_text(Manifest(self._seq, records), software())
+            write_whole(self.path / MANIFEST, text.encode())
+            return document
+        finally:
+            self._closed = True
+            if self._traffic is not None:
+                self._traffic.close()
+            self._log.close()
 
     def _must_be_open(self) -> None:
         if self._closed:
@@ -208,9 +221,10 @@ class SessionWriter:
         time = datetime.now(UTC).isoformat(timespec="microseconds")
         document = make_document(self._seq, time, kind, self._previous, content)
         line = document_line(document)
-        self._log.append(line, sync=True)
-        self._seq += 1
-        self._previous = line_sha256(line)
+        with unbroken():
+            self._log.append(line, sync=True)
+            self._seq += 1
+            self._previous = line_sha256(line)
         return document
 
     def _tell(self, document: JsonDict) -> None:
@@ -235,14 +249,15 @@ class SessionWriter:
             self._must_be_open()
             target = inside(self.path, relative)
             entry = {"file": relative, "sha256": record_bytes(data).sha256, **content}
-            if target.exists():
-                # Document first: after a crash in between, the old file still has its old document.
-                with replacing(target, data):
+            with unbroken():
+                if target.exists():
+                    # Document first: after a crash in between, the old file still has its old document.
+                    with replacing(target, data):
+                        document = self._append(kind, entry)
+                else:
+                    # File first: after a crash in between, no document speaks of a file that is not there.
+                    write_whole(target, data)
                     document = self._append(kind, entry)
-            else:
-                # File first: after a crash in between, no document speaks of a file that is not there.
-                write_whole(target, data)
-                document = self._append(kind, entry)
             self._tell(document)
         return target
 
@@ -286,6 +301,8 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
         found: JsonDict = {"software": software(), "found": list(findings.interruption)}
         if chain.torn:
             found["unfinished_line"] = chain.torn.decode("ascii", "backslashreplace")
+        if torn := _cut_torn_traffic(folder):
+            found["unfinished_traffic"] = torn.decode("ascii", "backslashreplace")
         writer._append("reopen", found)
     except BaseException:
         log.close()
@@ -296,6 +313,20 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
 def software() -> str:
     """Name and version of this software."""
     return f"motoremi {importlib.metadata.version('motoremi')}"
+
+
+def _cut_torn_traffic(folder: Path) -> bytes:
+    """Take back a last line whose writing was interrupted: the next one would be glued to it."""
+    path = inside(folder, TRAFFIC)
+    if not path.exists():
+        return b""
+    data = path.read_bytes()
+    torn = data[data.rfind(b"\n") + 1 :]
+    if torn:
+        file = AppendFile(path, new=False)
+        file.cut(len(data) - len(torn))
+        file.close()
+    return torn
 
 
 def _remove_unfinished(folder: Path) -> None:

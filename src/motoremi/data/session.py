@@ -200,10 +200,13 @@ def _check_json(data: bytes, name: str) -> None:
 
 
 def _run_status(chain: Chain) -> str:
-    """How the measurement itself ended: later additions do not make an interrupted run a complete one."""
+    """How the measurement itself ended: later additions do not make an interrupted run a complete one, only a run that went on does."""
+    status = None
     for document in chain.documents:
         if document["kind"] == "stop" and document.get("status") in STATUSES:
-            return str(document["status"])
-        if document["kind"] == "reopen":
-            break
-    return "interrupted"
+            status = status or str(document["status"])
+        elif document["kind"] == "resume":
+            status = None
+        elif document["kind"] == "reopen":
+            status = status or "interrupted"
+    return status or "interrupted"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
@@ -83,6 +84,20 @@ class Spectrum:
             ("metadata", dict(metadata or {})),
         ):
             object.__setattr__(self, name, value)
+
+    @property
+    def condition(self) -> str:
+        """What the motor did, as the metadata say; "motor running" if they do not."""
+        return str(self.metadata.get("condition", "motor running"))
+
+    @property
+    def is_background(self) -> bool:
+        """Whether it was measured with the motor off."""
+        return self.condition == "motor off"
+
+    def with_metadata(self, **extra: Any) -> Spectrum:
+        """The same spectrum with more metadata."""
+        return dataclasses.replace(self, metadata={**self.metadata, **extra})
 
     def __len__(self) -> int:
         return int(self.frequency_hz.size)

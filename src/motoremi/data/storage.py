@@ -94,8 +94,7 @@ class AppendFile:
         flags |= getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
         with told_as_storage_error(path):
             self._descriptor = os.open(path, flags, 0o666)
-            self._size = os.fstat(self._descriptor).st_size
-            if not self._size:
+            if not os.fstat(self._descriptor).st_size:
                 sync_folder(path.parent)
 
     def append(self, line: str, *, sync: bool) -> None:
@@ -108,6 +107,8 @@ class AppendFile:
         """
         data = line.encode() + b"\n"
         with told_as_storage_error(self.path):
+            # Asked anew each time: a count kept here would be wrong after Ctrl-C between writing and counting.
+            before = os.fstat(self._descriptor).st_size
             try:
                 written = os.write(self._descriptor, data)
                 if written != len(data):
@@ -115,15 +116,13 @@ class AppendFile:
                 if sync:
                     os.fsync(self._descriptor)
             except BaseException:
-                self.cut(self._size)
+                self.cut(before)
                 raise
-        self._size += len(data)
 
     def cut(self, size: int) -> None:
         """Drop what is beyond `size` bytes."""
         with told_as_storage_error(self.path):
             os.ftruncate(self._descriptor, size)
-        self._size = size
 
     def sync(self) -> None:
         """Wait until the disk has it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
@@ -36,7 +37,7 @@ def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
     """Number, name, settings and state of every step of the procedure, begun or not."""
     begun = {d.get("step"): d for d in session.documents if d["kind"] == "step-start"}
     ended = {d.get("step") for d in session.documents if d["kind"] == "step-stop"}
-    planned = [step for step in (session.start.get("procedure") or {}).get("steps", ()) if isinstance(step, dict)]
+    planned = list(_unrolled((session.start.get("procedure") or {}).get("steps", ())))
     total = max([len(planned), *(int(d.get("of") or 0) for d in begun.values())])
     rows = []
     for number in range(1, total + 1):
@@ -54,12 +55,22 @@ def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
     return rows
 
 
+def _unrolled(steps: object) -> Iterator[JsonDict]:
+    """Steps as written, those of a repeat as often as they are done."""
+    for step in steps if isinstance(steps, list | tuple) else ():
+        if isinstance(step, dict) and step.get("do") == "repeat":
+            for _ in range(int(step.get("times", 1))):
+                yield from _unrolled(step.get("steps"))
+        elif isinstance(step, dict):
+            yield step
+
+
 def _of_the_run(session: Session) -> list[str]:
     found = []
     if session.start.get("backend") == "sim":
         found.append("simulated bench: no real motor and no real instrument was measured")
     if session.status != "done" and not being_written(session):
-        reason = next((str(d["reason"]) for d in session.documents if d["kind"] == "stop" and d.get("reason")), "no stop document")
+        reason = next((str(d["reason"]) for d in reversed(session.documents) if d["kind"] == "stop" and d.get("reason")), "no stop document")
         found.append(f"the run did not end well ({session.status}): {reason}")
     steps = planned_steps(session)
     unfinished = [f"{number} ({name})" for number, name, _, state in steps if state == "not finished"]

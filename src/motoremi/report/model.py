@@ -58,7 +58,9 @@ def _data(materials: Materials) -> JsonDict:
             if document["kind"] == "instrument"
         ],
         "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
-        "spectra": [{"detector": s.detector, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())} for s in session.spectra],
+        "spectra": [
+            {"detector": s.detector, "condition": s.condition, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())} for s in session.spectra
+        ],
         "ladder": [{**step.to_dict(), "result": is_result(step)} for step in materials.steps],
         "comparison": None if materials.comparison is None else materials.comparison.to_dict(),
         "diagnosis": materials.diagnosis,

@@ -272,12 +272,12 @@ def spectrum_figure(spectra: Sequence[Spectrum]) -> Figure:
     """Level over frequency for each detector; repeats of one detector look alike."""
     figure, axes = panels(9.0, 3.6)
     panel = axes[0, 0]
-    detectors = dict.fromkeys(spectrum.detector for spectrum in spectra)
+    detectors = dict.fromkeys((spectrum.detector, spectrum.condition) for spectrum in spectra)
     looks = dict(zip(detectors, itertools.cycle(((BLUE, "-"), (ORANGE, "--"), (PURPLE, "-."), (BLACK, ":"))), strict=False))
     for spectrum in spectra:
-        colour, style = looks[spectrum.detector]
-        bandwidth = show(spectrum.resolution_bandwidth_hz, "Hz")
-        panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=f"{spectrum.detector}, {bandwidth}")
+        colour, style = looks[spectrum.detector, spectrum.condition]
+        label = f"{spectrum.detector}, {show(spectrum.resolution_bandwidth_hz, 'Hz')}" + (", motor off" if spectrum.is_background else "")
+        panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=label)
         if spectrum.overload.any():
             marked = spectrum.overload
             panel.plot(spectrum.frequency_hz[marked], spectrum.level_dbuv[marked], "x", color=VERMILION, label="receiver overloaded: not judged")

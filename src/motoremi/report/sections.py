@@ -291,6 +291,7 @@ def _spectra(session: Session) -> Section:
     rows = tuple(
         (
             s.detector,
+            s.condition,
             f"{len(s)}",
             show_band(float(s.frequency_hz[0]), float(s.frequency_hz[-1])),
             show(s.resolution_bandwidth_hz, "Hz"),
@@ -299,7 +300,7 @@ def _spectra(session: Session) -> Section:
         )
         for s in session.spectra
     )
-    columns = ("detector", "points", "span", "bandwidth", "highest level", "overloaded points")
+    columns = ("detector", "condition", "points", "span", "bandwidth", "highest level", "overloaded points")
     picture = _picture("spectrum", plots.spectrum_figure(session.spectra), "Conducted emission at the LISN.")
     return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (Table("Spectra", columns, rows),), (picture,))
 

@@ -71,8 +71,7 @@ def spectrum(motor: SimulatedMotor, frequency_hz: ArrayLike, detector: str, seed
     ndarray, shape (n,)
         In dBuV.
     """
-    if detector not in _NOISE_ABOVE_AVERAGE_DB:
-        raise BadInput(f"unknown detector {detector!r}: use {', '.join(_NOISE_ABOVE_AVERAGE_DB)}")
+    _check_detector(detector)
     frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
     pulses = CommutationPulses.random(seed)
     density = np.sqrt(2) * pulses.density(frequency) * transfer(motor, frequency)
@@ -89,6 +88,23 @@ def spectrum(motor: SimulatedMotor, frequency_hz: ArrayLike, detector: str, seed
     noise_dbuv = floor_dbuv + _NOISE_ABOVE_AVERAGE_DB[detector] + scan.normal(0.0, 1.0, frequency.size)
     level: FloatArray = 10 * np.log10(10 ** ((signal_dbuv + offset_db + ripple_db) / 10) + 10 ** (noise_dbuv / 10))
     return level
+
+
+def background(frequency_hz: ArrayLike, detector: str, seed: int) -> FloatArray:
+    """Level at the receiver with the motor off, in dBuV, shape (n,): the same receiver's noise, drawn anew."""
+    _check_detector(detector)
+    size = np.asarray(frequency_hz).size
+    receiver = np.random.default_rng([seed, 2])
+    receiver.normal(0.0, 0.7)
+    floor_dbuv = receiver.uniform(-10.0, 5.0)
+    scan = np.random.default_rng([seed, 4, list(_NOISE_ABOVE_AVERAGE_DB).index(detector)])
+    level: FloatArray = floor_dbuv + _NOISE_ABOVE_AVERAGE_DB[detector] + scan.normal(0.0, 1.0, size)
+    return level
+
+
+def _check_detector(detector: str) -> None:
+    if detector not in _NOISE_ABOVE_AVERAGE_DB:
+        raise BadInput(f"unknown detector {detector!r}: use {', '.join(_NOISE_ABOVE_AVERAGE_DB)}")
 
 
 def _dbuv(volt: FloatArray) -> FloatArray:

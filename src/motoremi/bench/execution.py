@@ -1,0 +1,305 @@
+"""Does the steps of a procedure one by one; all that happens goes into the session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.analyser import ImpedanceAnalyser
+from motoremi.bench.connect import Bench
+from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
+from motoremi.bench.driver import Driver, Identity
+from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure
+from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.resume import Done
+from motoremi.bench.standards import judge_standard
+from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Identify, Scan, Sweep, Wait
+from motoremi.bench.writer import Writer
+from motoremi.data.spectrum import Detector, Spectrum
+from motoremi.data.sweep import ImpedanceSweep, Termination
+from motoremi.errors import BadInput, InstrumentError, MotoremiError
+from motoremi.interrupts import unbroken
+from motoremi.quantities import show_band
+
+# Step kind, session, parameters of the step -> result, None if there is nothing to judge.
+Analyse = Callable[[str, Any, JsonDict], JsonDict | None]
+Prompt = Callable[[str], None]
+# An instrument rounds what it is told to its own resolution, which is much finer than this.
+ROUNDING = 1e-3
+# A wait in slices shows progress: a second each, but no more than so many.
+SLICE_S, MOST_SLICES = 1.0, 200
+# Settings that a step changes by itself.
+_CHANGING = {"detector"}
+
+
+class Execution:
+    """The state of one run: who is connected, and what has been said.
+
+    Parameters
+    ----------
+    procedure, bench, writer
+        As in `motoremi.bench.runner.run`.
+    analyse : callable
+        Does the steps that need no instrument.
+    prompt : callable
+        Tells the operator what to connect and returns when it is done.
+    tick : callable
+        Called at every exchange with an instrument, for whoever shows progress.
+    done : Done
+        What an earlier run of this session has finished.
+    """
+
+    def __init__(
+        self,
+        procedure: Procedure,
+        bench: Bench,
+        writer: Writer,
+        analyse: Analyse,
+        prompt: Prompt,
+        tick: Callable[[], None],
+        done: Done,
+    ) -> None:
+        self.procedure = procedure
+        self.bench = bench
+        self.writer = writer
+        self.analyse = analyse
+        self.prompt = prompt
+        self.tick = tick
+        self.done = done
+        self.drivers: dict[str, Driver] = {}
+        self.verdicts: list[JsonDict] = list(done.verdicts)
+        self.where = "the start"
+        self._of = len(procedure.plan)
+        self._settings: dict[str, JsonDict] = {}
+        # What is connected, its number, and whether a step of its own asked for it.
+        self._connected: tuple[ConnectionName | None, int, bool] = (None, 0, False)
+        self._leaving = False
+
+    def step(self, planned: Planned) -> None:
+        """Do one step, between its two documents."""
+        step = planned.step
+        parameters = step.parameters()
+        self.where = str(planned)
+        again: JsonDict = {"again": True} if planned.number <= self.done.steps else {}
+        self.writer.emit("step-start", step=planned.number, of=self._of, do=step.do, parameters=parameters, **again)
+        if isinstance(step, AnalysisStep):
+            result = self.analyse(step.do, self.writer, parameters)
+            if result is not None:
+                self._tell_verdict(planned, result)
+        else:
+            with _unreadable_is_trouble():
+                self._measure(planned)
+        self.writer.emit("step-stop", step=planned.number, of=self._of, do=step.do)
+
+    def _measure(self, planned: Planned) -> None:
+        step = planned.step
+        stored = self.done.stored if planned.number == self.done.steps + 1 else 0
+        if isinstance(step, Identify):
+            self._identify()
+        elif isinstance(step, Connect):
+            self._connect(step.what, explicit=True, note=step.note)
+        elif isinstance(step, Wait):
+            self._wait(step.time)
+        elif isinstance(step, Compensate):
+            self._connect(STANDARDS[step.standard])
+            self._analyser().compensate(step.standard)
+        elif isinstance(step, Sweep):
+            connection = self._connect(step.termination)
+            for _ in range(stored, step.repeat):
+                # Stored one by one: an instrument that fails in the third sweep leaves two.
+                self.writer.add_sweep(self._swept(step.termination).with_metadata(connection=connection))
+        elif isinstance(step, Check):
+            self._check(planned, step)
+        elif isinstance(step, Scan):
+            connection = self._connect(AT_THE_LISN[step.condition])
+            for _ in range(stored, step.repeat):
+                self.writer.add_spectrum(self._scanned(step.detector).with_metadata(condition=step.condition, connection=connection))
+
+    def _check(self, planned: Planned, step: Check) -> None:
+        connection = self._connect(STANDARDS[step.standard])
+        # To the analyser a standard is one of its two terminations; that it is no motor is said by where it is stored.
+        sweep = self._swept("short" if step.standard == "short" else "open")
+        self.writer.add_standard(step.standard, sweep.with_metadata(connection=connection))
+        self._tell_verdict(planned, judge_standard(step, sweep))
+
+    def _swept(self, termination: Termination) -> ImpedanceSweep:
+        analyser = self._analyser()
+        with _bad_data_is_trouble(analyser):
+            sweep = analyser.sweep(termination)
+        self._refuse_changed("analyser", sweep.metadata.get("settings"))
+        if (asked := self.procedure.sweep) is not None:
+            _refuse_other_span(analyser, sweep.span_hz, (asked.start, asked.stop), 0.0)
+        return sweep
+
+    def _scanned(self, detector: Detector) -> Spectrum:
+        receiver = self._receiver()
+        with _bad_data_is_trouble(receiver):
+            spectrum = receiver.scan(detector)
+        self._refuse_changed("receiver", spectrum.metadata.get("settings"))
+        # Receivers report before the scan, because their axis follows from it; what changed during the scan shows only afterwards.
+        self._refuse_changed("receiver", receiver.settings())
+        if (asked := self.procedure.spectrum) is not None:
+            span = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
+            _refuse_other_span(receiver, span, (asked.start, asked.stop), asked.step)
+        return spectrum
+
+    def _tell_verdict(self, planned: Planned, result: JsonDict) -> None:
+        self.verdicts.append(result)
+        self.writer.emit("verdict", step=planned.number, do=planned.step.do, result=result)
+
+    def _wait(self, seconds: float) -> None:
+        clock = self.bench.clock
+        until = clock.now() + seconds
+        while (left := until - clock.now()) > 0:
+            clock.sleep(min(left, max(SLICE_S, seconds / MOST_SLICES)))
+            self.tick()
+
+    def leave_safe(self) -> dict[str, str]:
+        """Bring every connected instrument into its safe state and let it go; returns what went wrong, by role.
+
+        Ctrl-C is heard afterwards: each exchange has its deadline, so this ends.
+        """
+        with unbroken():
+            return self._leave_safe()
+
+    def _leave_safe(self) -> dict[str, str]:
+        self._leaving = True
+        problems = dict.fromkeys(self.drivers, "")
+        for role, driver in self.drivers.items():
+            try:
+                # Where the procedure ends and the leaving begins: a replay has to know.
+                self._log({"time": datetime.now(UTC).isoformat(), "instrument": role, "direction": "leave"})
+                driver.safe()
+            except (InstrumentError, ValueError) as error:
+                problems[role] = str(error)
+            finally:
+                driver.close()
+        # Written last: what cannot be stored must not keep the next instrument from its safe state.
+        for role, problem in problems.items():
+            self.writer.emit("safe", role=role, safe=not problem, problem=problem)
+        return {role: problem for role, problem in problems.items() if problem}
+
+    def _log(self, record: Mapping[str, Any]) -> None:
+        try:
+            self.writer.log_traffic(record)
+        except MotoremiError:
+            # A full disk ends the run, but does not stand between an instrument and its safe state.
+            if not self._leaving:
+                raise
+        if not self._leaving:
+            self.tick()
+
+    def _identify(self) -> None:
+        for role, spec in self.procedure.instruments.items():
+            driver = self.bench.open(role, spec.driver, spec.resource, self._log)
+            try:
+                identity = driver.identify()
+                self._refuse_other(role, identity)
+            except BaseException:
+                # What answers may be anything; commands that make ours safe could harm it.
+                driver.close()
+                raise
+            self.drivers[role] = driver
+            driver.reset()
+            self._settings[role] = self._configure(driver)
+            self.writer.emit(
+                "instrument",
+                role=role,
+                driver=spec.driver,
+                resource=driver.transport.resource_name,
+                identity=identity.to_dict(),
+                settings=self._settings[role],
+            )
+
+    def _refuse_other(self, role: str, identity: Identity) -> None:
+        before = self.done.identities.get(role)
+        if before is not None and before != identity.to_dict():
+            raise InstrumentError(
+                f"{role}: {identity.model} serial {identity.serial} answers, but the session was begun with "
+                f"{before.get('model')} serial {before.get('serial')}; connect that one, or begin a new session"
+            )
+
+    def _configure(self, driver: Driver) -> JsonDict:
+        sweep, spectrum = self.procedure.sweep, self.procedure.spectrum
+        if isinstance(driver, ImpedanceAnalyser) and sweep is not None:
+            settings = driver.configure(sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator)
+            _refuse_other_than_asked(driver, settings, sweep.model_dump(), "sweep")
+            return settings
+        if isinstance(driver, EmiReceiver) and spectrum is not None:
+            settings = driver.configure(spectrum.start, spectrum.stop, spectrum.step, spectrum.bandwidth, spectrum.dwell, spectrum.attenuation)
+            _refuse_other_than_asked(driver, settings, spectrum.model_dump(), "spectrum")
+            return settings
+        return driver.settings()
+
+    def _refuse_changed(self, role: str, settings: object) -> None:
+        """An instrument that restarted, or that somebody turned a knob of, measures something else than was asked."""
+        if not isinstance(settings, Mapping):
+            return
+        before = self._settings[role]
+        changed = [
+            f"{name} is {settings[name]!r}, was {value!r}"
+            for name, value in before.items()
+            if name in settings and name not in _CHANGING and settings[name] != value
+        ]
+        if changed:
+            raise InstrumentError(f"{self.drivers[role]}: its settings changed during the run ({'; '.join(changed)}); did it restart?")
+
+    def _connect(self, what: ConnectionName, *, explicit: bool = False, note: str = "") -> int:
+        before, number, made_by_step = self._connected
+        # A second detector is read on the same connection. A second sweep step is a new connection, unless a step made it.
+        if what == before and not explicit and (made_by_step or what in AT_THE_LISN.values()):
+            return number
+        instruction = INSTRUCTIONS[what]
+        self.prompt(str(Instruction(f"{instruction.text}. {note}" if note else instruction.text, instruction.drawing)))
+        number = self.done.connections + self.bench.connect(what)
+        self._connected = (what, number, explicit)
+        self.writer.emit("connection", what=what, number=number)
+        return number
+
+    def _analyser(self) -> ImpedanceAnalyser:
+        driver = self.drivers["analyser"]
+        if not isinstance(driver, ImpedanceAnalyser):
+            raise BadInput(f"instruments.analyser: the driver {type(driver).__name__} is no impedance analyser")
+        return driver
+
+    def _receiver(self) -> EmiReceiver:
+        driver = self.drivers["receiver"]
+        if not isinstance(driver, EmiReceiver):
+            raise BadInput(f"instruments.receiver: the driver {type(driver).__name__} is no EMI receiver")
+        return driver
+
+
+@contextmanager
+def _unreadable_is_trouble() -> Iterator[None]:
+    """An answer that no driver expected is trouble with the instrument, not with the program."""
+    try:
+        yield
+    except MotoremiError:
+        raise
+    except (ValueError, OverflowError, IndexError, KeyError, TypeError) as error:
+        raise InstrumentError(f"an answer of the instrument cannot be read ({type(error).__name__}: {error})") from error
+
+
+@contextmanager
+def _bad_data_is_trouble(driver: Driver) -> Iterator[None]:
+    """Data that can be no sweep came from the instrument: the user's input is not to blame."""
+    try:
+        yield
+    except BadInput as error:
+        raise InstrumentError(f"{driver}: {error}") from error
+
+
+def _refuse_other_span(driver: Driver, span_hz: tuple[float, float], asked_hz: tuple[float, float], step_hz: float) -> None:
+    """The axis must be the one that was asked for; a scan may end up to one step before its stop."""
+    if any(abs(came - asked) > step_hz + ROUNDING * asked for came, asked in zip(span_hz, asked_hz, strict=True)):
+        raise InstrumentError(f"{driver}: measured {show_band(*span_hz)}, but {show_band(*asked_hz)} was asked for")
+
+
+def _refuse_other_than_asked(driver: Driver, settings: JsonDict, asked: JsonDict, table: str) -> None:
+    """What the instrument reports must be what it was told, or nothing measured with it means what it says."""
+    for key, name in DRIVER_SETTINGS[table].items():
+        if name in settings and abs(float(settings[name]) - asked[key]) > ROUNDING * abs(asked[key]):
+            raise InstrumentError(f"{driver}: {name} was set to {asked[key]:g}, but the instrument reports {settings[name]!r}")

@@ -1,0 +1,150 @@
+"""The steps of a bench procedure: what each one does, its keys with units, limits and help."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.connections import Condition, ConnectionName
+from motoremi.bench.quantity import Quantity
+from motoremi.data.spectrum import Detector
+from motoremi.data.sweep import Termination
+from motoremi.errors import BadInput
+
+Repeats = Annotated[int, Field(ge=1, le=100, description="how many, one after the other on the same connection")]
+
+
+class Strict(BaseModel):
+    """A table whose keys are all known and that does not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def parameters(self) -> JsonDict:
+        """What a step does it with: its keys that matter."""
+        return self.model_dump(exclude={"do"}, exclude_none=True)
+
+
+class Identify(Strict):
+    """Connect to every instrument, check who answers, reset it and set it up. Must be the first step of a measurement."""
+
+    do: Literal["identify"]
+
+
+class Compensate(Strict):
+    """Measure the fixture with a standard and switch that compensation on; prompts for the standard."""
+
+    do: Literal["compensate"]
+    standard: Literal["open", "short"] = Field(description="which standard")
+
+
+class Connect(Strict):
+    """Prompt the operator, with a drawing. The measuring steps that follow use this connection; without it each makes its own."""
+
+    do: Literal["connect"]
+    what: ConnectionName = Field(description="what is connected")
+    note: str = Field(default="", max_length=500, description="what else the operator should know")
+
+
+class Sweep(Strict):
+    """Measure the motor's impedance, several times without touching the connection."""
+
+    do: Literal["sweep"]
+    termination: Termination = Field(description="short: between the terminals, far one joined to the frame; open: terminal to frame")
+    repeat: Repeats = 1
+
+
+class Check(Strict):
+    """Measure a standard through the compensated fixture and judge what is left of the fixture: pass or fail."""
+
+    do: Literal["check"]
+    standard: Literal["open", "short", "load"] = Field(description="which standard")
+    nominal: Annotated[float, Quantity("Ohm", 1e-3, 1e6)] | None = Field(default=None, description="resistance of the load standard")
+    tolerance_percent: float = Field(default=3.0, gt=0, le=100, description="load: largest |Z/nominal - 1|, in percent")
+    resistance: Annotated[float, Quantity("Ohm", 1e-4, 10)] = Field(default=0.03, description="short: largest residual resistance")
+    inductance: Annotated[float, Quantity("H", 1e-11, 1e-6)] = Field(default=5e-9, description="short: largest residual inductance")
+    conductance: Annotated[float, Quantity("S", 1e-10, 1e-2)] = Field(default=1e-6, description="open: largest residual conductance")
+    capacitance: Annotated[float, Quantity("F", 1e-15, 1e-10)] = Field(default=2e-13, description="open: largest residual capacitance")
+
+    @model_validator(mode="after")
+    def _load_has_a_value(self) -> Self:
+        if (self.standard == "load") != (self.nominal is not None):
+            raise BadInput("nominal: belongs to the load standard, and to no other")
+        return self
+
+    def parameters(self) -> JsonDict:
+        """The limits of this standard only."""
+        limits = {"short": {"resistance", "inductance"}, "open": {"conductance", "capacitance"}, "load": {"nominal", "tolerance_percent"}}
+        return self.model_dump(include={"standard", *limits[self.standard]})
+
+
+class Scan(Strict):
+    """Measure the conducted emission at the LISN with one detector."""
+
+    do: Literal["spectrum"]
+    detector: Detector = Field(description="CISPR detector")
+    condition: Condition = Field(default="motor running", description="motor off measures the background; kept with the data")
+    repeat: Repeats = 1
+
+
+class Wait(Strict):
+    """Let time pass, for example until the motor is warm."""
+
+    do: Literal["wait"]
+    time: Annotated[float, Quantity("s", 0.0, 86400.0)] = Field(description="how long")
+    reason: str = Field(default="", max_length=200, description="what for; shown while waiting")
+
+
+class FitStep(Strict):
+    """Fit the model."""
+
+    do: Literal["fit"]
+    method: Literal["ant-colony", "paper"] = Field(default="ant-colony", description="paper is the algorithm as printed")
+    seed: int = Field(default=1, ge=0, description="the search is deterministic for a seed")
+
+
+class CompareStep(Strict):
+    """Judge the model against the measurement; without tolerances, against the measurement's own uncertainty."""
+
+    do: Literal["compare"]
+    error_percent: float | None = Field(default=None, gt=0, description="largest |Z_model/Z_measured - 1| at any point, in percent")
+    magnitude_db: float | None = Field(default=None, gt=0, description="largest error of the magnitude at any point, in dB")
+    phase_deg: float | None = Field(default=None, gt=0, description="largest error of the phase at any point, in degrees")
+
+
+class DiagnoseStep(Strict):
+    """Name the physical effect that is missing in the model."""
+
+    do: Literal["diagnose"]
+
+
+class NextStep(Strict):
+    """Tell which measurement would best separate the candidates that are left; after diagnose."""
+
+    do: Literal["next"]
+
+
+class ReportStep(Strict):
+    """Write the report."""
+
+    do: Literal["report"]
+
+
+AnalysisStep = FitStep | CompareStep | DiagnoseStep | NextStep | ReportStep
+MeasuringStep = Compensate | Sweep | Check | Scan
+PlainStep = Identify | Connect | Wait | MeasuringStep | AnalysisStep
+
+
+class Repeat(Strict):
+    """Do the steps inside several times; a repeat inside a repeat is not allowed."""
+
+    do: Literal["repeat"]
+    times: int = Field(ge=1, le=1000, description="how often")
+    steps: tuple[Annotated[PlainStep, Field(discriminator="do")], ...] = Field(min_length=1, description="what is repeated")
+
+
+Step = Annotated[PlainStep | Repeat, Field(discriminator="do")]
+STEPS: tuple[type[Strict], ...] = (
+    Identify, Compensate, Connect, Sweep, Check, Scan, Wait, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep, ReportStep,
+)  # fmt: skip

@@ -1,0 +1,39 @@
+"""What a run asks of a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from motoremi.arrays import JsonDict
+from motoremi.data.spectrum import Spectrum
+from motoremi.data.sweep import ImpedanceSweep
+
+
+class Writer(Protocol):
+    """What a run asks of a session; `motoremi.data.session.SessionWriter` is one."""
+
+    def emit(self, kind: str, **content: Any) -> JsonDict:
+        """Append one document and tell the listeners."""
+        ...
+
+    def add_sweep(self, sweep: ImpedanceSweep) -> Path:
+        """Store a sweep."""
+        ...
+
+    def add_spectrum(self, spectrum: Spectrum) -> Path:
+        """Store a spectrum."""
+        ...
+
+    def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Store what was measured with a standard."""
+        ...
+
+    def log_traffic(self, record: Mapping[str, Any]) -> None:
+        """Store one exchange."""
+        ...
+
+    def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
+        """Write the stop document and the manifest."""
+        ...

@@ -1,0 +1,67 @@
+"""Progress bars with remaining time, on a terminal only."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from motoremi.diagnosis.diagnosis import Progress
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
+
+
+class Bars:
+    """Bars by label, each shown from its first step on.
+
+    Parameters
+    ----------
+    live : rich.progress.Progress or None
+        None where nobody looks.
+    """
+
+    def __init__(self, live: RichProgress | None) -> None:
+        self._live = live
+        self._tasks: dict[str, TaskID] = {}
+
+    def bar(self, label: str) -> Progress | None:
+        """What moves a bar: takes what is being done, how much is done, how much in all; None where nobody looks."""
+        live = self._live
+        if live is None:
+            return None
+
+        def advance(name: str, done: int, total: int) -> None:
+            if label not in self._tasks:
+                self._tasks[label] = live.add_task(label, total=None)
+            live.update(self._tasks[label], description=f"{label}: {name}", completed=done, total=total)
+
+        return advance
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Take the bars off the terminal while somebody answers a question there."""
+        if self._live is not None:
+            self._live.stop()
+        try:
+            yield
+        finally:
+            if self._live is not None:
+                self._live.start()
+
+
+@contextmanager
+def progress_bars(quiet: bool) -> Iterator[Bars]:
+    """Bars on standard error if it is a terminal and somebody wants them."""
+    if quiet or not sys.stderr.isatty():
+        yield Bars(None)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Live
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Live(*columns, console=Console(stderr=True), transient=True) as live:
+        yield Bars(live)

@@ -1,0 +1,37 @@
+"""What goes wrong on benches: every fault at every step ends in one clear line or in the same data, and nothing that was read is lost."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+from fault_matrix import matrix, rendered, small
+
+from motoremi.bench.faults import FAULTS, FaultLayer
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.errors import BadInput
+
+# First and last exchange of each instrument in each step; `make faults` goes through all of them.
+PLACES = 2
+KINDS = list(FAULTS)
+
+
+@pytest.mark.parametrize("kinds", [KINDS[part::4] for part in range(4)], ids=lambda kinds: kinds[0])
+def test_every_fault_at_every_step_ends_well(kinds: list[str]) -> None:
+    table, bad = matrix(PLACES, kinds)
+    assert bad == [], f"{rendered(table)}\n{bad}"
+    for kind, row in table.items():
+        ends = Counter(end for count in row.values() for end in count.elements())
+        assert ends["error"] + ends["recovered"] + ends["marked"] > 0, f"{kind} never struck"
+        assert len(row) == 2 * len(small().instruments) + sum(step.do in ("compensate", "sweep", "spectrum") for step in small().steps)
+        if kind in ("dead", "dropped-link", "silence", "garbled"):
+            assert ends["error"] == ends.total(), kind
+        if kind == "short-delay":
+            assert ends["recovered"] == ends.total()
+
+
+def test_an_unknown_fault_is_refused() -> None:
+    bench = SimulatedBench(1)
+    with pytest.raises(BadInput, match="unknown fault 'gremlin': use one of silence, dead"):
+        FaultLayer(bench.devices["analyser"], "gremlin", 1)
+    bench.close()
