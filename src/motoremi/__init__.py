@@ -11,6 +11,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from motoremi.data.files import read_impedance, read_spectra
     from motoremi.data.session import Session, load, verify
     from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
     from motoremi.diagnosis.element import Inspection, inspect
     from motoremi.errors import BadInput, InstrumentError, MotoremiError
+    from motoremi.export.spice import spice_model
+    from motoremi.export.tables import sweep_table, to_xarray
     from motoremi.fitting.fit import fit
     from motoremi.fitting.result import Fit
     from motoremi.model.motor import Motor, dc_motor
@@ -45,6 +48,11 @@ _HOMES = {
     "fit": "motoremi.fitting.fit",
     "Motor": "motoremi.model.motor",
     "dc_motor": "motoremi.model.motor",
+    "read_impedance": "motoremi.data.files",
+    "read_spectra": "motoremi.data.files",
+    "spice_model": "motoremi.export.spice",
+    "sweep_table": "motoremi.export.tables",
+    "to_xarray": "motoremi.export.tables",
 }
 __all__ = [
     "BadInput",
@@ -66,6 +74,11 @@ __all__ = [
     "fit",
     "inspect",
     "load",
+    "read_impedance",
+    "read_spectra",
+    "spice_model",
+    "sweep_table",
+    "to_xarray",
     "verify",
 ]
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -11,6 +12,7 @@ from motoremi.cli.options import AsJson, SessionPath, command, plot_file
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
+    from motoremi.arrays import JsonDict
     from motoremi.fitting.result import Fit
 
 
@@ -29,7 +31,7 @@ def import_(
     """Make a session from files that you already have."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.analyser import DEFAULT_ANALYSER, find_analyser
-    from motoremi.data.files import read_impedance, read_spectrum
+    from motoremi.data.files import read_impedance, read_spectra
     from motoremi.data.measurement import Measurement
     from motoremi.data.session import SessionWriter
 
@@ -41,7 +43,7 @@ def import_(
     if named is not None:
         sweeps = [sweep.with_metadata(analyser=named) for sweep in sweeps]
     measurement = Measurement.of(sweeps)
-    spectra = [read_spectrum(path) for path in spectrum or []]
+    spectra = [item for path in spectrum or [] for item in read_spectra(path)]
     start = {
         "title": f"Imported: {motor}" if motor else "Imported sweeps",
         "motor": motor,
@@ -60,8 +62,8 @@ def import_(
             {
                 "schema": "motoremi.import/1",
                 "session": str(out),
-                "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in sweeps],
-                "spectra": [{"detector": s.detector, "points": len(s)} for s in spectra],
+                "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
+                "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
                 "analyser": measurement.analyser.name,
                 "analyser_assumed": start["analyser_assumed"],
                 "caveats": measurement.caveats(),
@@ -69,14 +71,25 @@ def import_(
         )
         return
     for sweep in sweeps:
-        say(f"{sweep.termination:5s} {sweep.metadata.get('source', '')}: {sweep.summary()}")
+        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {sweep.summary()}")
     for item in spectra:
-        say(f"{item.detector} {item.metadata.get('source', '')}: {item.summary()}")
+        assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
+        say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
     if start["analyser_assumed"]:
         say(f"analyser not named: a {DEFAULT_ANALYSER} is assumed; say --analyser NAME (none for ideal data)")
     for remark in measurement.caveats():
         say(f"note: {remark}")
     say(f"session: {out}\nnext: motoremi fit {out}")
+
+
+def _read(metadata: Mapping[str, Any]) -> JsonDict:
+    """File, format and contents of what was read."""
+    return {key: metadata[key] for key in ("source", "format", "read_as") if key in metadata}
+
+
+def _origin(metadata: Mapping[str, Any]) -> str:
+    read = _read(metadata)
+    return f"{read.get('source', '')} ({', '.join(str(read[key]) for key in ('format', 'read_as') if key in read)})"
 
 
 def verify_(path: SessionPath, as_json: AsJson = False) -> None:

@@ -56,8 +56,8 @@ def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray,
             raise BadInput(f"{name}: the header says {points} points but trace {letter} has {values.size}; the file is cut off")
     if not np.array_equal(frequency, frequency_b):
         raise BadInput(f"{name}: traces A and B are not on the same frequencies; save both from one sweep")
-    impedance = _impedance(header.get("MEASURE PARAMETER", ""), first, second, name)
-    return frequency, impedance, {**header, "analyser": "4294a"}
+    impedance, title = _impedance(header.get("MEASURE PARAMETER", ""), first, second, name)
+    return frequency, impedance, {**header, "analyser": "4294a", "read_as": title}
 
 
 def _sections(text: str, name: str) -> tuple[dict[str, str], dict[str, _Trace]]:
@@ -104,15 +104,15 @@ def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArr
     return numbers[:, 0], numbers[:, 1]
 
 
-def _impedance(parameter: str, first: FloatArray, second: FloatArray, name: str) -> ComplexArray:
+def _impedance(parameter: str, first: FloatArray, second: FloatArray, name: str) -> tuple[ComplexArray, str]:
     words = set(re.findall(r"[A-Z]+", parameter.upper()))
     if "ADMITTANCE" not in words and {"MAG", "PHASE"} <= words and len(words & {"DEG", "RAD"}) == 1:
         if np.any(first < 0):
             raise BadInput(f"{name}: a magnitude is below 0")
         phase = np.deg2rad(second) if "DEG" in words else second
-        return np.asarray(first * np.exp(1j * phase), dtype=np.complex128)
+        return np.asarray(first * np.exp(1j * phase), dtype=np.complex128), "|Z| and phase"
     if words in _R_AND_X:
-        return np.asarray(first + 1j * second, dtype=np.complex128)
+        return np.asarray(first + 1j * second, dtype=np.complex128), "R and X"
     raise BadInput(
         f"{name}: the traces hold {clean_text(parameter, 60)!r}; set them to impedance magnitude and phase, or to R and X, and save again"
     )

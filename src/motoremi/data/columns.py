@@ -15,11 +15,18 @@ _SEPARATORS = re.compile(r"[\s()\[\]/\-_.,:]+")
 _SPELLINGS = (("µ", "u"), ("μ", "u"), ("ω", "ohm"), ("ohms", "ohm"), ("degrees", "deg"), ("degree", "deg"), ("°", "deg"))
 
 _FREQUENCY = ("frequency", "freq", "f")
-_RESISTANCE = ("resistance", "r", "z_re", "zre", "re_z", "z_real", "real_z")
-_REACTANCE = ("reactance", "x", "z_im", "zim", "im_z", "z_imag", "imag_z")
+_RESISTANCE = ("resistance", "r", "z_re", "zre", "re_z", "z_real", "real_z", "re", "real")
+_REACTANCE = ("reactance", "x", "xs", "z_im", "zim", "im_z", "z_imag", "imag_z", "im", "imag")
 _MAGNITUDE = ("impedance", "z", "|z|", "z_abs", "abs_z", "z_mag", "mag_z", "zmag", "magnitude", "impedance_magnitude")
 _PHASE = ("phase", "theta", "theta_z", "phase_z", "z_phase", "impedance_phase")
-_LEVEL = ("level", "amplitude", "peak", "quasi_peak", "quasipeak", "average")
+_LEVEL = ("level", "amplitude", "power")
+# Columns named after a detector, as receivers' software writes them.
+_DETECTOR_COLUMNS = {
+    "peak": ("peak", "max_peak", "maxpeak", "pk"),
+    "quasi-peak": ("quasi_peak", "quasipeak", "qp", "qpk"),
+    "average": ("average", "avg", "av", "caverage", "cispr_average"),
+    "rms-average": ("rms_average", "cispr_rms", "crms", "rms_avg"),
+}
 
 
 @dataclass(frozen=True)
@@ -36,13 +43,30 @@ def _units(names: Sequence[str], factors: dict[str, float]) -> dict[str, float]:
 
 # Milliohm and megohm differ by a capital letter that header rows do not keep, so neither is taken.
 _OHM = {"ohm": 1.0, "kohm": 1e3}
+_SIEMENS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_HENRY = {"h": 1.0, "mh": 1e-3, "uh": 1e-6, "nh": 1e-9}
+_FARAD = {"f": 1.0, "uf": 1e-6, "nf": 1e-9, "pf": 1e-12}
 _KNOWN: dict[str, dict[str, float]] = {
     "frequency": _units(_FREQUENCY, {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}),
     "resistance": _units(_RESISTANCE, _OHM),
     "reactance": _units(_REACTANCE, _OHM),
     "magnitude": _units(_MAGNITUDE, _OHM),
     "phase": _units(_PHASE, {"deg": 1.0, "rad": 180 / math.pi}),
+    "conductance": _units(("conductance", "g", "gp"), _SIEMENS),
+    "susceptance": _units(("susceptance", "b", "bp"), _SIEMENS),
+    "admittance": _units(("admittance", "y", "|y|", "y_abs", "abs_y"), _SIEMENS),
+    "admittance_phase": _units(("theta_y", "phase_y", "y_phase"), {"deg": 1.0, "rad": 180 / math.pi}),
+    "series_inductance": _units(("ls",), _HENRY),
+    "parallel_inductance": _units(("lp",), _HENRY),
+    "series_capacitance": _units(("cs",), _FARAD),
+    "parallel_capacitance": _units(("cp",), _FARAD),
+    "series_resistance": _units(("rs",), _OHM),
+    "parallel_resistance": _units(("rp",), _OHM),
+    "s11_real": dict.fromkeys(("s11_re", "s11_real", "re_s11", "real_s11"), 1.0),
+    "s11_imag": dict.fromkeys(("s11_im", "s11_imag", "im_s11", "imag_s11"), 1.0),
     "level": _units(_LEVEL, {"dbuv": 1.0}),
+    "level_dbm": {**_units(_LEVEL, {"dbm": 1.0}), "dbm": 1.0},
+    **{f"level {detector}": _units(names, {"dbuv": 1.0}) for detector, names in _DETECTOR_COLUMNS.items()},
     "sigma_relative": {"sigma_relative": 1.0},
     "overload": {"overload": 1.0},
 }
@@ -54,7 +78,8 @@ def normal_name(title: str) -> str:
     name = title.strip().lower()
     for spelling, normal in _SPELLINGS:
         name = name.replace(spelling, normal)
-    return _SEPARATORS.sub("_", name).strip("_")
+    # An E4990A marks its trace columns with `-data`.
+    return _SEPARATORS.sub("_", name).strip("_").removesuffix("_data")
 
 
 def find_columns(table: Table) -> dict[str, Column]:

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
-import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
+from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels
-from motoremi.data.source import decode, file_name, read_bytes, show_name, split_lines
-from motoremi.data.spectrum import Spectrum
+from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
+from motoremi.data.immittance import PAIRS, column_values, find_pair, impedance_of
+from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
+from motoremi.data.source import decode, file_name, read_bytes, show_name
+from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.data.table import Table, parse_table
 from motoremi.data.text import clean_text
+from motoremi.data.tinysa import is_two_columns, parse_tinysa
+from motoremi.data.touchstone import is_touchstone, parse_touchstone
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
 
 IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
 SPECTRUM_COLUMNS = "frequency_hz,level_dbuv"
-_DETECTOR_SPELLINGS = {
-    "max-peak": "peak", "pk": "peak", "quasipeak": "quasi-peak", "qp": "quasi-peak", "av": "average", "avg": "average",
-    "cispr-average": "average",
-}  # fmt: skip
-_TOUCHSTONE = re.compile(r"#\s*[KMG]?HZ\s+[SYZGH]\s+(?:RI|MA|DB)\b", re.IGNORECASE)
+_IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.second)}
 
 
 def read_impedance(path: str | os.PathLike[str], termination: str) -> ImpedanceSweep:
@@ -34,15 +37,15 @@ def read_impedance(path: str | os.PathLike[str], termination: str) -> ImpedanceS
     Parameters
     ----------
     path : path-like
-        CSV with the columns `frequency_hz` and `resistance_ohm,reactance_ohm` or `impedance_ohm,phase_deg`, or the
-        ASCII file of a 4294A.
+        CSV with the columns `frequency_hz` and `resistance_ohm,reactance_ohm` or `impedance_ohm,phase_deg` (or another pair of
+        quantities with its units), the ASCII file of a 4294A, the CSV of an E4990A, or Touchstone of one port (.s1p, .z1p).
     termination : {"short", "open"}
         How the motor was connected.
 
     Returns
     -------
     ImpedanceSweep
-        With `source`, `format` and the header of the file in its metadata.
+        With `source`, `format`, `read_as` and the header of the file in its metadata.
 
     Raises
     ------
@@ -52,20 +55,29 @@ def read_impedance(path: str | os.PathLike[str], termination: str) -> ImpedanceS
     name, text = _read_text(path)
     if is_agilent_ascii(text):
         frequency, impedance, header = parse_agilent_ascii(text, name)
-        sweep = _sweep(name, termination, frequency, impedance, None, header)
-        return _with_origin(sweep, path, "4294a-ascii")
-    _refuse_other_formats(text, name)
-    return _with_origin(parse_impedance_csv(text, name, termination), path, "csv")
+        return _with_origin(_sweep(name, termination, frequency, impedance, None, header), path, "4294a-ascii")
+    if is_touchstone(text):
+        frequency, impedance, header = parse_touchstone(text, name)
+        return _with_origin(_sweep(name, termination, frequency, impedance, None, header), path, "touchstone")
+    if is_analyser_csv(text):
+        plain, known = plain_table(text, name)
+        sweep, title = _sweep_of_table(parse_table(plain, name), termination)
+        return _with_origin(sweep.with_metadata(**known, read_as=title), path, "e4990a-csv" if known else "analyser-csv")
+    if is_receiver_dat(text):
+        raise BadInput(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
+    sweep, title = _sweep_of_table(parse_table(text, name), termination)
+    return _with_origin(sweep.with_metadata(read_as=title), path, "csv")
 
 
-def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
-    """Read one emission spectrum.
+def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
+    """Read the emission spectra of one file: one for each trace or column.
 
     Parameters
     ----------
     path : path-like
-        CSV with the columns `frequency_hz,level_dbuv` and the lines `# detector: peak` and `# rbw_hz: 9000`. Without
-        the latter the bandwidth is taken to be 9 kHz, and the metadata say so.
+        CSV with the columns `frequency_hz,level_dbuv` and the lines `# detector: peak` and `# rbw_hz: 9000`, or with columns named
+        after detectors (`Frequency (MHz),QuasiPeak (dBuV),CAverage (dBuV)`); a receiver's DAT export; a tinySA's CSV. Without a
+        bandwidth 9 kHz is taken, and the metadata say so.
 
     Raises
     ------
@@ -73,18 +85,34 @@ def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
         One line with file, line number and what to do, whenever a number is not beyond doubt.
     """
     name, text = _read_text(path)
-    if is_agilent_ascii(text):
-        raise BadInput(f"{name}: is an impedance sweep of a 4294A, but an emission spectrum is needed here")
-    _refuse_other_formats(text, name)
-    spectrum = parse_spectrum_csv(text, name)
-    return Spectrum(
-        spectrum.detector,
-        spectrum.frequency_hz,
-        spectrum.level_dbuv,
-        spectrum.resolution_bandwidth_hz,
-        spectrum.overload,
-        _origin(spectrum.metadata, path, "csv"),
-    )
+    for is_other, what in (
+        (is_agilent_ascii, "is an impedance sweep of a 4294A"),
+        (is_touchstone, "is a Touchstone file"),
+        (is_analyser_csv, "is an impedance sweep of an analyser"),
+    ):
+        if is_other(text):
+            raise BadInput(f"{name}: {what}, but an emission spectrum is needed here")
+    if is_receiver_dat(text):
+        spectra, kind = parse_receiver_dat(text, name), "receiver-dat"
+    elif is_two_columns(text):
+        spectra, kind = [parse_tinysa(text, name)], "tinysa-csv"
+    else:
+        spectra, kind = _spectra_of_table(parse_table(text, name)), "csv"
+    return [dataclasses.replace(spectrum, metadata=_origin(spectrum.metadata, path, kind)) for spectrum in spectra]
+
+
+def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
+    """Read the emission spectrum of a file that holds one; as `read_spectra`.
+
+    Raises
+    ------
+    BadInput
+        As `read_spectra`, and if the file holds several.
+    """
+    spectra = read_spectra(path)
+    if len(spectra) > 1:
+        raise BadInput(f"{show_name(path)}: holds {len(spectra)} spectra; read them with read_spectra")
+    return spectra[0]
 
 
 def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSweep:
@@ -95,9 +123,15 @@ def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSwee
     BadInput
         As `read_impedance`.
     """
-    table = parse_table(text, name)
+    return _sweep_of_table(parse_table(text, name), termination)[0]
+
+
+def _sweep_of_table(table: Table, termination: str) -> tuple[ImpedanceSweep, str]:
+    """The sweep, and what its columns hold."""
+    name = table.name
     found = find_columns(table)
-    if not {"resistance", "reactance"} <= set(found) and not {"magnitude", "phase"} <= set(found):
+    pair = find_pair(found)
+    if pair is None:
         raise _wrong_columns(table, found, IMPEDANCE_COLUMNS, "an impedance sweep")
     frequency = _frequency(table, found, IMPEDANCE_COLUMNS, "an impedance sweep")
     header = dict(table.header)
@@ -107,36 +141,60 @@ def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSwee
         if written != termination:
             raise BadInput(f"{name}: its header says it is the {written} sweep, but it was given as the {termination} sweep")
         del header["termination"]
-    sigma = _column(table, found["sigma_relative"]) if "sigma_relative" in found else None
-    return _sweep(name, termination, frequency, _impedance(table, found), sigma, header)
+    sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
+    return _sweep(name, termination, frequency, impedance_of(table, found, pair, frequency), sigma, header), pair.title
 
 
 def parse_spectrum_csv(text: str, name: str) -> Spectrum:
-    """A spectrum from the text of a CSV file; metadata are those of its header alone.
+    """A spectrum from the text of a CSV file that holds one; metadata are those of its header alone.
 
     Raises
     ------
     BadInput
         As `read_spectrum`.
     """
-    table = parse_table(text, name)
+    spectra = _spectra_of_table(parse_table(text, name))
+    if len(spectra) > 1:
+        raise BadInput(f"{name}: holds {len(spectra)} spectra where one is needed")
+    return spectra[0]
+
+
+def _spectra_of_table(table: Table) -> list[Spectrum]:
+    name = table.name
     found = find_columns(table)
-    if "level" not in found:
+    named = [detector for detector in DETECTORS if f"level {detector}" in found]
+    general: str | None = next((meaning for meaning in ("level", "level_dbm") if meaning in found), None)
+    if general is None and not named:
         raise _wrong_columns(table, found, SPECTRUM_COLUMNS, "an emission spectrum")
+    if general is not None and named:
+        raise BadInput(f"{name}: a column of levels without detector stands beside others; keep one kind ({columns_found(table)})")
     frequency = _frequency(table, found, SPECTRUM_COLUMNS, "an emission spectrum")
     header = dict(table.header)
     header.pop("points", None)
-    detector = _detector(header.pop("detector", None), name)
+    written = header.pop("detector", None)
     if "rbw_hz" in header:
         bandwidth = _bandwidth(header.pop("rbw_hz"), name)
     else:
         bandwidth = 9e3
         header["rbw_assumed"] = True
     overload = _overload(table, found["overload"]) if "overload" in found else None
-    try:
-        return Spectrum(detector, frequency, _column(table, found["level"]), bandwidth, overload, header)
-    except BadInput as error:
-        raise BadInput(f"{name}: {error}") from error
+    columns: dict[str, str]
+    if general is not None:
+        columns = {_detector(written, name): general}
+    else:
+        if len(named) == 1 and written is not None and _detector(written, name) != named[0]:
+            raise BadInput(f"{name}: its header says {clean_text(str(written), 40)!r}, but its column is named {named[0]}; keep one")
+        columns = {detector: f"level {detector}" for detector in named}
+    if general == "level_dbm":
+        header["read_as"] = "dBm in 50 Ohm"
+    spectra = []
+    for detector, meaning in columns.items():
+        level = column_values(table, found[meaning]) + (DBUV_OF_0_DBM if meaning == "level_dbm" else 0.0)
+        try:
+            spectra.append(Spectrum(detector, frequency, level, bandwidth, overload, header))
+        except BadInput as error:
+            raise BadInput(f"{name}: {error}") from error
+    return spectra
 
 
 def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
@@ -144,36 +202,14 @@ def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     return name, decode(read_bytes(path), name)
 
 
-def _refuse_other_formats(text: str, name: str) -> None:
-    lines = [line.strip() for line in split_lines(text[:20_000])]
-    head = next((line for line in lines if line), "").lower()
-    # In Touchstone files and analysers' own CSV, `!` opens a comment.
-    first_content = next((line for line in lines if line and not line.startswith("!")), "")
-    if _TOUCHSTONE.match(first_content):
-        what = "a Touchstone file"
-    elif head.startswith("!"):
-        what = "an analyser's own export"
-    elif head.startswith("type;"):
-        what = "a receiver's own export"
-    else:
-        return
-    raise BadInput(f"{name}: is {what}, which is not read here; save it as CSV with a row of column names and units")
-
-
-def _origin(metadata: Any, path: str | os.PathLike[str], file_format: str) -> dict[str, Any]:
+def _origin(metadata: Mapping[str, Any], path: str | os.PathLike[str], file_format: str) -> dict[str, Any]:
     # What the file itself calls its source or format is kept under another key, not overwritten.
     kept = {f"header_{key}" if key in ("source", "format") else key: value for key, value in metadata.items()}
     return {**kept, "source": file_name(path), "format": file_format}
 
 
 def _with_origin(sweep: ImpedanceSweep, path: str | os.PathLike[str], file_format: str) -> ImpedanceSweep:
-    return ImpedanceSweep(
-        sweep.termination,
-        sweep.frequency_hz,
-        sweep.impedance_ohm,
-        sweep.sigma_relative,
-        _origin(sweep.metadata, path, file_format),
-    )
+    return dataclasses.replace(sweep, metadata=_origin(sweep.metadata, path, file_format))
 
 
 def _sweep(
@@ -192,9 +228,9 @@ def _sweep(
 
 def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: str) -> BadInput:
     have = f"found {columns_found(table)}"
-    if "level" in found and needed != SPECTRUM_COLUMNS:
+    if any(meaning.startswith("level") for meaning in found) and needed != SPECTRUM_COLUMNS:
         return BadInput(f"{table.name}: is an emission spectrum ({have}), but {what} is needed here")
-    if needed == SPECTRUM_COLUMNS and {"resistance", "reactance", "magnitude", "phase"} & set(found):
+    if needed == SPECTRUM_COLUMNS and _IMPEDANCE_MEANINGS & set(found):
         return BadInput(f"{table.name}: is an impedance sweep ({have}), but {what} is needed here")
     if has_decibels(table):
         cure = "dBuV (in 50 Ohm: dBm + 107)" if needed == SPECTRUM_COLUMNS else "ohm"
@@ -205,7 +241,7 @@ def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: st
 def _frequency(table: Table, found: dict[str, Column], needed: str, what: str) -> FloatArray:
     if "frequency" not in found:
         raise _wrong_columns(table, found, needed, what)
-    frequency = _column(table, found["frequency"])
+    frequency = column_values(table, found["frequency"])
     steps = np.diff(frequency)
     for row in np.flatnonzero(steps <= 0)[:1]:
         place = table.where(int(row) + 1)
@@ -215,27 +251,8 @@ def _frequency(table: Table, found: dict[str, Column], needed: str, what: str) -
     return frequency
 
 
-def _column(table: Table, column: Column) -> FloatArray:
-    return np.array(table.numbers(column.index), dtype=np.float64) * column.factor
-
-
-def _impedance(table: Table, found: dict[str, Column]) -> ComplexArray:
-    if {"resistance", "reactance"} <= set(found):
-        impedance = np.empty(len(table.rows), dtype=np.complex128)
-        impedance.real = _column(table, found["resistance"])
-        impedance.imag = _column(table, found["reactance"])
-        return impedance
-    magnitude = _column(table, found["magnitude"])
-    phase = _column(table, found["phase"])
-    for row in np.flatnonzero(magnitude < 0)[:1]:
-        raise BadInput(f"{table.where(int(row))}: the magnitude {magnitude[row]:g} Ohm is below 0; is it a reactance?")
-    for row in np.flatnonzero(np.abs(phase) > 360)[:1]:
-        raise BadInput(f"{table.where(int(row))}: a phase of {phase[row]:g} degrees is beyond a full turn")
-    return np.asarray(magnitude * np.exp(1j * np.deg2rad(phase)), dtype=np.complex128)
-
-
 def _overload(table: Table, column: Column) -> BoolArray:
-    marks = _column(table, column)
+    marks = column_values(table, column)
     for row in np.flatnonzero((marks != 0) & (marks != 1))[:1]:
         raise BadInput(f"{table.where(int(row))}: overload is {marks[row]:g}; write 0 or 1")
     return marks.astype(np.bool_)
@@ -244,8 +261,7 @@ def _overload(table: Table, column: Column) -> BoolArray:
 def _detector(written: object, name: str) -> str:
     if not isinstance(written, str):
         raise BadInput(f"{name}: does not say which detector; add a line '# detector: peak' (or quasi-peak, average)")
-    spelling = clean_text(re.sub(r"[\s_-]+", "-", written.strip().lower()), 40)
-    return _DETECTOR_SPELLINGS.get(spelling, spelling)
+    return detector_name(written)
 
 
 def _bandwidth(written: object, name: str) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,9 @@ from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.sweep import checked_frequency
 from motoremi.errors import BadInput
 from motoremi.quantities import show, show_band
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Detector = Literal["peak", "quasi-peak", "average", "rms-average"]
 DETECTORS: tuple[Detector, ...] = get_args(Detector)
@@ -110,6 +113,15 @@ class Spectrum:
         span = show_band(float(self.frequency_hz[0]), float(self.frequency_hz[-1]))
         bandwidth = show(self.resolution_bandwidth_hz, "Hz")
         return f"{len(self)} points, {span}, {self.detector} in {bandwidth}, up to {self.level_dbuv.max():.1f} dBuV"
+
+    def _repr_html_(self) -> str:
+        return f"<b>{self.detector} spectrum</b>: {self.summary()}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table: frequency_hz, level_dbuv, overload."""
+        import pandas as pd
+
+        return pd.DataFrame({"frequency_hz": self.frequency_hz, "level_dbuv": self.level_dbuv, "overload": self.overload})
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units and dBuV."""

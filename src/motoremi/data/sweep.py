@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,9 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.errors import BadInput
 from motoremi.quantities import show_band
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Termination = Literal["short", "open"]
 TERMINATIONS: tuple[Termination, ...] = get_args(Termination)
@@ -107,6 +110,15 @@ class ImpedanceSweep:
     def with_metadata(self, **extra: Any) -> ImpedanceSweep:
         """The same sweep with more metadata."""
         return dataclasses.replace(self, metadata={**self.metadata, **extra})
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table: frequency_hz, resistance_ohm, reactance_ohm, and sigma_relative where it is stated."""
+        import pandas as pd
+
+        columns = {"frequency_hz": self.frequency_hz, "resistance_ohm": self.impedance_ohm.real, "reactance_ohm": self.impedance_ohm.imag}
+        if self.sigma_relative is not None:
+            columns["sigma_relative"] = self.sigma_relative
+        return pd.DataFrame(columns)
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units."""

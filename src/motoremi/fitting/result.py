@@ -21,6 +21,7 @@ from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import show
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
     from motoremi.fitting.identify import Derived, Interval
@@ -159,6 +160,17 @@ class Fit:
         from motoremi.fitting.fit import refit_without
 
         return refit_without(self, effect)
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table of the parameters, by name: value, sigma, unit, determined."""
+        import pandas as pd
+
+        units = {p.name: p.unit for p in self.motor.parameters}
+        rows = {
+            name: {"value": value, "sigma": self.sigma[name], "unit": units[name], "determined": self.determined(name)}
+            for name, value in self.parameters.items()
+        }
+        return pd.DataFrame.from_dict(rows, orient="index")
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units."""

@@ -1,0 +1,64 @@
+"""The CSV that tinySA programs save: frequency and level in dBm, without a row of names (layout unconfirmed: no maker's file was at hand)."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from motoremi.data.detectors import DBUV_OF_0_DBM
+from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.source import split_lines
+from motoremi.data.spectrum import Spectrum
+from motoremi.errors import BadInput
+
+_DELIMITER = re.compile(r"\s*[,;\t]\s*|\s+")
+# A typical level above this cannot be told from dBuV any more.
+_HIGHEST_TYPICAL_DBM = -25.0
+
+
+def is_two_columns(text: str) -> bool:
+    """Whether the first line is a pair of numbers."""
+    first = next((line for line in split_lines(text[:20_000]) if line.strip()), "")
+    cells = _cells(first)
+    return len(cells) == 2 and all(looks_numeric(cell) for cell in cells)
+
+
+def parse_tinysa(text: str, name: str) -> Spectrum:
+    """A spectrum; frequencies in Hz, or in MHz where all are below 10 000.
+
+    The instrument has no CISPR detectors and the file does not tell its bandwidth: taken are peak and 9 kHz, and the metadata say so.
+
+    Raises
+    ------
+    BadInput
+        If a row is not a pair of numbers, the file is cut off, or the levels may as well be dBuV.
+    """
+    rows: list[tuple[float, float]] = []
+    written: list[str] = []
+    lines = split_lines(text)
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        cells = _cells(line)
+        if len(cells) != 2:
+            raise BadInput(f"{name}, line {number}: {len(cells)} values where frequency and level are needed; the row or the file is cut off")
+        rows.append((parse_number(cells[0], f"{name}, line {number}"), parse_number(cells[1], f"{name}, line {number}")))
+        written.append(cells[1])
+    if lines[-1].strip() and looks_cut(written[-1], written[:-1]):
+        raise BadInput(f"{name}: the last number {written[-1]!r} is shorter than all others and no line end follows; the file is cut off")
+    frequency, level = np.array(rows).T
+    if not (np.median(level) <= _HIGHEST_TYPICAL_DBM and level.max() <= 30):
+        raise BadInput(f"{name}: nothing tells whether its levels are dBm or dBuV; put a line 'frequency_hz,level_dbuv' (or level_dbm) above them")
+    factor = 1e6 if frequency.max() < 1e4 else 1.0
+    if factor == 1.0 and frequency.max() < 1e5:
+        raise BadInput(f"{name}: nothing tells the unit of its frequencies; put a line 'frequency_hz,level_dbm' above them")
+    metadata = {"detector_assumed": True, "rbw_assumed": True, "read_as": f"dBm in 50 Ohm, frequency in {'MHz' if factor > 1 else 'Hz'}"}
+    try:
+        return Spectrum("peak", frequency * factor, level + DBUV_OF_0_DBM, 9e3, None, metadata)
+    except BadInput as error:
+        raise BadInput(f"{name}: {error}") from error
+
+
+def _cells(line: str) -> list[str]:
+    return [cell for cell in _DELIMITER.split(line.strip()) if cell]

@@ -1,0 +1,202 @@
+"""Touchstone files of one port: .s1p as network analysers and NanoVNA programs save, .z1p, .y1p; version 1 and 2."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import warnings
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.numbers import looks_cut, parse_number
+from motoremi.data.source import split_lines
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+_UNITS = {"HZ", "KHZ", "MHZ", "GHZ"}
+_PARAMETERS = {"S", "Y", "Z", "G", "H"}
+_FORMATS = {"RI", "MA", "DB"}
+_PLAIN = re.compile(r"not[ -]normali[sz]ed|un-?normali[sz]ed|\bin ohms?\b|\[ohms?\]|\(ohms?\)|Ω", re.IGNORECASE)
+_NORMALISED = re.compile(r"normali[sz]ed", re.IGNORECASE)
+# What capacitance a motor can have, in farad: winding (inductive at the low end) and insulation (capacitive there).
+# Below the first figure the standard's reading is impossible, above the second it is likely; between them the file has to say it.
+_WINDING_F = (4e-12, 8e-12)
+_INSULATION_F = (60e-12, 200e-12)
+Scale = Literal["normalised", "ohm"]
+
+
+def is_touchstone(text: str) -> bool:
+    """Whether the first line that is no comment is Touchstone's option line or version."""
+    first = next((line.strip() for line in split_lines(text[:50_000]) if line.strip() and not line.strip().startswith("!")), "")
+    if first.lower().startswith("[version]"):
+        return True
+    return _options(first) is not None
+
+
+@dataclass(frozen=True)
+class _Options:
+    unit: str
+    parameter: str
+    style: str
+    reference: float
+
+    def line(self) -> str:
+        """The option line in the order that every program takes."""
+        return f"# {self.unit} {self.parameter} {self.style} R {self.reference!r}"
+
+
+def _options(line: str) -> _Options | None:
+    """What an option line says, in any order; None if it is another line."""
+    if not line.startswith("#"):
+        return None
+    words = line[1:].upper().split()
+    unit, parameter, style, reference = "GHZ", "S", "MA", 50.0
+    known = 0
+    position = 0
+    while position < len(words):
+        word = words[position]
+        if word in _PARAMETERS:
+            parameter = word
+        elif word in _FORMATS:
+            style = word
+        elif word == "R" and position + 1 < len(words):
+            position += 1
+            try:
+                reference = parse_number(words[position], "")
+            except BadInput:
+                return None
+        elif word in _UNITS:
+            unit = word
+        else:
+            return None
+        known += 1
+        position += 1
+    return _Options(unit, parameter, style, reference) if known >= 2 else None
+
+
+def parse_touchstone(text: str, name: str) -> tuple[FloatArray, ComplexArray, JsonDict]:
+    """Frequencies in hertz, impedance in ohm and what was found of a one-port file.
+
+    In version 1 the standard normalises Z and Y data to the reference resistance; some programs write ohms all the same. A comment that
+    says so decides; else the standard is followed where its reading is that of a possible motor.
+
+    Raises
+    ------
+    BadInput
+        If a row is no row of a one-port, the file is cut off, or nothing tells whether its data are normalised.
+    """
+    options, version, comments, body = _checked(text, name)
+    parameter, reference = options.parameter, options.reference
+    if parameter not in ("S", "Y", "Z"):
+        raise BadInput(f"{name}: holds {parameter} parameters; save S, Z or Y")
+    if not (reference > 0 and math.isfinite(reference)):
+        raise BadInput(f"{name}: the reference resistance must be above 0 Ohm")
+    frequency, impedance = _by_library(body, name, parameter)
+    header: JsonDict = {key: value for comment in comments for key, value in [_key_value(comment)] if key}
+    told = f"{parameter} parameters in {reference:g} Ohm"
+    if parameter != "S" and version < 2 and reference != 1:
+        scale, why = _scale(comments, frequency, impedance, reference, name)
+        if scale == "ohm":
+            impedance = impedance / reference
+        scaling = "not normalised" if scale == "ohm" else f"normalised to {reference:g} Ohm"
+        told = f"{parameter} parameters, {scaling} ({why})"
+    return frequency, impedance, {**header, "read_as": told}
+
+
+def _checked(text: str, name: str) -> tuple[_Options, float, list[str], list[str]]:
+    """Options, version, comments and the lines without them, once every number is known to be one.
+
+    Libraries let `1_000`, `nan` and short rows pass, want the options in one order, and look into comments for settings of other programs.
+    """
+    options: _Options | None = None
+    version, comments, last_column, body = 1.0, [], [], []
+    frequencies: int | None = None
+    lines = split_lines(text)
+    for number, raw in enumerate(lines, start=1):
+        line, mark, comment = raw.strip().partition("!")
+        if mark:
+            comments.append(clean_text(comment.strip(), 200))
+        line = line.strip()
+        where = f"{name}, line {number}"
+        if not line:
+            continue
+        if line.startswith("#"):
+            # Only the first option line counts, by the standard.
+            if options is None:
+                options = _options(line)
+                body += [options.line()] if options else []
+            continue
+        body.append(line)
+        if line.startswith("["):
+            key, _, value = line.lower().partition("]")
+            if key == "[version":
+                version = parse_number(value, where)
+            elif key == "[number of ports" and value.strip() != "1":
+                raise BadInput(f"{where}: has {clean_text(value.strip(), 20)} ports; save the reflection S11 alone (.s1p)")
+            elif key == "[number of frequencies":
+                frequencies = int(parse_number(value, where))
+        elif options is None:
+            raise BadInput(f"{where}: data before the option line '# HZ S RI R 50'")
+        else:
+            cells = line.split()
+            if len(cells) in (5, 9):
+                raise BadInput(f"{where}: holds {len(cells)} values, as files of two ports do; save the reflection S11 alone (.s1p)")
+            if len(cells) != 3:
+                raise BadInput(f"{where}: {len(cells)} values where a frequency and two numbers are needed; the row or the file is cut off")
+            for cell in cells:
+                parse_number(cell, where)
+            last_column.append(cells[2])
+    if options is None or not last_column:
+        raise BadInput(f"{name}: a Touchstone file without {'option line' if options is None else 'data'}")
+    if frequencies is not None and frequencies != len(last_column):
+        raise BadInput(f"{name}: announces {frequencies} frequencies but has {len(last_column)}; the file is cut off")
+    if lines[-1].strip() and looks_cut(last_column[-1], last_column[:-1]):
+        raise BadInput(f"{name}: the last number {last_column[-1]!r} is shorter than all others and no line end follows; the file is cut off")
+    return options, version, comments, body
+
+
+def _by_library(body: list[str], name: str, parameter: str) -> tuple[FloatArray, ComplexArray]:
+    import skrf
+
+    file = io.StringIO("\n".join(body) + "\n")
+    file.name = f"data.{parameter.lower()}1p"
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            network = skrf.Network(file)
+            s = network.s[:, 0, 0]
+            z0 = network.z0[:, 0]
+            impedance = np.asarray(z0 * (1 + s) / (1 - s), dtype=np.complex128)
+    except Exception as error:  # the library raises whatever its parser meets
+        raise BadInput(f"{name}: a Touchstone file that cannot be read: {clean_text(str(error), 120)}") from error
+    return np.asarray(network.f, dtype=np.float64), impedance
+
+
+def _scale(comments: list[str], frequency: FloatArray, standard: ComplexArray, reference: float, name: str) -> tuple[Scale, str]:
+    for comment in comments:
+        if _PLAIN.search(comment):
+            return "ohm", "as its comment says"
+        if _NORMALISED.search(comment):
+            return "normalised", "as its comment says"
+    capacitive = standard.imag < 0
+    if not capacitive.any():
+        return "normalised", "as the standard says; check the magnitude"
+    capacitance = float(np.median(-1 / (2 * np.pi * frequency[capacitive] * standard.imag[capacitive])))
+    impossible, likely = _INSULATION_F if capacitive[0] else _WINDING_F
+    if capacitance >= likely:
+        return "normalised", "as the standard says"
+    if capacitance < impossible:
+        return "ohm", f"normalised it would be a motor of {1e12 * capacitance:.2g} pF"
+    raise BadInput(
+        f"{name}: nothing tells whether its values are normalised to {reference:g} Ohm, as the standard says, or in ohm; "
+        "add a comment line '! normalised' or '! in ohm'"
+    )
+
+
+def _key_value(comment: str) -> tuple[str, str]:
+    key, colon, value = comment.partition(":")
+    return (key.strip(), value.strip()) if colon and key.strip() and len(key) < 40 else ("", "")

@@ -1,0 +1,49 @@
+"""A whole session in one HDF5 file: sweeps, spectra, the model and all analyses."""
+
+from __future__ import annotations
+
+import io
+
+from motoremi.data.plain import to_page
+from motoremi.data.session import Session
+from motoremi.export.extras import needs
+from motoremi.fitting.result import Fit
+
+
+def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
+    """Groups `sweeps/<termination>-<repeat>`, `spectra/<number>`, `model/<termination>` and `analysis/<name>` (JSON text).
+
+    Impedances are complex datasets in ohm; metadata stand as JSON in the attribute `metadata` of each group.
+
+    Raises
+    ------
+    BadInput
+        If h5py is not installed.
+    """
+    needs("h5py", "HDF5", "hdf5")
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file.attrs["session"] = session.path.name
+        count: dict[str, int] = {}
+        for sweep in session.sweeps:
+            count[sweep.termination] = count.get(sweep.termination, 0) + 1
+            group = file.create_group(f"sweeps/{sweep.termination}-{count[sweep.termination]}")
+            group["frequency_hz"], group["impedance_ohm"] = sweep.frequency_hz, sweep.impedance_ohm
+            if sweep.sigma_relative is not None:
+                group["sigma_relative"] = sweep.sigma_relative
+            group.attrs["metadata"] = to_page(sweep.metadata)
+        for number, spectrum in enumerate(session.spectra, start=1):
+            group = file.create_group(f"spectra/{number}")
+            group["frequency_hz"], group["level_dbuv"], group["overload"] = spectrum.frequency_hz, spectrum.level_dbuv, spectrum.overload
+            group.attrs["detector"] = spectrum.detector
+            group.attrs["resolution_bandwidth_hz"] = spectrum.resolution_bandwidth_hz
+            group.attrs["metadata"] = to_page(spectrum.metadata)
+        if fit is not None:
+            for repeated in fit.measurement.sweeps:
+                group = file.create_group(f"model/{repeated.termination}")
+                group["frequency_hz"], group["impedance_ohm"] = repeated.frequency_hz, fit.model_ohm(repeated.termination)
+        for name in session.analyses:
+            file[f"analysis/{name}"] = to_page(session.analysis(name) or {})
+    return buffer.getvalue()

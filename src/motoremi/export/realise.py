@@ -1,0 +1,210 @@
+"""A fitted motor as a network of ideal parts between terminal, far end and frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.errors import BadInput
+from motoremi.export.ladders import ladder_of
+from motoremi.export.parts import Element, InParallel, InSeries, Part, resonant_loop
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, Shunted, Tape, walk
+from motoremi.model.motor import Motor
+
+# Ladders are fitted beyond the measured span, so that a transient does not meet the end of the fit right behind it.
+_MARGIN = 3.0
+_POINTS_PER_DECADE = 40
+_LARGEST_NUMBER_OF_SECTIONS = 512
+# Half of what the whole netlist is allowed (0.05 dB, 0.5 degree) is left to the sections of a distributed winding.
+_SECTION_DB, _SECTION_DEG = 0.025, 0.25
+
+
+@dataclass(frozen=True)
+class Realisation:
+    """A motor in ideal parts.
+
+    Parameters
+    ----------
+    outside : tuple of (str, Part)
+        From the terminal inwards: `series` parts (leads) and `shunt` parts to the frame.
+    winding : Part
+        Between the terminal and the far end; of one section where it is distributed.
+    frame : Part or None
+        Between the far end and the frame; None where no sweep saw it.
+    sections : int
+        How many sections a distributed winding is cut into; 1 if it is not.
+    spread : Part or None
+        Impedance to the frame of one section.
+    ladder_errors : dict
+        Largest relative error of each dispersive element.
+    """
+
+    outside: tuple[tuple[str, Part], ...]
+    winding: Part
+    frame: Part | None
+    sections: int = 1
+    spread: Part | None = None
+    ladder_errors: Mapping[str, float] = field(default_factory=dict)
+
+    def impedance(self, termination: str, frequency_hz: FloatArray) -> ComplexArray:
+        """What the parts give between terminal and frame, with the far end open, or joined to the frame."""
+        s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
+        load = None
+        if termination == "open":
+            if self.frame is None:
+                raise BadInput("no open-circuit sweep: the frame's side of the motor is not known")
+            load = self.frame.impedance(s)
+        seen = self._through_winding(s, load)
+        for kind, part in reversed(self.outside):
+            seen = seen + part.impedance(s) if kind == "series" else 1 / (1 / seen + 1 / part.impedance(s))
+        return seen
+
+    def _through_winding(self, s: ComplexArray, load: ComplexArray | None) -> ComplexArray:
+        series = self.winding.impedance(s)
+        if self.spread is None:
+            return series if load is None else series + load
+        half = 1 / (2 * self.spread.impedance(s))
+        # Each section has half of its capacitance at each end; the one at a shorted far end is shorted with it.
+        seen = np.zeros_like(s) if load is None else 1 / (1 / load + half)
+        for section in range(self.sections):
+            seen = seen + series
+            seen = 1 / (1 / seen + (half if section == self.sections - 1 else 2 * half))
+        return seen
+
+
+class _Builder:
+    """Turns circuit nodes into parts, for one set of values and one span."""
+
+    def __init__(self, values: Mapping[str, float], span_hz: tuple[float, float]) -> None:
+        self.values = values
+        low, high = span_hz[0] / _MARGIN, span_hz[1] * _MARGIN
+        self.frequency_hz = np.geomspace(low, high, max(60, int(_POINTS_PER_DECADE * np.log10(high / low))))
+        self.errors: dict[str, float] = {}
+
+    def part(self, node: Node) -> Part:
+        """The parts of one node."""
+        if isinstance(node, Series):
+            return InSeries(tuple(self.part(member) for member in node.members))
+        if isinstance(node, Parallel):
+            return InParallel(tuple(self.part(member) for member in node.members))
+        exact = self._leaf(node) if isinstance(node, Leaf) else self._scaled(node) if isinstance(node, Scaled) else None
+        return exact if exact is not None else self._ladder(node)
+
+    def _own(self, node: Node) -> list[float]:
+        return [self.values[parameter.name] for parameter in node.own_parameters]
+
+    def _leaf(self, leaf: Leaf) -> Part | None:
+        name, own = _word(leaf.name), self._own(leaf)
+        if leaf.law in (laws.resistor, laws.inductor, laws.capacitor):
+            kind = {laws.resistor: "R", laws.inductor: "L", laws.capacitor: "C"}[leaf.law]
+            return Element(kind, name, own[0])  # type: ignore[arg-type]
+        if leaf.law is laws.resistance_and_inductance:
+            return InSeries((Element("R", name, own[0]), Element("L", name, own[1])))
+        if leaf.law is laws.resonant_cell:
+            inductance, resonance_hz, resistance = own
+            capacitance = 1 / ((2 * np.pi * resonance_hz) ** 2 * inductance)
+            return InParallel((Element("L", name, inductance), Element("C", name, capacitance), Element("R", name, resistance)))
+        return None
+
+    def _scaled(self, node: Scaled) -> Part | None:
+        if node.law is laws.split_factor:
+            return self.part(node.child).scaled(1 / self._own(node)[0])
+        if node.law is laws.rest_factor:
+            return self.part(node.child).scaled(1 / (1 - self._own(node)[0]))
+        if node.law is laws.coupled_winding_factor and isinstance(node.child, Leaf) and node.child.law is laws.inductor:
+            coupling, resonance_hz, quality = self._own(node)
+            name, inductance, w = _word(node.child.name), self._own(node.child)[0], 2 * np.pi * resonance_hz
+            loop = resonant_loop(name, coupling**2 * inductance, w, w / quality)
+            return InSeries((Element("L", name, (1 - coupling**2) * inductance), loop))
+        return None
+
+    def _ladder(self, node: Node) -> Part:
+        name = _word(next((part.name for part in walk(node) if isinstance(part, Leaf)), "part"))
+        loops = [self._own(part)[1:] for part in walk(node) if isinstance(part, Scaled) and part.law is laws.coupled_winding_factor]
+        # A narrow resonance needs points of its own.
+        near = [resonance_hz * np.exp(np.linspace(-6, 6, 120) / max(quality, 5.0)) for resonance_hz, quality in loops]
+        frequency = np.unique(np.concatenate((self.frequency_hz, *near)))
+        resonances = tuple((2 * np.pi * resonance_hz, quality) for resonance_hz, quality in loops)
+        ladder = ladder_of(name, frequency, impedance_of(node, self.values, frequency), resonances)
+        self.errors[name] = max(ladder.error, self.errors.get(name, 0.0))
+        return ladder.part
+
+
+def impedance_of(node: Node, values: Mapping[str, float], frequency_hz: FloatArray) -> ComplexArray:
+    """Impedance of a circuit in ohm."""
+    names = list(dict.fromkeys(p.name for part in walk(node) for p in part.own_parameters))
+    s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
+    return Tape(node, names).impedance(s, np.array([values[name] for name in names]))
+
+
+def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, float], with_frame: bool = True) -> Realisation:
+    """The motor in ideal parts, within the stated errors over a span.
+
+    Parameters
+    ----------
+    motor : Motor
+        Without effects of the analyser.
+    values : mapping
+        Of all its parameters, SI units.
+    span_hz : tuple
+        Over which the ladders have to fit.
+    with_frame : bool
+        False where nothing is known of the frame's side.
+
+    Raises
+    ------
+    BadInput
+        If an effect of the user's own wraps the motor in a way that has no such parts.
+    """
+    builder = _Builder(values, span_hz)
+    outside = tuple(_outside(builder, attachment.wrap(_PLACEHOLDER)) for attachment in reversed(motor.attachments))
+    seen = _bare(motor).circuit("open" if with_frame else "short")
+    if not isinstance(seen, Line):
+        frame = builder.part(motor.frame) if with_frame else None
+        return Realisation(outside, builder.part(motor.winding), frame, ladder_errors=builder.errors)
+    winding, spread = builder.part(seen.series), builder.part(seen.shunt)
+    frame = builder.part(seen.load) if seen.load is not None else None
+    terminations = ("short", "open") if frame is not None else ("short",)
+    frequency = np.geomspace(*span_hz, 400)
+    wanted = {termination: impedance_of(motor.circuit(termination), values, frequency) for termination in terminations}
+    sections = 8
+    while True:
+        result = Realisation(outside, winding.scaled(1 / sections), frame, sections, spread.scaled(sections), builder.errors)
+        errors = [deviation(result.impedance(termination, frequency), wanted[termination]) for termination in terminations]
+        if sections >= _LARGEST_NUMBER_OF_SECTIONS or all(db < _SECTION_DB and deg < _SECTION_DEG for db, deg in errors):
+            return result
+        sections *= 2
+
+
+def deviation(got: ComplexArray, wanted: ComplexArray) -> tuple[float, float]:
+    """Largest error of magnitude in dB and of phase in degrees."""
+    ratio = got / wanted
+    return float(np.abs(20 * np.log10(np.abs(ratio))).max()), float(np.abs(np.angle(ratio, deg=True)).max())
+
+
+_PLACEHOLDER = Leaf("motor", laws.resistor, ())
+
+
+def _bare(motor: Motor) -> Motor:
+    """The motor without what is attached to it."""
+    return Motor(motor.winding, motor.frame, motor.distribution)
+
+
+def _outside(builder: _Builder, wrapped: Node) -> tuple[str, Part]:
+    if isinstance(wrapped, Shunted) and wrapped.child is _PLACEHOLDER and wrapped.law is laws.capacitance_only:
+        return "shunt", Element("C", "terminal", builder.values[wrapped.parameters[0].name])
+    if isinstance(wrapped, (Series, Parallel)):
+        others = tuple(member for member in wrapped.members if _PLACEHOLDER not in walk(member))
+        if len(others) == len(wrapped.members) - 1 and _PLACEHOLDER in wrapped.members:
+            parts = tuple(builder.part(member) for member in others)
+            return ("series", InSeries(parts)) if isinstance(wrapped, Series) else ("shunt", InParallel(parts))
+    raise BadInput("an effect wraps the motor in a way that has no equivalent of resistors, inductors and capacitors; drop it for this export")
+
+
+def _word(name: str) -> str:
+    """A name that every simulator takes."""
+    return "".join(c if c.isascii() and c.isalnum() else "_" for c in name)
