@@ -1,7 +1,8 @@
-"""Array types used everywhere: double precision, real or complex."""
+"""Types used everywhere: arrays of double precision, plain data, and who is told of progress."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,3 +12,5 @@ FloatArray: TypeAlias = NDArray[np.float64]
 ComplexArray: TypeAlias = NDArray[np.complex128]
 BoolArray: TypeAlias = NDArray[np.bool_]
 JsonDict: TypeAlias = dict[str, Any]
+# What is being done, how much is done, and of how much.
+Progress: TypeAlias = Callable[[str, int, int], None]

@@ -11,11 +11,11 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session, load, reopen
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
-from motoremi.diagnosis.diagnosis import Diagnosis, Progress, diagnose
+from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit

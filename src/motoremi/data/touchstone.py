@@ -7,7 +7,7 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -160,14 +160,14 @@ def _checked(text: str, name: str) -> tuple[_Options, float, list[str], list[str
 
 
 def _by_library(body: list[str], name: str, parameter: str) -> tuple[FloatArray, ComplexArray]:
-    import skrf
+    from skrf.network import Network
 
     file = io.StringIO("\n".join(body) + "\n")
     file.name = f"data.{parameter.lower()}1p"
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            network = skrf.Network(file)
+            network = Network(cast(str, file))  # takes open files too, though its type does not say so
             s = network.s[:, 0, 0]
             z0 = network.z0[:, 0]
             impedance = np.asarray(z0 * (1 + s) / (1 - s), dtype=np.complex128)

@@ -9,9 +9,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, Progress, effective_share, is_good, possible_effects, rank, rank_pairs
+from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank, rank_pairs
 from motoremi.diagnosis.following import next_measurement
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import JsonDict, Progress
 from motoremi.fitting.fit import glance_at, settled
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Scouted, good_enough, searched_through
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.quantities import show
-
-Progress: TypeAlias = Callable[[str, int, int], None]
 
 # Candidates whose first look ends within this factor (and so many units of chi-squared) of one that is right are refitted on all points.
 PROMISING_FACTOR = 2.0
@@ -221,6 +218,6 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
     for pair in nearest[:PAIRS_SEARCHED]:
         if not looks[pair].right:
             looks[pair] = searched_through(looks[pair])
-    chosen = min(looks, key=lambda pair: looks[pair].objective)[0]
-    first = singles[chosen]
-    return first, refitted(first.fit, {name: look for (at, name), look in looks.items() if at == chosen})
+    leader = min(looks, key=lambda pair: looks[pair].objective)[0]
+    chosen = singles[leader]
+    return chosen, refitted(chosen.fit, {name: look for (first, name), look in looks.items() if first == leader})

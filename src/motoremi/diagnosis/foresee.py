@@ -64,8 +64,8 @@ def _by_sweep(option: Option, one: Fit, other: Fit) -> Parting:
     for termination in one.measurement.terminations if wide else ("grounded",):
         first, second = (_seen(fit, termination, grid) for fit in (one, other))
         sigma = np.hypot(analyser.uncertainty(grid, first.impedance_ohm), floor)
-        difference = np.log(first.impedance_ohm / second.impedance_ohm) / sigma
-        columns = np.concatenate([first.slopes, -second.slopes]) / sigma
+        difference: ComplexArray = np.asarray(np.log(first.impedance_ohm / second.impedance_ohm) / sigma, dtype=np.complex128)
+        columns: ComplexArray = np.asarray(np.concatenate([first.slopes, -second.slopes]) / sigma, dtype=np.complex128)
         precision = np.zeros((len(columns), len(columns)))
         split = len(first.slopes)
         precision[:split, :split], precision[split:, split:] = first.precision, second.precision
@@ -106,8 +106,8 @@ def _seen(fit: Fit, termination: str, grid: FloatArray) -> _Seen:
             unit = values[at] if unknown.scale == "log" else fit.problem.vector_scale(index)
             rows.append(gradient[at] * unit / impedance)
             where.append(index)
-    covariance = fit.covariance[np.ix_(where, where)]
-    return _Seen(impedance, np.nan_to_num(np.array(rows)), np.linalg.pinv(covariance, hermitian=True))
+    precision: FloatArray = np.linalg.pinv(fit.covariance[np.ix_(where, where)], hermitian=True).astype(np.float64)
+    return _Seen(impedance, np.nan_to_num(np.array(rows)), precision)
 
 
 def _bent(difference: ComplexArray, columns: ComplexArray, precision: FloatArray) -> ComplexArray:
@@ -147,9 +147,7 @@ def _changed(option: Option, fit: Fit) -> dict[str, float]:
             values[name] *= factor
     for name in values:
         label, _, short = name.rpartition(".")
-        factor = option.effects.get(label.split("@")[0].split("#")[0], {}).get(short)
-        if factor is not None:
-            values[name] *= factor
+        values[name] *= option.effects.get(label.split("@")[0].split("#")[0], {}).get(short, 1.0)
     return values
 
 
