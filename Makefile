@@ -34,7 +34,7 @@ lint: install
 	$(BIN)/mypy src instruments procedures sim_profiles
 
 bench: install
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'cma>=3.3' 'lmfit>=1.3'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict -e '.[bench]'
 	$(BIN)/python -m benchmarks
 
 # Every fault at every exchange of the full procedure (some ten minutes); `make test` strikes at the first and last exchange of each step.

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 import motoremi as me
+from benchmarks.growth import growth, refits
 from benchmarks.motors import GROUPS, NAMES, cases, chi_squared
-from benchmarks.peers import PEERS, run_peer
+from benchmarks.packages import MORE_TIME, MOTORS, PACKAGES
+from benchmarks.peers import HALVED, PEERS, run_peer
 from motoremi.fitting.paper import paper_colony
-from motoremi.model.effects import find_effect
 
 OURS = "motoremi"
 PAPER = "the paper's colony, 200 loops"
@@ -50,8 +51,10 @@ def run_one(method: str, group: str, count: int, budget_s: float) -> tuple[str, 
         run_ours(members[0])  # imports and first-call costs are not the fitter's
         return method, group, [run_ours(case) for case in members]
     if method == PAPER:
-        return method, group, [run_paper(case) for case in members[: max(5, count // 10)]]
-    return method, group, [run_peer(method, case, budget_s) for case in members]
+        return method, group, [run_paper(case) for case in members[: max(5, count // 20)]]
+    if method in PACKAGES:
+        return method, group, [run_peer(PACKAGES[method], case, MORE_TIME[method] * budget_s) for case in members[: MOTORS[method]]]
+    return method, group, [run_peer(PEERS[method], case, budget_s) for case in members[:: 2 if method in HALVED else 1]]
 
 
 def summary(results: list[tuple[bool, float, int]]) -> dict[str, float]:
@@ -65,29 +68,6 @@ def summary(results: list[tuple[bool, float, int]]) -> dict[str, float]:
         "ert_ms": 1e3 * total / len(good) if good else np.inf,
         "evaluations": float(np.median([entry[2] for entry in good])) if good else np.nan,
     }
-
-
-def growth() -> list[tuple[str, float]]:
-    """Milliseconds of one fit against points, and of adding an effect from its candidates' start values."""
-    rows = []
-
-    def timed(work, repeat: int = 5) -> float:
-        spans = []
-        for _ in range(repeat):
-            started = time.process_time()
-            work()
-            spans.append(time.process_time() - started)
-        return 1e3 * min(spans)
-
-    for points in (201, 801, 3201, 12801):
-        case = next(cases("damped", 1, points=points))
-        rows.append((f"fit, {points} points a sweep", timed(lambda case=case: me.fit(me.dc_motor(), case.sweeps, analyser="none"))))
-    case = next(cases("damped", 1))
-    base = me.fit(me.dc_motor(), case.sweeps, analyser="none")
-    for effect in ("lead-inductance", "core-loss", "eddy-laminations", "second-resonance"):
-        starts = len(find_effect(effect).effect.starts)
-        rows.append((f"add {effect} ({starts} start values)", timed(lambda effect=effect: base.add(effect, thorough=False))))
-    return rows
 
 
 def picture(table: dict[tuple[str, str], dict[str, float]], methods: list[str], path: Path) -> None:
@@ -115,7 +95,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    methods = [OURS, *PEERS, PAPER]
+    started = time.monotonic()
+    methods = [OURS, *PEERS, PAPER, *PACKAGES]
     table: dict[tuple[str, str], dict[str, float]] = {}
     with ProcessPoolExecutor(options.jobs) as pool:
         futures = [pool.submit(run_one, method, group, options.motors, options.budget) for group in GROUPS for method in methods]
@@ -130,12 +111,26 @@ def main() -> None:
             row = table[method, group]
             cells.append(f"{row['successes']:.0f}/{row['runs']:.0f}, {row['median_ms']:.0f} ms, {row['ert_ms']:.0f} ms, {row['evaluations']:.0f}")
         lines.append(f"| {method} | " + " | ".join(cells) + " |")
-    lines.append("")
+    lines += [
+        "",
+        "Success: chi-squared within 1.1 of that at the truth. ERT: expected running time, all time spent over successes. Processor time.",
+        f"Each peer had {options.budget:g} s a motor and was told when it had succeeded; ours was not. Slow ones saw a part of the motors "
+        f"(successes/runs): {', '.join(HALVED)} every second one.",
+        "Packages with a circuit language of their own had the open-circuit sweep alone, since they cannot fit two sweeps that share parameters: "
+        + ("; ".join(f"{name} {MOTORS[name]} motors, {MORE_TIME[name] * options.budget:g} s" for name in PACKAGES) or "none is installed")
+        + ".",
+        "",
+    ]
     for group in GROUPS:
-        best = min(table[method, group]["ert_ms"] for method in PEERS)
-        lines.append(f"{group}: best peer's expected running time is {best / table[OURS, group]['ert_ms']:.1f} times ours")
-    lines += ["", "| work | ms |", "|---|---|", *(f"| {name} | {value:.1f} |" for name, value in growth())]
-    lines += ["", f"peak memory of the main process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"]
+        best = min([*PEERS, *PACKAGES], key=lambda method: table[method, group]["ert_ms"])
+        ratio = table[best, group]["ert_ms"] / table[OURS, group]["ert_ms"]
+        lines.append(f"- {group}: the best peer's expected running time ({best}) is {ratio:.1f} times ours")
+    lines += ["", *growth(), "", *refits(), ""]
+    memory_mb = [resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    lines += [
+        f"Peak memory: {memory_mb[0]:.0f} MB of the main process, which fits and draws; {memory_mb[1]:.0f} MB of the largest process of a method, "
+        f"peers' packages included. The whole run took {(time.monotonic() - started) / 60:.0f} minutes with {options.jobs} processes."
+    ]
     text = "\n".join(lines) + "\n"
     (options.out / "fitters.md").write_text(text)
     picture(table, methods, options.out / "fitters.png")
