@@ -14,6 +14,8 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.fitting.problem import Problem
 
+# A solution has converged when an undamped step promises no more than so many times what a small step may gain.
+UNDAMPED = 10.0
 # In error bars: what is left to go once a solution is sharpened.
 SHARP = 1e-6
 
@@ -122,9 +124,12 @@ def polish(
         better = new.objective <= here.objective
         bent[live] |= here.objective - new.objective < 0.7 * expected
         small = tolerance + relative * here.objective
-        # A small step means convergence only where damping did not make it small.
+        # A small step means convergence only where damping did not make it small: along a shallow valley even a little does.
         free = (damped[live] < 1e-2) | (damped[live] > 1e8)
-        converged[live] = free & ((np.abs(expected) < small) | (better & (here.objective - new.objective < 0.1 * small)))
+        still = free & ((np.abs(expected) < small) | (better & (here.objective - new.objective < 0.1 * small)))
+        if np.any(still):
+            still[still] = (_decrement(here.matrix[still], right[still], held[still]) < UNDAMPED * small[still]) | (damped[live[still]] > 1e8)
+        converged[live] = still
         taken = live[better]
         u[taken] = trial[better]
         state.put(taken, new.subset(np.flatnonzero(better)))
@@ -168,6 +173,16 @@ def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[Fl
         if length * rate < SHARP:
             break
     return u, evaluations
+
+
+def _decrement(matrix: FloatArray, right: FloatArray, held: BoolArray) -> FloatArray:
+    """What an undamped step would gain by the linear model, shape (batch,)."""
+    system = matrix.copy()
+    system[held[:, :, None] | held[:, None, :]] = 0.0
+    diagonal = np.arange(matrix.shape[1])
+    system[:, diagonal, diagonal] = np.where(held, 1.0, system[:, diagonal, diagonal] * (1 + 1e-12) + 1e-12)
+    gain: FloatArray = np.sum(right * np.linalg.solve(system, right[..., None])[..., 0], axis=1)
+    return gain
 
 
 def _limited(step: FloatArray) -> FloatArray:
