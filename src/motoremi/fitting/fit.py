@@ -127,6 +127,9 @@ def glance_at(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     bases = base_starts(own, before.measurement, few=len(added.effect.starts) > 9)
+    if before.effects:
+        # With effects, the search's best and the likelihood's may lie in different valleys.
+        bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in added.effect.starts for base in bases]
     return glance(task, starts, group=len(bases))
 
