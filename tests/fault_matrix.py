@@ -8,7 +8,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -155,8 +155,8 @@ def _wrong_data(session: Session, reference: Session) -> str:
     return ""
 
 
-def matrix(per_cell: int, kinds: Iterable[str] = FAULTS) -> tuple[dict[str, dict[str, Counter[str]]], list[str]]:
-    """Kind -> cell -> how often which ending; and every bad one in words."""
+def matrix(per_cell: int, kinds: Iterable[str] = FAULTS, steps: Collection[str] = ()) -> tuple[dict[str, dict[str, Counter[str]]], list[str]]:
+    """Kind -> cell -> how often which ending; and every bad one in words. `steps` limits it to cells of these."""
     root = Path(tempfile.mkdtemp(prefix="motoremi-faults-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
     table: dict[str, dict[str, Counter[str]]] = {}
     bad: list[str] = []
@@ -165,7 +165,7 @@ def matrix(per_cell: int, kinds: Iterable[str] = FAULTS) -> tuple[dict[str, dict
         reference = measured(root / "reference", small(), bench)
         bench.close()
         for kind in kinds:
-            for cell in cells(reference):
+            for cell in (cell for cell in cells(reference) if not steps or cell.do in steps):
                 count = table.setdefault(kind, {}).setdefault(cell.title, Counter())
                 for at in places(cell, per_cell):
                     folder = root / "run"

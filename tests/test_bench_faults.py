@@ -30,6 +30,12 @@ def test_every_fault_at_every_step_ends_well(kinds: list[str]) -> None:
             assert ends["recovered"] == ends.total()
 
 
+def test_a_restart_at_any_moment_of_the_set_up_spoils_no_data() -> None:
+    """Found by `make faults`: what traces show was lost between two commands, and only the first and last exchange did not tell."""
+    _, bad = matrix(0, ["restart"], {"identify"})
+    assert bad == []
+
+
 def test_an_unknown_fault_is_refused() -> None:
     bench = SimulatedBench(1)
     with pytest.raises(BadInput, match="unknown fault 'gremlin': use one of silence, dead"):

@@ -192,3 +192,15 @@ def test_a_session_holds_what_was_measured_in_its_own_folder_only(tmp_path: Path
     measured(tmp_path / "s", small("fixture_check"), bench)
     bench.close()
     assert [entry.name for entry in tmp_path.iterdir()] == ["s"]
+
+
+def test_a_resource_that_is_not_allowed_is_refused_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bench.toml").write_text('backend = "@py"\nallow = ["GPIB0::9::INSTR"]\n', encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", ["motoremi", "run", "impedance_only", "--bench", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "s")])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    assert capsys.readouterr().err == "motoremi: analyser: GPIB0::17::INSTR is not on the bench's allow-list (GPIB0::9::INSTR)\n"
+    assert not (tmp_path / "s").exists()

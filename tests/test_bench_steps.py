@@ -177,7 +177,7 @@ def test_an_instrument_that_rounds_too_much_is_refused(tmp_path: Path, bench: Si
     device = bench.devices["analyser"]
     healthy = device._match
     device._match = lambda query: b"+3.00000000000E+08" if query == b"STOP?" else healthy(query)  # type: ignore[method-assign]
-    with pytest.raises(InstrumentError, match=r"stop_hz was set to 3e\+07, but the instrument reports 300000000.0"):
+    with pytest.raises(InstrumentError, match=r"stop_hz was set to 30000000.0, but the instrument reports 300000000.0"):
         measured(tmp_path / "s", small("impedance_only"), bench)
 
 

@@ -86,6 +86,7 @@ class Setting(Generic[T]):
 
     def __set__(self, instance: Driver, value: T) -> None:
         instance.tell(f"{self.command} {self._write(self.checked(instance, value))} {self.unit.upper()}".rstrip())
+        instance.told[self.name] = value
 
     def checked(self, instance: Driver, value: T) -> T:
         """The value, or one line on why the instrument cannot take it."""
@@ -143,6 +144,8 @@ class Driver(abc.ABC):
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
+        # What the settings were told since the last reset, to be held against what the instrument then reports.
+        self.told: JsonDict = {}
 
     def __str__(self) -> str:
         return f"{type(self).__name__} at {self.transport.resource_name}"
@@ -168,6 +171,7 @@ class Driver(abc.ABC):
         self.transport.write("*CLS")
         with self.transport.patience(self.RESET_S):
             self.tell("*RST")
+        self.told.clear()
 
     def safe(self) -> None:
         """Stop measuring and take the stimulus away; called however a run ends."""

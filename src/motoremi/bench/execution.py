@@ -300,6 +300,14 @@ def _refuse_other_span(driver: Driver, span_hz: tuple[float, float], asked_hz: t
 
 def _refuse_other_than_asked(driver: Driver, settings: JsonDict, asked: JsonDict, table: str) -> None:
     """What the instrument reports must be what it was told, or nothing measured with it means what it says."""
-    for key, name in DRIVER_SETTINGS[table].items():
-        if name in settings and abs(float(settings[name]) - asked[key]) > ROUNDING * abs(asked[key]):
-            raise InstrumentError(f"{driver}: {name} was set to {asked[key]:g}, but the instrument reports {settings[name]!r}")
+    wanted = {name: asked[key] for key, name in DRIVER_SETTINGS[table].items()}
+    # A driver sets more than the procedure names: which quantity the traces show, the unit of the levels.
+    for name, value in (driver.told | wanted).items():
+        if name in settings and not _is_about(settings[name], value):
+            raise InstrumentError(f"{driver}: {name} was set to {value!r}, but the instrument reports {settings[name]!r}")
+
+
+def _is_about(reported: object, told: object) -> bool:
+    if isinstance(told, int | float) and isinstance(reported, int | float):
+        return abs(reported - told) <= ROUNDING * abs(told)
+    return reported == told

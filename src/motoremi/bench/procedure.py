@@ -183,17 +183,10 @@ class BenchFile(Strict):
     seed: int = Field(default=1, ge=0, description="simulated bench: which motor")
     effects: tuple[str, ...] = Field(default=(), description="simulated bench: what it hides")
 
-    def resource(self, role: str, named: str) -> str:
-        """The resource of a role: the bench's own, or what the procedure names.
-
-        Raises
-        ------
-        BadInput
-            If it is not on the allow-list.
-        """
-        wanted = {str(key): value for key, value in self.resources.items()}.get(role, named)
-        refuse_unless_allowed(role, wanted, self.allow)
-        return wanted
+    def refuse_unless_allowed(self, procedure: Procedure) -> None:
+        """Raise `BadInput` if a resource, the bench's own or what the procedure names, is not on the allow-list."""
+        for role, spec in procedure.instruments.items():
+            refuse_unless_allowed(role, self.resources.get(role, spec.resource), self.allow)
 
 
 Model = TypeVar("Model", Procedure, BenchFile)

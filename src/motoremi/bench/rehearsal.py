@@ -65,8 +65,7 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
     BadInput
         If a resource is not on the bench's allow-list, or a driver has no simulated instrument.
     """
-    for role, spec in procedure.instruments.items():
-        bench_file.resource(role, spec.resource)
+    bench_file.refuse_unless_allowed(procedure)
     bench = SimulatedBench(bench_file.seed)
     notes = _Notes(procedure, bench)
     try:

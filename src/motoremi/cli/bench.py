@@ -68,6 +68,7 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
 
+    bench_file.refuse_unless_allowed(procedure)
     made = make_bench(bench_file)
     try:
         with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
