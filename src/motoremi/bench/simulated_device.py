@@ -86,7 +86,10 @@ class SimulatedDevice(Device):
         for interface, terminators in data["eom"].items():
             self.add_eom(interface, terminators["q"], terminators["r"])
         parser.update_component(name, self, data)
-        self._settable = {row["setter"]["q"].rpartition(" ")[0]: key for key, row in data["properties"].items() if "setter" in row}
+        self._settable = {self.fold(row["setter"]["q"].rpartition(" ")[0]): key for key, row in data["properties"].items() if "setter" in row}
+        spelled = [row["q"] for row in (*data["dialogues"], *data["error"]["status_register"], *data["error"]["error_queue"])]
+        spelled += [row["getter"]["q"] for row in data["properties"].values() if "getter" in row]
+        self._queries = {self.fold(query): query.encode() for query in spelled}
         self._completion_asked = False
         self._commands = {
             "*CLS": self._clear_status,
@@ -95,7 +98,7 @@ class SimulatedDevice(Device):
             "*OPC?": self._wait_and_answer,
             "*WAI": self._wait,
             "*STB?": lambda _: str(self.status_byte()).encode(),
-            **self.commands(),
+            **{self.fold(header): command for header, command in self.commands().items()},
         }
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
@@ -124,6 +127,10 @@ class SimulatedDevice(Device):
     def fold(self, header: str) -> str:
         """One spelling for each header; the base takes any case."""
         return header.upper()
+
+    def fold_word(self, word: str) -> str:
+        """One spelling for each word that a setting may have."""
+        return word.upper()
 
     def error_response(self, error_key: str) -> Any:
         """Note an error; like the real queues, a full one keeps its oldest entries."""
@@ -154,7 +161,7 @@ class SimulatedDevice(Device):
         if header in self._settable and argument:
             self._assign(self._settable[header], argument)
             return None
-        answer: Any = super()._match(header.encode("latin-1")) if header.endswith("?") else None
+        answer: Any = super()._match(self._queries[header]) if header in self._queries else None
         if answer is None:
             self.error_response("command_error")
             return None
@@ -173,8 +180,8 @@ class SimulatedDevice(Device):
                 return
             text = number[1] if scale == 1.0 else repr(float(number[1]) * scale)
         elif specs.valid:
-            text = self.fold(argument)
-            text = {"1": "ON", "0": "OFF"}.get(text, text)
+            text = self.fold_word(argument)
+            text = {"1": "ON", "0": "OFF"}.get(text, text) if "ON" in specs.valid else text
         try:
             setting.set_value(text)
         except ValueError:

@@ -8,7 +8,8 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.bench.clock import Clock
-from motoremi.bench.simulated_device import SimulatedDevice, Wiring, definite_block
+from motoremi.bench.simulated_device import Wiring, definite_block
+from motoremi.bench.simulated_scpi import SimulatedScpi
 
 DETECTORS = {"POS": "peak", "QPE": "quasi-peak", "AVER": "average"}
 # Level at the mixer, in dBuV, above which it compresses.
@@ -16,7 +17,7 @@ MIXER_LIMIT_DBUV = 97.0
 RF_OVERLOAD = 1
 
 
-class SimulatedESR(SimulatedDevice):
+class SimulatedESR(SimulatedScpi):
     """An ESR whose input is connected to a test stand."""
 
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
@@ -42,18 +43,6 @@ class SimulatedESR(SimulatedDevice):
     def busy_until(self) -> float:
         """When the running scan ends."""
         return self._ends_s
-
-    def status_byte(self) -> int:
-        """Bit 2 tells of an entry in the error queue, bit 6 requests service."""
-        summary = super().status_byte() | (4 if self._error_queues[b"SYST:ERR?"]._queue else 0)
-        return summary | (64 if summary & int(self.value("service_mask")) else 0)
-
-    def fold(self, header: str) -> str:
-        """Long forms to short forms: four letters, three if the fourth is a vowel; `SENSe` may be left out."""
-        nodes = [_short(node) for node in header.upper().strip(":").split(":")]
-        if nodes[0] in ("SENS", "SENS1") and len(nodes) > 1:
-            nodes = nodes[1:]
-        return ":".join(nodes)
 
     def _scan(self) -> None:
         start, stop, step = (float(self.value(name)) for name in ("start", "stop", "step"))
@@ -83,10 +72,3 @@ class SimulatedESR(SimulatedDevice):
     def _clear_status(self, argument: str) -> None:
         super()._clear_status(argument)
         self._overload_event = 0
-
-
-def _short(node: str) -> str:
-    letters = node.rstrip("0123456789?")
-    if not letters.isalpha() or len(letters) <= 4:
-        return node
-    return letters[: 3 if letters[3] in "AEIOU" else 4] + node[len(letters) :]
