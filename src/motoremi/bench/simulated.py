@@ -20,9 +20,8 @@ from motoremi.bench.connect import attach, open_transport
 from motoremi.bench.connections import CONNECTIONS, ConnectionName
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink
-from motoremi.bench.simulated_4294a import Simulated4294A
 from motoremi.bench.simulated_device import SimulatedDevice
-from motoremi.bench.simulated_esr import SimulatedESR
+from motoremi.bench.virtual import virtual_instrument
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import emission
@@ -102,7 +101,8 @@ class SimulatedBench:
         Virtual unless given, so that a sweep of a minute takes no time.
     """
 
-    resources: ClassVar[Mapping[str, str]] = {"analyser": "GPIB0::17::INSTR", "receiver": "GPIB0::20::INSTR"}
+    # What stands there until a procedure asks for something else.
+    INSTRUMENTS: ClassVar[Mapping[str, str]] = {"analyser": "4294a", "receiver": "esr"}
 
     def __init__(self, seed: int, effects: Sequence[str] = (), clock: Clock | None = None) -> None:
         self.seed = seed
@@ -115,21 +115,32 @@ class SimulatedBench:
         self._standards: set[str] = set()
         self._is_reference = True
         self._connection = 0
-        self.devices: dict[str, SimulatedDevice] = {
-            "analyser": Simulated4294A(self, self.clock),
-            "receiver": SimulatedESR(self, self.clock),
-        }
-        library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
-        for role, device in self.devices.items():
-            library.devices.add_device(self.resources[role], device)
-        self.resource_manager = pyvisa.ResourceManager(library)
+        self.devices: dict[str, SimulatedDevice] = {}
+        self.resources: dict[str, str] = {}
+        self._library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
+        self._on_bench = dict(self.INSTRUMENTS)
+        for role, name in self.INSTRUMENTS.items():
+            self._place(role, name)
+        self.resource_manager = pyvisa.ResourceManager(self._library)
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
         """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
         if role not in self.resources:
             raise BadInput(f"the simulated bench has no {role!r}; it has {', '.join(self.resources)}")
+        if self._on_bench[role] != driver:
+            self._place(role, driver)
         transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
         return attach(transport, role, driver, sink)
+
+    def _place(self, role: str, name: str) -> None:
+        """Put the simulated instrument of that name on the bench."""
+        instrument = virtual_instrument(name)
+        if instrument.role != role:
+            raise BadInput(f"the simulated bench cannot use {name!r} as its {role}: it is {instrument.role}")
+        self._on_bench[role] = name
+        self.devices[role] = instrument.make(self, self.clock)
+        self.resources[role] = instrument.resource
+        self._library.devices.add_device(instrument.resource, self.devices[role])
 
     def connect(self, what: ConnectionName) -> int:
         """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
@@ -141,6 +152,10 @@ class SimulatedBench:
         self._connected = what
         self._connection += 1
         return self._connection
+
+    def at_work(self, role: str) -> ConnectionName:
+        """What an instrument of that role is connected to while it measures the motor."""
+        return "open" if role == "analyser" else "lisn-motor-on"
 
     def truth(self) -> JsonDict:
         """What is hidden on this bench."""

@@ -46,7 +46,7 @@ class SimulatedBridge(SimulatedDevice):
 
     def duration_s(self) -> float:
         """How long a sweep takes."""
-        return SWEEP_OVERHEAD_S + float(self.value("points")) * self.SECONDS_PER_POINT[self.value("bandwidth_factor") - 1]
+        return SWEEP_OVERHEAD_S + float(self.value("points")) * self.SECONDS_PER_POINT[int(self.value("bandwidth_factor")) - 1]
 
     def begin(self) -> None:
         """Start whatever takes as long as a sweep."""

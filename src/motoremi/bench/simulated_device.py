@@ -124,6 +124,12 @@ class SimulatedDevice(Device):
         self._input_buffer.clear()
         self._output_buffers.clear()
 
+    def take_answers(self) -> bytes:
+        """All that waits to be read."""
+        answers = b"".join(bytes(buffer) for buffer in self._output_buffers)
+        self._output_buffers.clear()
+        return answers
+
     def fold(self, header: str) -> str:
         """One spelling for each header; the base takes any case."""
         return header.upper()
