@@ -21,7 +21,7 @@ from motoremi.bench.connections import CONNECTIONS, ConnectionName
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink
 from motoremi.bench.simulated_device import SimulatedDevice
-from motoremi.bench.virtual import virtual_instrument
+from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS, virtual_instrument
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import emission
@@ -127,7 +127,8 @@ class SimulatedBench:
         """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
         if role not in self.resources:
             raise BadInput(f"the simulated bench has no {role!r}; it has {', '.join(self.resources)}")
-        if self._on_bench[role] != driver:
+        # A driver that has no simulated instrument finds what stands there, and says that it is the wrong one.
+        if driver != self._on_bench[role] and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].role == role:
             self._place(role, driver)
         transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
         return attach(transport, role, driver, sink)
@@ -135,8 +136,6 @@ class SimulatedBench:
     def _place(self, role: str, name: str) -> None:
         """Put the simulated instrument of that name on the bench."""
         instrument = virtual_instrument(name)
-        if instrument.role != role:
-            raise BadInput(f"the simulated bench cannot use {name!r} as its {role}: it is {instrument.role}")
         self._on_bench[role] = name
         self.devices[role] = instrument.make(self, self.clock)
         self.resources[role] = instrument.resource
@@ -167,14 +166,19 @@ class SimulatedBench:
 
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
         """What the analyser would read without fixture, in ohm."""
+        connected_ohm = self.connected_ohm(frequency_hz)
         if self._connected in ("short", "open"):
-            true_ohm = self.motor.impedance(self._connected, frequency_hz)
-            return self._analyser.measure(self._connected, frequency_hz, true_ohm, self._connection, bandwidth_factor)
-        standard_ohm = np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
+            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
         if self._is_reference and self._connected != "load-standard":
-            return standard_ohm
+            return connected_ohm
         like: Termination = "short" if self._connected == "short-standard" else "open"
-        return self._analyser.measure(like, frequency_hz, standard_ohm, self._connection, bandwidth_factor)
+        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
+
+    def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
+        """What is connected, as it truly is, in ohm."""
+        if self._connected in ("short", "open"):
+            return self.motor.impedance(self._connected, frequency_hz)
+        return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
 
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""

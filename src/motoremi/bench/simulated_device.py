@@ -43,6 +43,12 @@ _SCALE = {
 class Wiring(Protocol):
     """What the simulated instruments are connected to."""
 
+    seed: int
+
+    def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
+        """What is connected, as it truly is, in ohm."""
+        ...
+
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
         """What an analyser without fixture would read now, in ohm."""
         ...
