@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pymeasure.instruments.agilent import Agilent4294A as PyMeasure4294A
 from pymeasure.instruments.rohdeschwarz import FSL
+from pynanovna.hardware.Hardware import Interface, get_VNA
 from RsInstrument import RsInstrument, StatusException
 from serving import served
 
@@ -85,3 +86,27 @@ def test_pymeasure_sweeps_with_an_esr_as_analyser() -> None:
     highest = int(np.argmax(trace[1]))
     assert peak_hz == pytest.approx(trace[0, highest])
     assert peak_dbuv == pytest.approx(trace[1, highest])
+
+
+def test_pynanovna_reads_a_nanovna() -> None:
+    with served("nanovna", "pty") as (server, bench):
+        interface = Interface("serial", "simulated")
+        interface.port = server.path  # type: ignore[attr-defined]
+        interface.open()
+        client = get_VNA(interface)
+        assert client.name == "NanoVNA-H4"
+        assert str(client.read_version()).startswith("1.2.40")
+        assert "NanoVNA-H 4" in client.read_firmware()
+        client.datapoints = 51
+        client.set_bandwidth(1000)
+        client.set_sweep(150_000, 30_000_000)
+        frequency_hz = np.array(client.read_frequencies(), dtype=float)
+        reflection = np.array([complex(*map(float, pair.split())) for pair in client.read_values("data 0")])
+        through = client.read_values("data 1")
+        interface.close()
+        truth = bench.motor.impedance("open", frequency_hz)
+    np.testing.assert_allclose(frequency_hz, np.linspace(150e3, 30e6, 51), atol=0.5)
+    assert len(through) == 51
+    expected = (truth - 50) / (truth + 50)
+    # Clips of 8 nH and 2 pF turn S11 by some hundredths at 30 MHz; the rest is below 0.02.
+    assert np.max(np.abs(reflection - expected)) < 0.1

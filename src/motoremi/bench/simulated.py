@@ -80,6 +80,11 @@ class BenchLibrary(SimVisaLibrary):
         self._device(session).device_clear()
         return constants.StatusCode.success
 
+    def flush(self, session: VISASession, mask: constants.BufferOperation) -> constants.StatusCode:
+        """Drop what is on a serial line."""
+        self._device(session).device_clear()
+        return constants.StatusCode.success
+
     def read_stb(self, session: VISASession) -> tuple[int, constants.StatusCode]:
         """Serial poll."""
         return self._device(session).status_byte(), constants.StatusCode.success

@@ -125,6 +125,11 @@ class SimulatedDevice(Device):
         """Present value of a setting of the profile."""
         return self._properties[name].get_value()
 
+    def limits(self, name: str) -> tuple[int, int]:
+        """Smallest and largest value of a whole-number setting of the profile."""
+        specs = self._data["properties"][name]["specs"]
+        return int(specs["min"]), int(specs["max"])
+
     def device_clear(self) -> None:
         """Forget half commands and unread answers."""
         self._input_buffer.clear()

@@ -14,6 +14,12 @@ from motoremi.bench.clock import Clock, WallClock
 from motoremi.errors import InstrumentError
 
 TERMINATOR = b"\n"
+# What VISA libraries read ahead, what the operating system has received, and what it has not sent yet.
+_SERIAL_BUFFERS = (
+    constants.BufferOperation.discard_read_buffer,
+    constants.BufferOperation.discard_receive_buffer,
+    constants.BufferOperation.discard_transmit_buffer,
+)
 
 
 class Transport(abc.ABC):
@@ -36,6 +42,7 @@ class Transport(abc.ABC):
         self.resource_name = resource_name
         self.clock = clock
         self.stream = stream
+        self.terminator = TERMINATOR
         self._last_command = ""
 
     @abc.abstractmethod
@@ -63,6 +70,10 @@ class Transport(abc.ABC):
     @abc.abstractmethod
     def timeout_s(self, seconds: float) -> None: ...
 
+    def end_messages_with(self, sent: bytes, received: str) -> None:
+        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer."""
+        self.terminator = sent
+
     @contextmanager
     def patience(self, seconds: float) -> Iterator[None]:
         """Use a longer (or shorter) deadline, in seconds, for a while."""
@@ -80,7 +91,7 @@ class Transport(abc.ABC):
         except UnicodeEncodeError as error:
             raise InstrumentError(f"{self.resource_name}: {command!r} is not ASCII; no instrument takes it") from error
         self._last_command = command
-        self.send(data + TERMINATOR)
+        self.send(data + self.terminator)
 
     def read(self) -> str:
         """Read a text answer, without its terminator."""
@@ -152,6 +163,11 @@ class VisaTransport(Transport):
     def timeout_s(self, seconds: float) -> None:
         self._resource.timeout = max(1, round(seconds * 1000))
 
+    def end_messages_with(self, sent: bytes, received: str) -> None:
+        """Use other ends of messages than a newline."""
+        super().end_messages_with(sent, received)
+        self._resource.read_termination = received
+
     def send(self, data: bytes) -> None:
         """Send one message."""
         with self._one_line("did not accept", "check cable, address and power"):
@@ -165,7 +181,12 @@ class VisaTransport(Transport):
     def clear(self) -> None:
         """Send a device clear."""
         with self._one_line("could not be cleared after", "switch it off and on"):
-            self._resource.clear()
+            if self._resource.interface_type == constants.InterfaceType.asrl:
+                # A serial line has no device clear: what is on its way is dropped.
+                for buffer in _SERIAL_BUFFERS:
+                    self._resource.flush(buffer)
+            else:
+                self._resource.clear()
 
     def close(self) -> None:
         """Close the VISA session."""
