@@ -22,6 +22,7 @@ DRIVER_GROUP = "motoremi.instruments"
 # A source tree that is not installed has no entry points.
 BUILT_IN = {
     "4294a": "motoremi.instruments.agilent_4294a:Agilent4294A",
+    "e4990a": "motoremi.instruments.keysight_e4990a:KeysightE4990A",
     "nanovna": "motoremi.instruments.nanovna:NanoVna",
     "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
 }

@@ -61,6 +61,10 @@ class SimulatedBridge(SimulatedDevice):
         self._measure()
         self.begin()
 
+    def sweeps_continuously(self) -> bool:
+        """Whether one sweep follows the other."""
+        return self._continuous
+
     def set_continuous(self, on: bool) -> None:
         """Sweep again and again, or hold."""
         self._continuous = on
@@ -70,7 +74,7 @@ class SimulatedBridge(SimulatedDevice):
     def impedance_ohm(self) -> ComplexArray:
         """What the last sweep measured; an analyser that sweeps continuously has always just measured."""
         old = self.clock.now() - self._measured_until_s > self.duration_s()
-        if self._continuous and (self._measured is None or self._measured_with != self._sweep_settings() or old):
+        if self.sweeps_continuously() and (self._measured is None or self._measured_with != self._sweep_settings() or old):
             self._measure()
         return np.zeros(int(self.value("points")), dtype=np.complex128) if self._measured is None else self._measured
 

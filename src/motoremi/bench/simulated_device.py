@@ -221,7 +221,9 @@ class SimulatedDevice(Device):
 
     def _settle(self) -> None:
         """Let what has ended by now show in the registers."""
-        if self._completion_asked and self.clock.now() >= self.busy_until():
+        # An idle instrument is busy until now; on a real clock that has passed by the time it is compared.
+        busy_until_s = self.busy_until()
+        if self._completion_asked and self.clock.now() >= busy_until_s:
             self._status_registers[b"*ESR?"].set("operation_complete")
             self._completion_asked = False
 

@@ -41,6 +41,7 @@ class VirtualInstrument:
 # By the name of the driver that each one answers to.
 VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
     "4294a": VirtualInstrument("motoremi.bench.simulated_4294a:Simulated4294A", "GPIB0::17::INSTR", "analyser"),
+    "e4990a": VirtualInstrument("motoremi.bench.simulated_e4990a:SimulatedE4990A", "GPIB0::18::INSTR", "analyser"),
     "nanovna": VirtualInstrument("motoremi.bench.simulated_nanovna:SimulatedNanoVna", "ASRL1::INSTR", "analyser"),
     "esr": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESR", "GPIB0::20::INSTR", "receiver"),
 }
