@@ -11,23 +11,10 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.analyser import ImpedanceAnalyser, Spacing, Standard
 from motoremi.bench.driver import Setting
-from motoremi.bench.shell import ShellDriver
+from motoremi.bench.shell import ShellDriver, sweep_edges
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show
-
-
-def _frequency(edge: str, index: int) -> Setting[float]:
-    """The firmware takes whole hertz only, and prints both edges and the points in one line."""
-    return Setting(
-        f"sweep {edge}",
-        f"Control the {'first' if index == 0 else 'last'} frequency of the sweep.",
-        read=lambda text: float(text.split()[index]),
-        write=lambda value: str(round(value)),
-        unit="Hz",
-        span=(50e3, 300e6),
-        query="sweep",
-    )
 
 
 class NanoVna(ShellDriver, ImpedanceAnalyser):
@@ -50,8 +37,7 @@ class NanoVna(ShellDriver, ImpedanceAnalyser):
     analyser = "nanovna"
     safe_commands = ("resume",)
 
-    start_hz = _frequency("start", 0)
-    stop_hz = _frequency("stop", 1)
+    start_hz, stop_hz = sweep_edges(50e3, 300e6)
     bandwidth_index = Setting(
         "bandwidth",
         "Control the receiver bandwidth: 4 kHz divided by the index plus one.",
@@ -162,14 +148,7 @@ class NanoVna(ShellDriver, ImpedanceAnalyser):
         start, stop, points = piece
         # The slowest bandwidth takes a third of a second for a point.
         with self.transport.patience(10.0 + 0.5 * points):
-            answer = self.ask(f"scan {start} {stop} {points} {mask}")
-        try:
-            rows = np.array([[float(value) for value in line.split()] for line in answer.splitlines()])
-        except ValueError as error:
-            raise InstrumentError(f"{self}: the scan from {show(start, 'Hz')} holds a line that is no list of numbers") from error
-        if rows.shape != (points, columns) or not np.all(np.isfinite(rows)):
-            raise InstrumentError(f"{self}: the scan from {show(start, 'Hz')} has {len(rows)} lines, expected {points} of {columns} numbers each")
-        return rows
+            return self.ask_rows(f"scan {start} {stop} {points} {mask}", points, columns)
 
 
 def pieces(start_hz: int, stop_hz: int, points: int, spacing: Spacing, most: int) -> list[tuple[int, int, int]]:

@@ -9,6 +9,7 @@ from pymeasure.instruments.rohdeschwarz import FSL
 from pynanovna.hardware.Hardware import Interface, get_VNA
 from RsInstrument import RsInstrument, StatusException
 from serving import served
+from tsapython import tinySA
 
 
 def test_pymeasure_reads_a_4294a() -> None:
@@ -110,3 +111,25 @@ def test_pynanovna_reads_a_nanovna() -> None:
     expected = (truth - 50) / (truth + 50)
     # Clips of 8 nH and 2 pF turn S11 by some hundredths at 30 MHz; the rest is below 0.02.
     assert np.max(np.abs(reflection - expected)) < 0.1
+
+
+def test_tsapython_reads_a_tinysa(capsys: pytest.CaptureFixture[str]) -> None:
+    with served("tinysa", "pty") as (server, bench):
+        client = tinySA(serial_timeout=10)
+        assert client.connect(server.path)  # type: ignore[attr-defined]
+        assert client.get_profile().family == "basic"
+        client.rbw(10)
+        rows = bytes(client.scan(150_000, 30_000_000, 51, 3)).decode().split("\r\n")
+        frame = bytes(client.scan_raw(150_000, 30_000_000, 51))
+        stored = bytes(client.data(2)).decode().split()
+        client.disconnect()
+        frequency_hz, level_dbm = np.array([row.split()[:2] for row in rows if row], dtype=float).T
+        expected = bench.level_dbuv(frequency_hz, "peak")
+    np.testing.assert_allclose(frequency_hz, np.linspace(150e3, 30e6, 51), atol=0.5)
+    np.testing.assert_allclose(level_dbm, np.array(stored, dtype=float), atol=1e-6)
+    raw = np.frombuffer(frame[1 : 1 + 3 * 51], np.dtype([("x", "S1"), ("count", "<u2")]))
+    assert set(raw["x"]) == {b"x"}
+    # The same motor at frequencies a little lower, because the step of a raw scan is the span over the points.
+    assert np.median(np.abs(raw["count"] / 32 - 128 - level_dbm)) < 3.0
+    loud = expected > 30
+    assert np.median(np.abs(level_dbm + 106.99 - expected)[loud]) < 1.0

@@ -165,9 +165,9 @@ def exchanges(*pairs: tuple[str, str]) -> list[dict[str, str]]:
     ("answer", "message"),
     [
         ("frequency range is invalid\r\n", "was refused: frequency range is invalid"),
-        ("150000 0.5 0.1 \r\n", "has 1 lines, expected 2 of 3 numbers each"),
+        ("150000 0.5 0.1 \r\n", "1 lines in answer to .*, expected 2 of 3 numbers each"),
         ("150000 0.5 0.1 \r\n160000 0.5 nan \r\n", "expected 2 of 3 numbers"),
-        ("150000 0.5 0.1 \r\n160000 0.5 0,1 \r\n", "holds a line that is no list of numbers"),
+        ("150000 0.5 0.1 \r\n160000 0.5 0,1 \r\n", "is no list of 3 numbers"),
         ("scan?\r\n", "was refused: scan\\?"),
     ],
 )

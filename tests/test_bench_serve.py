@@ -70,7 +70,7 @@ def test_a_receiver_scans_over_a_real_link(name: str, over: str, manager: pyvisa
         assert isinstance(receiver, EmiReceiver)
         receiver.identify()
         receiver.reset()
-        receiver.configure(150e3, 30e6, 150e3, dwell_s=0.01)
+        receiver.configure(150e3, 30e6, 150e3, 10e3 if name == "tinysa" else 9e3, dwell_s=0.01)
         spectrum = receiver.scan("peak")
         receiver.safe()
         receiver.close()

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from typing import ClassVar
 
-from motoremi.bench.driver import Driver, Identity
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.bench.driver import Driver, Identity, Setting
 from motoremi.bench.transport import Transport
 from motoremi.errors import InstrumentError
 
@@ -82,15 +85,54 @@ class ShellDriver(Driver):
         echo, _, answer = self._until_prompt().decode("latin-1").lstrip().partition("\n")
         if echo.strip() != command:
             raise InstrumentError(f"{self}: {command!r} was echoed as {echo.strip()!r}; the link loses characters")
-        if re.match(self.refusals, answer):
+        # A bare command is a question, and its usage, with the present value below, is how some answer.
+        if re.match(self.refusals, answer) and not (answer.startswith("usage:") and " " not in command):
             raise InstrumentError(f"{self}: {command!r} was refused: {' '.join(answer.split())}")
         return answer.strip()
 
     def check_errors(self, command: str) -> None:
         """Nothing to do: refusals are seen in the answer."""
 
+    def ask_rows(self, command: str, lines: int, columns: int) -> FloatArray:
+        """Send a command and return the numbers that it prints.
+
+        Returns
+        -------
+        ndarray, shape (lines, columns)
+
+        Raises
+        ------
+        InstrumentError
+            If what came is anything else.
+        """
+        answer = self.ask(command)
+        try:
+            rows = np.array([[float(value) for value in line.split()] for line in answer.splitlines()])
+        except ValueError as error:
+            raise InstrumentError(f"{self}: a line in answer to {command!r} is no list of {columns} numbers") from error
+        if rows.shape != (lines, columns) or not np.all(np.isfinite(rows)):
+            raise InstrumentError(f"{self}: {len(rows)} lines in answer to {command!r}, expected {lines} of {columns} numbers each")
+        return rows
+
     def _until_prompt(self) -> bytes:
         message = self.transport.receive()
         while not message.endswith(PROMPT):
             message += self.transport.receive()
         return message.removesuffix(PROMPT)
+
+
+def sweep_edges(low_hz: float, high_hz: float) -> tuple[Setting[float], Setting[float]]:
+    """First and last frequency: whole hertz on the wire, and one line `start stop points` to read both from."""
+    first, last = (
+        Setting(
+            f"sweep {word}",
+            f"Control the {place} frequency of the sweep.",
+            read=lambda text, index=index: float(text.split()[index]),  # type: ignore[misc]
+            write=lambda value: str(round(value)),
+            unit="Hz",
+            span=(low_hz, high_hz),
+            query="sweep",
+        )
+        for index, (word, place) in enumerate((("start", "first"), ("stop", "last")))
+    )
+    return first, last
