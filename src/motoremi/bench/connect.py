@@ -25,6 +25,7 @@ BUILT_IN = {
     "e4990a": "motoremi.instruments.keysight_e4990a:KeysightE4990A",
     "nanovna": "motoremi.instruments.nanovna:NanoVna",
     "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
+    "mxe": "motoremi.instruments.keysight_mxe:KeysightMXE",
     "tinysa": "motoremi.instruments.tinysa:TinySa",
 }
 

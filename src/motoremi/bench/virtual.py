@@ -44,6 +44,7 @@ VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
     "e4990a": VirtualInstrument("motoremi.bench.simulated_e4990a:SimulatedE4990A", "GPIB0::18::INSTR", "analyser"),
     "nanovna": VirtualInstrument("motoremi.bench.simulated_nanovna:SimulatedNanoVna", "ASRL1::INSTR", "analyser"),
     "esr": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESR", "GPIB0::20::INSTR", "receiver"),
+    "mxe": VirtualInstrument("motoremi.bench.simulated_mxe:SimulatedMxe", "GPIB0::21::INSTR", "receiver"),
     "tinysa": VirtualInstrument("motoremi.bench.simulated_tinysa:SimulatedTinySa", "ASRL2::INSTR", "receiver"),
 }
 
