@@ -54,6 +54,8 @@ class NanoVna(ShellDriver, ImpedanceAnalyser):
     MOST_POINTS: ClassVar[int] = 1601
     # A tenth of what a careless calibration leaves: an estimate, not from a data sheet.
     GAMMA_ERROR: ClassVar[float] = 5e-3
+    # Noise of a standard is in every sweep after it and does not show in their scatter: it has to be far below theirs.
+    SCANS_OF_A_STANDARD: ClassVar[int] = 16
     # Mask of `scan`: frequencies; frequencies and S11.
     AXIS_ONLY: ClassVar[int] = 1
     AXIS_AND_S11: ClassVar[int] = 3
@@ -118,7 +120,9 @@ class NanoVna(ShellDriver, ImpedanceAnalyser):
     def measure_standard(self, standard: Standard) -> None:
         """Measure the fixture with the standard that is connected."""
         self._standards.pop(standard, None)
-        self._standards[standard] = self._scanned()
+        # The mean of S11, not of impedances: that of an open fixture is mostly noise.
+        reflection = np.mean([self._reflection() for _ in range(self.SCANS_OF_A_STANDARD)], axis=0)
+        self._standards[standard] = impedance_from_reflection(reflection, self.REFERENCE_OHM)
 
     def trigger(self) -> None:
         """Nothing to start: a scan answers when it is complete."""
@@ -126,7 +130,8 @@ class NanoVna(ShellDriver, ImpedanceAnalyser):
 
     def wait_until_complete(self) -> None:
         """Scan, piece by piece, and take the fixture out."""
-        self._measured = without_fixture(self._scanned(), self._standards.get("open"), self._standards.get("short"))
+        at_connector = impedance_from_reflection(self._reflection(), self.REFERENCE_OHM)
+        self._measured = without_fixture(at_connector, self._standards.get("open"), self._standards.get("short"))
 
     def read_axis(self) -> FloatArray:
         """Frequencies of the sweep in hertz, as the firmware rounds them."""
@@ -139,10 +144,11 @@ class NanoVna(ShellDriver, ImpedanceAnalyser):
             raise InstrumentError(f"{self}: the sweep is not complete; there are no data yet")
         return self._measured
 
-    def _scanned(self) -> ComplexArray:
-        """Impedance at the connector in ohm."""
+    def _reflection(self) -> ComplexArray:
+        """S11 of one sweep."""
         rows = np.concatenate([self._rows(piece, self.AXIS_AND_S11, 3) for piece in self._pieces])
-        return impedance_from_reflection(rows[:, 1] + 1j * rows[:, 2], self.REFERENCE_OHM)
+        reflection: ComplexArray = rows[:, 1] + 1j * rows[:, 2]
+        return reflection
 
     def _rows(self, piece: tuple[int, int, int], mask: int, columns: int) -> FloatArray:
         start, stop, points = piece

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+import motoremi as me
 from motoremi.bench.connect import open_transport
 from motoremi.bench.replay import ReplayTransport
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.simulated_nanovna import SimulatedNanoVna
 from motoremi.bench.virtual import virtual_instrument
+from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.nanovna import NanoVna, impedance_from_reflection, pieces, without_fixture
 
@@ -102,6 +104,20 @@ def test_compensation_moves_the_reference_plane_to_the_fixture(bench: SimulatedB
     # Residual tracking and match of the simulated instrument are 0.3 % and 0.5 % of S11: about 2 % between 5 and 500 Ohm.
     assert np.median(after) < 0.02
     assert np.median(after) < np.median(before)
+
+
+def test_a_motor_without_effects_is_fitted_to_the_noise(bench: SimulatedBench, analyser: NanoVna) -> None:
+    """Noise of the standards is in every sweep and not in their scatter; with a single scan of each, chi-square would be about 3."""
+    analyser.configure(150e3, 30e6, 201, "log", 4)
+    bench.connect("open-standard")
+    analyser.compensate("open")
+    bench.connect("short-standard")
+    analyser.compensate("short")
+    sweeps = []
+    for termination in TERMINATIONS:
+        bench.connect(termination)
+        sweeps += [analyser.sweep(termination) for _ in range(3)]
+    assert me.fit(me.dc_motor(), sweeps, seed=1).chi2_reduced < 1.5
 
 
 def test_metadata_tell_how_much_lies_beyond_the_limits(bench: SimulatedBench, analyser: NanoVna) -> None:
