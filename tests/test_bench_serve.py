@@ -151,3 +151,18 @@ def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa
     finally:
         process.kill()
         process.communicate()
+
+
+def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.ResourceManager) -> None:
+    """Nothing is repeated by itself; the instrument is still as it was set, and can be brought into its safe state."""
+    with served("4294a") as (server, bench):
+        analyser = driver_class("4294a")(open_transport(manager, server.resource, timeout_s=0.5))
+        analyser.tell("POIN 11", "POWE 0.4 V")
+        server.drop_client()  # type: ignore[attr-defined]
+        with pytest.raises(InstrumentError, match=r"did not accept|gave no answer"):
+            analyser.identify()
+        analyser.safe()
+        assert analyser.ask("POIN?") == "+11"
+        assert float(analyser.ask("POWE?")) == 0.005
+        assert analyser.transport.timeout_s == 0.5
+        analyser.close()

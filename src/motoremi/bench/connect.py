@@ -100,6 +100,14 @@ def open_transport(manager: pyvisa.ResourceManager, resource: str, timeout_s: fl
     InstrumentError
         If there is no such resource, it cannot be opened, or it carries no messages.
     """
+
+    def reopen() -> MessageBasedResource:
+        return _open_resource(manager, resource)
+
+    return VisaTransport(reopen(), timeout_s, clock, reopen)
+
+
+def _open_resource(manager: pyvisa.ResourceManager, resource: str) -> MessageBasedResource:
     try:
         opened = manager.open_resource(resource)
     except (pyvisa.Error, OSError, ValueError, NotImplementedError, ImportError) as error:
@@ -107,7 +115,7 @@ def open_transport(manager: pyvisa.ResourceManager, resource: str, timeout_s: fl
     if not isinstance(opened, MessageBasedResource):
         opened.close()
         raise InstrumentError(f"{resource}: is no instrument that takes messages")
-    return VisaTransport(opened, timeout_s, clock)
+    return opened
 
 
 def attach(transport: Transport, role: str, driver: str, sink: TrafficSink) -> Driver:

@@ -103,6 +103,7 @@ class SocketServer(Server):
             self._listener = socket.create_server((LOOPBACK, port))
         except OSError as error:
             raise InstrumentError(f"TCP port {port} of {LOOPBACK} cannot be served: {error.strerror or error}") from error
+        self._client: socket.socket | None = None
         self.port: int = self._listener.getsockname()[1]
         super().__init__(device, f"TCPIP::{LOOPBACK}::{self.port}::SOCKET")
 
@@ -114,9 +115,16 @@ class SocketServer(Server):
             # What a client that went away has left unread is not for the next one.
             self._device.device_clear()
             client.setblocking(False)
+            self._client = client
             with client, suppress(ConnectionError):
                 while self._readable(client.fileno()) and (data := client.recv(_CHUNK)):
                     self._send(client.fileno(), client.send, converse(self._device, data))
+
+    def drop_client(self) -> None:
+        """Cut the link, as a pulled network cable or a restarted switch does."""
+        if self._client is not None:
+            with suppress(OSError):
+                self._client.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """Stop serving."""

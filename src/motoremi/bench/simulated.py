@@ -59,8 +59,8 @@ class BenchLibrary(SimVisaLibrary):
     def read(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
         """Read from an instrument; a deadline passes on its own clock, so that silence costs no real time on a virtual one."""
         link, device = self.sessions[session], self._device(session)
-        if link.parsed.interface_type_const == constants.InterfaceType.asrl or link.parsed.resource_class == "SOCKET":
-            return super().read(session, count)
+        if link.parsed.interface_type_const == constants.InterfaceType.asrl:
+            return self._read_line(session, count)
         timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
         wait_s = device.answer_due_s - device.clock.now() if device._output_buffers else np.inf
         if wait_s > timeout_s:
@@ -74,6 +74,21 @@ class BenchLibrary(SimVisaLibrary):
             return part, constants.StatusCode.success_max_count_read
         device._output_buffers.popleft()
         return part, constants.StatusCode.success
+
+    def _read_line(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
+        """Read from a serial line up to the character that ends an answer."""
+        link, device = self.sessions[session], self._device(session)
+        waiting = device.take_answers()
+        end = waiting.find(bytes([link.get_attribute(constants.ResourceAttribute.termchar)[0]])) + 1
+        wait_s = device.answer_due_s - device.clock.now() if end else np.inf
+        timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
+        device.clock.sleep(min(wait_s, timeout_s))
+        part = waiting[: min(end, count)] if wait_s <= timeout_s else b""
+        device._output_buffers.append(bytearray(waiting[len(part) :]))
+        if not part:
+            raise pyvisa.VisaIOError(constants.VI_ERROR_TMO)
+        ended = len(part) == end
+        return part, constants.StatusCode.success_termination_character_read if ended else constants.StatusCode.success_max_count_read
 
     def clear(self, session: VISASession) -> constants.StatusCode:
         """Device clear."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 import pyvisa
 from pyvisa import constants
@@ -144,12 +144,22 @@ class VisaTransport(Transport):
     timeout_s : float
         Deadline of one exchange in seconds.
     clock : Clock, optional
+    reopen : callable, optional
+        Opens the resource anew: `clear` does so after a failed exchange, because a dropped link or a pulled plug needs it.
     """
 
-    def __init__(self, resource: MessageBasedResource, timeout_s: float = 5.0, clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        resource: MessageBasedResource,
+        timeout_s: float = 5.0,
+        clock: Clock | None = None,
+        reopen: Callable[[], MessageBasedResource] | None = None,
+    ) -> None:
         stream = resource.interface_type == constants.InterfaceType.asrl or resource.resource_class == "SOCKET"
         super().__init__(str(resource.resource_name), clock or WallClock(), stream)
         self._resource = resource
+        self._reopen = reopen
+        self._failed = False
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
         self.timeout_s = timeout_s
@@ -179,8 +189,10 @@ class VisaTransport(Transport):
             return bytes(self._resource.read_raw())
 
     def clear(self) -> None:
-        """Send a device clear."""
+        """Send a device clear, on a new link if the last exchange failed. Nothing is sent twice: what to repeat is the caller's to know."""
         with self._one_line("could not be cleared after", "switch it off and on"):
+            if self._failed and self._reopen is not None:
+                self._reconnect(self._reopen)
             if self._resource.interface_type == constants.InterfaceType.asrl:
                 # A serial line has no device clear: what is on its way is dropped.
                 for buffer in _SERIAL_BUFFERS:
@@ -192,12 +204,23 @@ class VisaTransport(Transport):
         """Close the VISA session."""
         self._resource.close()
 
+    def _reconnect(self, reopen: Callable[[], MessageBasedResource]) -> None:
+        timeout_s, ending = self.timeout_s, self._resource.read_termination
+        # A link that is gone cannot always be closed either.
+        with suppress(pyvisa.Error, OSError):
+            self._resource.close()
+        self._resource = reopen()
+        self._resource.read_termination = ending
+        self.timeout_s = timeout_s
+        self._failed = False
+
     @contextmanager
     def _one_line(self, trouble: str, advice: str) -> Iterator[None]:
         # pyvisa-py lets errors of the socket through as they are, and not every backend knows every call.
         try:
             yield
         except (pyvisa.Error, OSError, NotImplementedError) as error:
+            self._failed = True
             detail = f"within {self.timeout_s:g} s" if _is_timeout(error) else f"({str(error).splitlines()[0]})"
             command = self._last_command or "the opening of the link"
             raise InstrumentError(f"{self.resource_name}: {trouble} {command!r} {detail}; {advice}") from error
