@@ -155,7 +155,7 @@ def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa
 
 def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.ResourceManager) -> None:
     """Nothing is repeated by itself; the instrument is still as it was set, and can be brought into its safe state."""
-    with served("4294a") as (server, bench):
+    with served("4294a") as (server, _):
         analyser = driver_class("4294a")(open_transport(manager, server.resource, timeout_s=0.5))
         analyser.tell("POIN 11", "POWE 0.4 V")
         server.drop_client()  # type: ignore[attr-defined]
