@@ -13,9 +13,12 @@ if TYPE_CHECKING:
     from motoremi.bench.survey import Answer
 
 Ask = Annotated[list[str] | None, typer.Option("--ask", metavar="RESOURCE", help="Ask this one too: sockets are on no list.", show_default=False)]
-PACKAGES = ("motoremi", "numpy", "scipy", "pandas", "pyvisa", "pyvisa-py", "pyvisa-sim", "pyserial", "matplotlib", "jinja2")
-# What makes more kinds of connection possible, and what for.
+PACKAGES = ("motoremi", "numpy", "scipy", "pandas", "scikit-rf", "pyvisa", "pyvisa-py", "pyvisa-sim", "pyserial", "matplotlib", "jinja2")
+# What motoremi can do without, and what it is for.
 OPTIONAL = {
+    "h5py": "export to HDF5",
+    "xarray": "export to HDF5",
+    "pyarrow": "export to Parquet",
     "gpib-ctypes": "GPIB without a vendor's VISA",
     "pyusb": "USB instruments without a vendor's VISA",
     "psutil": "search for network instruments on all interfaces",
