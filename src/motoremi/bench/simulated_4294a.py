@@ -9,6 +9,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.bench.clock import Clock
+from motoremi.bench.shown_quantities import PAIRS, QUANTITIES
 from motoremi.bench.simulated_bridge import SimulatedBridge, pairs
 from motoremi.bench.simulated_device import Wiring, definite_block
 
@@ -107,14 +108,10 @@ class Simulated4294A(SimulatedBridge):
     def _trace(self) -> FloatArray:
         """Two values a point; the second one matters for complex traces only."""
         impedance = self.impedance_ohm()
-        main = self.value("trace") == "A"
-        match self.value("measurement"):
-            case "IRIM":
-                return pairs(impedance.real if main else impedance.imag)
-            case "IMPH":
-                return pairs(np.abs(impedance) if main else np.angle(impedance, deg=True))
-            case _:
-                return pairs(impedance)
+        if not impedance.any():
+            return np.zeros(2 * impedance.size)
+        name = PAIRS[self.value("measurement")]["AB".index(self.value("trace"))]
+        return pairs(QUANTITIES[name](impedance, 2 * np.pi * self.axis()))
 
     def _array(self, values: FloatArray) -> bytes:
         if self._format == "FORM4":

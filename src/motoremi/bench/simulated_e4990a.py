@@ -7,26 +7,35 @@ from functools import partial
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.arrays import FloatArray
 from motoremi.bench.clock import Clock
+from motoremi.bench.shown_quantities import QUANTITIES
 from motoremi.bench.simulated_bridge import SimulatedBridge, pairs
 from motoremi.bench.simulated_device import Wiring, definite_block
 from motoremi.bench.simulated_scpi import SimulatedScpi
 
 STANDARDS = {"OPEN": "open", "SHOR": "short", "LOAD": "load"}
 MEASURING = 16
-# The quantities that a parameter may show, from the complex impedance.
-QUANTITIES: dict[str, Callable[[ComplexArray], ComplexArray | FloatArray]] = {
-    "Z": np.abs,
-    "TZ": lambda z: np.degrees(np.angle(z)),
-    "R": np.real,
-    "X": np.imag,
-    "Y": lambda z: np.abs(1 / z),
-    "TY": lambda z: np.degrees(np.angle(1 / z)),
-    "G": lambda z: np.real(1 / z),
-    "B": lambda z: np.imag(1 / z),
-    "IMP": lambda z: z,
-    "ADM": lambda z: 1 / z,
+# Words of PAR:DEF.
+PARAMETERS = {
+    "Z": "|Z|",
+    "TZ": "phase of Z",
+    "R": "R",
+    "X": "X",
+    "Y": "|Y|",
+    "TY": "phase of Y",
+    "G": "G",
+    "B": "B",
+    "LS": "Ls",
+    "LP": "Lp",
+    "CS": "Cs",
+    "CP": "Cp",
+    "RS": "R",
+    "RP": "Rp",
+    "Q": "Q",
+    "D": "D",
+    "IMP": "Z",
+    "ADM": "Y",
 }
 
 
@@ -86,9 +95,10 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
     def _formatted(self) -> FloatArray:
         """Two values a point of the selected parameter; the second one is 0 unless the parameter is complex."""
         impedance = self.impedance_ohm()
-        # Before the first sweep there is nothing to invert.
-        impedance = np.where(impedance == 0, 1e-12, impedance)
-        return pairs(QUANTITIES[self.value(f"parameter_{self._selected}")](impedance))
+        if not impedance.any():
+            return np.zeros(2 * impedance.size)
+        name = PARAMETERS[self.value(f"parameter_{self._selected}")]
+        return pairs(QUANTITIES[name](impedance, 2 * np.pi * self.axis()))
 
     def _array(self, values: FloatArray) -> bytes:
         if self.value("format") == "ASC":
