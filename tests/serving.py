@@ -15,13 +15,13 @@ SPEED = 500.0
 
 
 @contextmanager
-def served(name: str, over: str = "tcp", connected: str | None = None) -> Iterator[tuple[Server, SimulatedBench]]:
-    """A simulated instrument that other programs can reach, and the bench that it is on."""
-    clock = FastClock(SPEED)
-    bench = SimulatedBench(7, clock=clock)
+def served(name: str, over: str = "tcp", bench: SimulatedBench | None = None) -> Iterator[tuple[Server, SimulatedBench]]:
+    """A simulated instrument that other programs can reach, and the bench that it is on: its own at work, or the one that is given."""
     instrument = virtual_instrument(name)
-    bench.connect(connected or bench.at_work(instrument.role))  # type: ignore[arg-type]
-    device = instrument.make(bench, clock)
+    if bench is None:
+        bench = SimulatedBench(7, clock=FastClock(SPEED))
+        bench.connect(bench.at_work(instrument.role))
+    device = instrument.make(bench, bench.clock)
     server: Server = SocketServer(device) if over == "tcp" else TerminalServer(device)
     with server:
         yield server, bench

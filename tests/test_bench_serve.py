@@ -10,19 +10,26 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvisa
+from fault_matrix import SEED, small
 from serving import SPEED, served
 
 from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.clock import FastClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
+from motoremi.bench.connections import INSTRUCTIONS
+from motoremi.bench.procedure import BenchFile
 from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.rerun import rerun
+from motoremi.bench.runner import make_bench, run, start_document
 from motoremi.bench.serve import SocketServer
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
+from motoremi.data.session import SessionWriter, load, verify
 from motoremi.errors import InstrumentError
 
 ANALYSERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "analyser")
@@ -166,3 +173,33 @@ def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.Re
         assert float(analyser.ask("POWE?")) == 0.005
         assert analyser.transport.timeout_s == 0.5
         analyser.close()
+
+
+@pytest.mark.parametrize(
+    ("procedure", "analyser", "receiver"),
+    [("full_motor_test", ("4294a", "tcp"), ("esr", "pty")), ("nanovna_bench", ("nanovna", "pty"), ("tinysa", "tcp"))],
+)
+def test_a_procedure_runs_over_real_links(tmp_path: Path, procedure: str, analyser: tuple[str, str], receiver: tuple[str, str]) -> None:
+    """As on a real bench: PyVISA-py opens what the bench file names, and the operator connects what the prompts say."""
+    bench = SimulatedBench(SEED, clock=FastClock(SPEED))
+
+    def operator(text: str) -> None:
+        bench.connect(next(what for what, instruction in INSTRUCTIONS.items() if text.startswith(instruction.text)))
+
+    with served(*analyser, bench=bench) as (one, _), served(*receiver, bench=bench) as (other, _):
+        bench_file = BenchFile(backend="@py", resources={"analyser": one.resource, "receiver": other.resource})
+        visa = make_bench(bench_file)
+        writer = SessionWriter.create(tmp_path / "s", start_document(small(procedure), bench_file))
+        outcome = run(small(procedure), visa, writer, analyse=lambda *_: None, prompt=operator)
+        visa.close()
+    session = load(tmp_path / "s")
+    assert outcome.passed
+    assert verify(tmp_path / "s") == []
+    assert len(session.sweeps) == 6
+    for sweep in session.sweeps:
+        truth = bench.motor.impedance(sweep.termination, sweep.frequency_hz)
+        assert np.median(np.abs(sweep.impedance_ohm / truth - 1)) < 0.05
+    assert {spectrum.metadata["condition"] for spectrum in session.spectra} == {"motor off", "motor running"}
+    again = rerun(session, tmp_path / "again", lambda: lambda *_: None, False)
+    assert again.same
+    assert again.compared == len(session.sweeps) + len(session.spectra)
