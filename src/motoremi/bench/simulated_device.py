@@ -24,6 +24,7 @@ from motoremi.bench.clock import Clock
 # Time on the bus for one message: what lets a client without a clock of its own poll a simulated sweep to its end.
 MESSAGE_S = 1e-3
 QUEUE_DEPTH = 10
+LONGEST_MESSAGE = 1 << 18
 _NUMBER = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)")
 _SCALE = {
     "HZ": 1.0,
@@ -134,6 +135,14 @@ class SimulatedDevice(Device):
         """Forget half commands and unread answers."""
         self._input_buffer.clear()
         self._output_buffers.clear()
+
+    def write(self, data: bytes) -> None:
+        """Take a message or a part of one; what never ends is forgotten, as in an instrument whose buffer is full."""
+        if len(self._input_buffer) + len(data) > LONGEST_MESSAGE:
+            self._input_buffer.clear()
+            self.error_response("command_error")
+            return
+        super().write(data)
 
     def take_answers(self) -> bytes:
         """All that waits to be read."""

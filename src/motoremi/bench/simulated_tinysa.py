@@ -156,7 +156,7 @@ class SimulatedTinySa(SimulatedShell):
 
     def _zero(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and arguments[0] != "?":
-            self._properties["zero_level"].set_value(str(whole(arguments[0])))
+            self._properties["zero_level"].set_value(str(min(whole(arguments[0]), self.limits("zero_level")[1])))
             return ""
         return lines("usage: zero {level}", f"{self.value('zero_level')}dBm")
 
