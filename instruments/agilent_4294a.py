@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.analyser import ImpedanceAnalyser, Spacing, Standard
 from motoremi.bench.driver import choice, count, number
 from motoremi.bench.transport import Transport
+from motoremi.bench.values import block_values, text_values
 from motoremi.errors import InstrumentError
 
 
@@ -141,20 +140,5 @@ class Agilent4294A(ImpedanceAnalyser):
         self.check_errors(command)
 
     def _read_array(self, query: str) -> FloatArray:
-        if self.binary:
-            self.transport.write("FORM3")
-            block = self.transport.query_block(query)
-            if len(block) % 8:
-                raise InstrumentError(f"{self}: the block in answer to {query!r} has {len(block)} bytes, not 8 for each value")
-            values = np.frombuffer(block, dtype=">f8").astype(np.float64)
-        else:
-            self.transport.write("FORM4")
-            answer = self.transport.query(query)
-            try:
-                values = np.array([float(field) for field in answer.split(",")])
-            except ValueError as error:
-                raise InstrumentError(f"{self}: {answer[:40]!r} in answer to {query!r} is no list of numbers") from error
-        self.check_errors(query)
-        if not np.all(np.isfinite(values)):
-            raise InstrumentError(f"{self}: the answer to {query!r} holds values that are not finite")
-        return values
+        self.transport.write("FORM3" if self.binary else "FORM4")
+        return block_values(self, query) if self.binary else text_values(self, query)

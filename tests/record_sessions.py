@@ -6,17 +6,38 @@ A driver that asks something else on purpose needs its session recorded anew; th
 
 from __future__ import annotations
 
+import copy
 import shutil
 import sys
 from pathlib import Path
 
 from fault_matrix import SEED, measured, small
 
+from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.virtual import virtual_instrument
 
 SESSIONS = Path(__file__).parent / "sessions"
-# Driver -> the ready procedure that uses it.
-PROCEDURES = {"4294a": "impedance_only", "esr": "emission_only"}
+# Driver -> the ready procedure in which it takes the place of the driver of its role.
+PROCEDURES = {
+    "4294a": "impedance_only",
+    "e4990a": "impedance_only",
+    "nanovna": "impedance_only",
+    "esr": "emission_only",
+    "mxe": "emission_only",
+    "tinysa": "nanovna_bench",
+}
+
+
+def procedure(driver: str) -> Procedure:
+    """The ready procedure with this driver in its role."""
+    data = copy.deepcopy(small(PROCEDURES[driver]).source)
+    role = virtual_instrument(driver).role
+    data["instruments"] = {role: {**data["instruments"][role], "driver": driver}}
+    if role == "receiver":
+        data.pop("sweep", None)
+        data["steps"] = [step for step in data["steps"] if step["do"] in ("identify", "connect", "wait", "spectrum", "report")]
+    return parse_procedure(data, driver)
 
 
 def record(driver: str) -> None:
@@ -25,7 +46,7 @@ def record(driver: str) -> None:
     if folder.exists():
         shutil.rmtree(folder)
     bench = SimulatedBench(SEED)
-    measured(folder, small(PROCEDURES[driver]), bench)
+    measured(folder, procedure(driver), bench)
     bench.close()
 
 

@@ -294,3 +294,37 @@ def test_an_empty_answer_is_an_answer(raw: pyvisa.resources.MessageBasedResource
     assert raw.query("TITL?").strip() == ""
     raw.write('TITL "Motor 7"')
     assert raw.query("TITL?").strip() == '"Motor 7"'
+
+
+def test_every_pair_of_quantities_is_of_the_same_impedance(bench: SimulatedBench, raw: pyvisa.resources.MessageBasedResource) -> None:
+    """A stock client reads R and X, and then what each other word of MEAS makes of them, in the definitions of the manual."""
+    bench.connect("open")
+    raw.write("STAR 1MHZ;STOP 2MHZ;POIN 3;SING")
+
+    def traces(word: str) -> tuple[np.ndarray, np.ndarray]:
+        raw.write(f"MEAS {word}")
+        shown = []
+        for trace in "AB":
+            raw.write(f"TRAC {trace}")
+            shown.append(np.array([float(value) for value in raw.query("OUTPDTRC?").split(",")]).reshape(-1, 2))
+        return shown[0], shown[1]
+
+    resistance, reactance = (trace[:, 0] for trace in traces("IRIM"))
+    omega = 2 * np.pi * np.array([1e6, 1.5e6, 2e6])
+    conductance = resistance / (resistance**2 + reactance**2)
+    susceptance = -reactance / (resistance**2 + reactance**2)
+    expected = {
+        "CSR": (-1 / (omega * reactance), resistance),
+        "LSQ": (reactance / omega, np.abs(reactance) / resistance),
+        "CPG": (susceptance / omega, conductance),
+        "LPR": (-1 / (omega * susceptance), 1 / conductance),
+        "CPD": (susceptance / omega, conductance / np.abs(susceptance)),
+        "AMPH": (np.hypot(conductance, susceptance), np.degrees(np.arctan2(susceptance, conductance))),
+    }
+    for word, pair in expected.items():
+        for shown, wanted in zip(traces(word), pair, strict=True):
+            np.testing.assert_allclose(shown[:, 0], wanted, rtol=1e-8, err_msg=word)
+            assert not shown[:, 1].any()
+    impedance, admittance = traces("COMP")
+    np.testing.assert_allclose(impedance, np.column_stack([resistance, reactance]), rtol=1e-9)
+    np.testing.assert_allclose(admittance, np.column_stack([conductance, susceptance]), rtol=1e-8)

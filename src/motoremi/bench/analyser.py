@@ -78,6 +78,10 @@ class ImpedanceAnalyser(Driver):
     def read_impedance(self) -> ComplexArray:
         """Impedance of the last complete sweep in ohm; refused before it is complete."""
 
+    def metadata(self) -> JsonDict:
+        """What else is worth keeping with the sweep that has just been read."""
+        return {}
+
     def compensate(self, standard: Standard) -> None:
         """Measure the fixture with the open or short standard that is connected now, on the frequencies of the sweep."""
         self._compensated.pop(standard, None)
@@ -109,6 +113,7 @@ class ImpedanceAnalyser(Driver):
             "resource": self.transport.resource_name,
             "settings": self.settings(),
             "compensated": sorted(self._compensated),
+            **self.metadata(),
         }
         return ImpedanceSweep(termination, frequency_hz, impedance_ohm, metadata=metadata)
 

@@ -30,6 +30,27 @@ class WallClock:
         time.sleep(seconds)
 
 
+class FastClock:
+    """Real time that passes faster, for simulated instruments that other programs wait for.
+
+    Parameters
+    ----------
+    speed : float
+        Seconds of this clock for each real one, above 0.
+    """
+
+    def __init__(self, speed: float) -> None:
+        self.speed = speed
+
+    def now(self) -> float:
+        """Seconds on this clock."""
+        return time.monotonic() * self.speed
+
+    def sleep(self, seconds: float) -> None:
+        """Wait that many seconds of this clock."""
+        time.sleep(max(0.0, seconds) / self.speed)
+
+
 class VirtualClock:
     """Time that passes only when somebody waits, so that a simulated sweep of a minute takes no time at all."""
 

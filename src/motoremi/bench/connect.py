@@ -22,7 +22,11 @@ DRIVER_GROUP = "motoremi.instruments"
 # A source tree that is not installed has no entry points.
 BUILT_IN = {
     "4294a": "motoremi.instruments.agilent_4294a:Agilent4294A",
+    "e4990a": "motoremi.instruments.keysight_e4990a:KeysightE4990A",
+    "nanovna": "motoremi.instruments.nanovna:NanoVna",
     "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
+    "mxe": "motoremi.instruments.keysight_mxe:KeysightMXE",
+    "tinysa": "motoremi.instruments.tinysa:TinySa",
 }
 
 
@@ -96,6 +100,14 @@ def open_transport(manager: pyvisa.ResourceManager, resource: str, timeout_s: fl
     InstrumentError
         If there is no such resource, it cannot be opened, or it carries no messages.
     """
+
+    def reopen() -> MessageBasedResource:
+        return _open_resource(manager, resource)
+
+    return VisaTransport(reopen(), timeout_s, clock, reopen)
+
+
+def _open_resource(manager: pyvisa.ResourceManager, resource: str) -> MessageBasedResource:
     try:
         opened = manager.open_resource(resource)
     except (pyvisa.Error, OSError, ValueError, NotImplementedError, ImportError) as error:
@@ -103,7 +115,7 @@ def open_transport(manager: pyvisa.ResourceManager, resource: str, timeout_s: fl
     if not isinstance(opened, MessageBasedResource):
         opened.close()
         raise InstrumentError(f"{resource}: is no instrument that takes messages")
-    return VisaTransport(opened, timeout_s, clock)
+    return opened
 
 
 def attach(transport: Transport, role: str, driver: str, sink: TrafficSink) -> Driver:

@@ -37,17 +37,19 @@ class Setting(Generic[T]):
     Parameters
     ----------
     command : str
-        Mnemonic or SCPI header.
+        Mnemonic, SCPI header, or command of a shell.
     doc : str
         One sentence that starts with "Control".
     unit : str
-        SI unit, empty for a plain number or word; sent in capitals after the value.
+        SI unit, empty for a plain number or word; sent in capitals after the value unless the driver's `units_on_wire` is False.
     span : (float, float), optional
         Smallest and largest value, in `unit`.
     words : mapping of str to str, optional
         Allowed values and what the instrument calls them.
     read, write : callable
         Between the instrument's text and a Python value.
+    query : str, optional
+        What reads it, if that is not the command with a question mark.
     """
 
     def __init__(
@@ -59,8 +61,10 @@ class Setting(Generic[T]):
         unit: str = "",
         span: tuple[float, float] | None = None,
         words: dict[str, str] | None = None,
+        query: str = "",
     ) -> None:
         self.command = command
+        self.query = query or f"{command}?"
         self.unit = unit
         self.span = span
         self.words = words or {}
@@ -78,14 +82,15 @@ class Setting(Generic[T]):
     def __get__(self, instance: Driver | None, owner: type[Driver]) -> Self | T:
         if instance is None:
             return self
-        answer = instance.ask(f"{self.command}?")
+        answer = instance.ask(self.query)
         try:
             return self._read(answer)
-        except (ValueError, KeyError) as error:
-            raise InstrumentError(f"{instance}: cannot read {answer!r} as {self.name} in answer to '{self.command}?'") from error
+        except (ValueError, KeyError, IndexError) as error:
+            raise InstrumentError(f"{instance}: cannot read {answer!r} as {self.name} in answer to {self.query!r}") from error
 
     def __set__(self, instance: Driver, value: T) -> None:
-        instance.tell(f"{self.command} {self._write(self.checked(instance, value))} {self.unit.upper()}".rstrip())
+        unit = self.unit.upper() if instance.units_on_wire else ""
+        instance.tell(f"{self.command} {self._write(self.checked(instance, value))} {unit}".rstrip())
         instance.told[self.name] = value
 
     def checked(self, instance: Driver, value: T) -> T:
@@ -129,7 +134,9 @@ class Driver(abc.ABC):
     model : str
         Regular expression that the second field of `*IDN?` must match.
     error_query : str
-        What pops the oldest entry of the error queue.
+        What pops the oldest entry of the error queue; empty for an instrument that has none and answers each mistake at once.
+    units_on_wire : bool
+        Whether a number is sent with its unit.
     safe_commands : tuple of str
         What stops the measurement and takes the stimulus away.
     """
@@ -137,6 +144,7 @@ class Driver(abc.ABC):
     model: ClassVar[str]
     error_query: ClassVar[str]
     safe_commands: ClassVar[tuple[str, ...]]
+    units_on_wire: ClassVar[bool] = True
     # The queues hold ten entries or thirty; a queue that never empties is an instrument out of its mind.
     _QUEUE_LIMIT: ClassVar[int] = 50
     # A receiver's preset takes many seconds, during which it answers nothing.

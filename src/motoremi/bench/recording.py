@@ -64,6 +64,11 @@ class RecordingTransport(Transport):
         self._inner.timeout_s = seconds
         self._timeout_s = seconds
 
+    def end_messages_with(self, sent: bytes, received: str) -> None:
+        """Use other ends of messages than a newline."""
+        super().end_messages_with(sent, received)
+        self._inner.end_messages_with(sent, received)
+
     def write(self, command: str) -> None:
         """Send a command."""
         # The inner transport names the command when it fails.

@@ -20,9 +20,8 @@ from motoremi.bench.connect import attach, open_transport
 from motoremi.bench.connections import CONNECTIONS, ConnectionName
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink
-from motoremi.bench.simulated_4294a import Simulated4294A
 from motoremi.bench.simulated_device import SimulatedDevice
-from motoremi.bench.simulated_esr import SimulatedESR
+from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS, virtual_instrument
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import emission
@@ -60,8 +59,8 @@ class BenchLibrary(SimVisaLibrary):
     def read(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
         """Read from an instrument; a deadline passes on its own clock, so that silence costs no real time on a virtual one."""
         link, device = self.sessions[session], self._device(session)
-        if link.parsed.interface_type_const == constants.InterfaceType.asrl or link.parsed.resource_class == "SOCKET":
-            return super().read(session, count)
+        if link.parsed.interface_type_const == constants.InterfaceType.asrl:
+            return self._read_line(session, count)
         timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
         wait_s = device.answer_due_s - device.clock.now() if device._output_buffers else np.inf
         if wait_s > timeout_s:
@@ -76,8 +75,28 @@ class BenchLibrary(SimVisaLibrary):
         device._output_buffers.popleft()
         return part, constants.StatusCode.success
 
+    def _read_line(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
+        """Read from a serial line up to the character that ends an answer."""
+        link, device = self.sessions[session], self._device(session)
+        waiting = device.take_answers()
+        end = waiting.find(bytes([link.get_attribute(constants.ResourceAttribute.termchar)[0]])) + 1
+        wait_s = device.answer_due_s - device.clock.now() if end else np.inf
+        timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
+        device.clock.sleep(min(wait_s, timeout_s))
+        part = waiting[: min(end, count)] if wait_s <= timeout_s else b""
+        device._output_buffers.append(bytearray(waiting[len(part) :]))
+        if not part:
+            raise pyvisa.VisaIOError(constants.VI_ERROR_TMO)
+        ended = len(part) == end
+        return part, constants.StatusCode.success_termination_character_read if ended else constants.StatusCode.success_max_count_read
+
     def clear(self, session: VISASession) -> constants.StatusCode:
         """Device clear."""
+        self._device(session).device_clear()
+        return constants.StatusCode.success
+
+    def flush(self, session: VISASession, mask: constants.BufferOperation) -> constants.StatusCode:
+        """Drop what is on a serial line."""
         self._device(session).device_clear()
         return constants.StatusCode.success
 
@@ -102,7 +121,8 @@ class SimulatedBench:
         Virtual unless given, so that a sweep of a minute takes no time.
     """
 
-    resources: ClassVar[Mapping[str, str]] = {"analyser": "GPIB0::17::INSTR", "receiver": "GPIB0::20::INSTR"}
+    # What stands there until a procedure asks for something else.
+    INSTRUMENTS: ClassVar[Mapping[str, str]] = {"analyser": "4294a", "receiver": "esr"}
 
     def __init__(self, seed: int, effects: Sequence[str] = (), clock: Clock | None = None) -> None:
         self.seed = seed
@@ -115,21 +135,31 @@ class SimulatedBench:
         self._standards: set[str] = set()
         self._is_reference = True
         self._connection = 0
-        self.devices: dict[str, SimulatedDevice] = {
-            "analyser": Simulated4294A(self, self.clock),
-            "receiver": SimulatedESR(self, self.clock),
-        }
-        library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
-        for role, device in self.devices.items():
-            library.devices.add_device(self.resources[role], device)
-        self.resource_manager = pyvisa.ResourceManager(library)
+        self.devices: dict[str, SimulatedDevice] = {}
+        self.resources: dict[str, str] = {}
+        self._library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
+        self._on_bench = dict(self.INSTRUMENTS)
+        for role, name in self.INSTRUMENTS.items():
+            self._place(role, name)
+        self.resource_manager = pyvisa.ResourceManager(self._library)
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
         """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
         if role not in self.resources:
             raise BadInput(f"the simulated bench has no {role!r}; it has {', '.join(self.resources)}")
+        # A driver that has no simulated instrument finds what stands there, and says that it is the wrong one.
+        if driver != self._on_bench[role] and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].role == role:
+            self._place(role, driver)
         transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
         return attach(transport, role, driver, sink)
+
+    def _place(self, role: str, name: str) -> None:
+        """Put the simulated instrument of that name on the bench."""
+        instrument = virtual_instrument(name)
+        self._on_bench[role] = name
+        self.devices[role] = instrument.make(self, self.clock)
+        self.resources[role] = instrument.resource
+        self._library.devices.add_device(instrument.resource, self.devices[role])
 
     def connect(self, what: ConnectionName) -> int:
         """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
@@ -142,6 +172,10 @@ class SimulatedBench:
         self._connection += 1
         return self._connection
 
+    def at_work(self, role: str) -> ConnectionName:
+        """What an instrument of that role is connected to while it measures the motor."""
+        return "open" if role == "analyser" else "lisn-motor-on"
+
     def truth(self) -> JsonDict:
         """What is hidden on this bench."""
         return {"seed": self.seed, "hidden": list(self.effects), **self.motor.truth(), **self._analyser.truth()}
@@ -152,14 +186,19 @@ class SimulatedBench:
 
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
         """What the analyser would read without fixture, in ohm."""
+        connected_ohm = self.connected_ohm(frequency_hz)
         if self._connected in ("short", "open"):
-            true_ohm = self.motor.impedance(self._connected, frequency_hz)
-            return self._analyser.measure(self._connected, frequency_hz, true_ohm, self._connection, bandwidth_factor)
-        standard_ohm = np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
+            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
         if self._is_reference and self._connected != "load-standard":
-            return standard_ohm
+            return connected_ohm
         like: Termination = "short" if self._connected == "short-standard" else "open"
-        return self._analyser.measure(like, frequency_hz, standard_ohm, self._connection, bandwidth_factor)
+        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
+
+    def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
+        """What is connected, as it truly is, in ohm."""
+        if self._connected in ("short", "open"):
+            return self.motor.impedance(self._connected, frequency_hz)
+        return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
 
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""

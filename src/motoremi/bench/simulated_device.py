@@ -24,6 +24,7 @@ from motoremi.bench.clock import Clock
 # Time on the bus for one message: what lets a client without a clock of its own poll a simulated sweep to its end.
 MESSAGE_S = 1e-3
 QUEUE_DEPTH = 10
+LONGEST_MESSAGE = 1 << 18
 _NUMBER = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)")
 _SCALE = {
     "HZ": 1.0,
@@ -42,6 +43,12 @@ _SCALE = {
 
 class Wiring(Protocol):
     """What the simulated instruments are connected to."""
+
+    seed: int
+
+    def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
+        """What is connected, as it truly is, in ohm."""
+        ...
 
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
         """What an analyser without fixture would read now, in ohm."""
@@ -86,7 +93,10 @@ class SimulatedDevice(Device):
         for interface, terminators in data["eom"].items():
             self.add_eom(interface, terminators["q"], terminators["r"])
         parser.update_component(name, self, data)
-        self._settable = {row["setter"]["q"].rpartition(" ")[0]: key for key, row in data["properties"].items() if "setter" in row}
+        self._settable = {self.fold(row["setter"]["q"].rpartition(" ")[0]): key for key, row in data["properties"].items() if "setter" in row}
+        spelled = [row["q"] for row in (*data["dialogues"], *data["error"]["status_register"], *data["error"]["error_queue"])]
+        spelled += [row["getter"]["q"] for row in data["properties"].values() if "getter" in row]
+        self._queries = {self.fold(query): query.encode() for query in spelled}
         self._completion_asked = False
         self._commands = {
             "*CLS": self._clear_status,
@@ -95,7 +105,7 @@ class SimulatedDevice(Device):
             "*OPC?": self._wait_and_answer,
             "*WAI": self._wait,
             "*STB?": lambda _: str(self.status_byte()).encode(),
-            **self.commands(),
+            **{self.fold(header): command for header, command in self.commands().items()},
         }
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
@@ -116,14 +126,37 @@ class SimulatedDevice(Device):
         """Present value of a setting of the profile."""
         return self._properties[name].get_value()
 
+    def limits(self, name: str) -> tuple[int, int]:
+        """Smallest and largest value of a whole-number setting of the profile."""
+        specs = self._data["properties"][name]["specs"]
+        return int(specs["min"]), int(specs["max"])
+
     def device_clear(self) -> None:
         """Forget half commands and unread answers."""
         self._input_buffer.clear()
         self._output_buffers.clear()
 
+    def write(self, data: bytes) -> None:
+        """Take a message or a part of one; what never ends is forgotten, as in an instrument whose buffer is full."""
+        if len(self._input_buffer) + len(data) > LONGEST_MESSAGE:
+            self._input_buffer.clear()
+            self.error_response("command_error")
+            return
+        super().write(data)
+
+    def take_answers(self) -> bytes:
+        """All that waits to be read."""
+        answers = b"".join(bytes(buffer) for buffer in self._output_buffers)
+        self._output_buffers.clear()
+        return answers
+
     def fold(self, header: str) -> str:
         """One spelling for each header; the base takes any case."""
         return header.upper()
+
+    def fold_word(self, word: str) -> str:
+        """One spelling for each word that a setting may have."""
+        return word.upper()
 
     def error_response(self, error_key: str) -> Any:
         """Note an error; like the real queues, a full one keeps its oldest entries."""
@@ -154,7 +187,7 @@ class SimulatedDevice(Device):
         if header in self._settable and argument:
             self._assign(self._settable[header], argument)
             return None
-        answer: Any = super()._match(header.encode("latin-1")) if header.endswith("?") else None
+        answer: Any = super()._match(self._queries[header]) if header in self._queries else None
         if answer is None:
             self.error_response("command_error")
             return None
@@ -173,8 +206,8 @@ class SimulatedDevice(Device):
                 return
             text = number[1] if scale == 1.0 else repr(float(number[1]) * scale)
         elif specs.valid:
-            text = self.fold(argument)
-            text = {"1": "ON", "0": "OFF"}.get(text, text)
+            text = self.fold_word(argument)
+            text = {"1": "ON", "0": "OFF"}.get(text, text) if "ON" in specs.valid else text
         try:
             setting.set_value(text)
         except ValueError:
@@ -197,7 +230,9 @@ class SimulatedDevice(Device):
 
     def _settle(self) -> None:
         """Let what has ended by now show in the registers."""
-        if self._completion_asked and self.clock.now() >= self.busy_until():
+        # An idle instrument is busy until now; on a real clock that has passed by the time it is compared.
+        busy_until_s = self.busy_until()
+        if self._completion_asked and self.clock.now() >= busy_until_s:
             self._status_registers[b"*ESR?"].set("operation_complete")
             self._completion_asked = False
 

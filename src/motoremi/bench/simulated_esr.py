@@ -1,4 +1,4 @@
-"""The simulated ESR: SCPI spelling, scan, overload and error logic on top of its profile."""
+"""The simulated ESR: receiver scan, analyser sweep and marker on top of its profile."""
 
 from __future__ import annotations
 
@@ -6,87 +6,56 @@ from collections.abc import Callable
 
 import numpy as np
 
-from motoremi.arrays import FloatArray
 from motoremi.bench.clock import Clock
-from motoremi.bench.simulated_device import SimulatedDevice, Wiring, definite_block
-
-DETECTORS = {"POS": "peak", "QPE": "quasi-peak", "AVER": "average"}
-# Level at the mixer, in dBuV, above which it compresses.
-MIXER_LIMIT_DBUV = 97.0
-RF_OVERLOAD = 1
+from motoremi.bench.simulated_device import Wiring, definite_block
+from motoremi.bench.simulated_receiver import SimulatedReceiver, ascii_levels, steps
 
 
-class SimulatedESR(SimulatedDevice):
+class SimulatedESR(SimulatedReceiver):
     """An ESR whose input is connected to a test stand."""
 
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        self._ends_s = 0.0
-        self._levels: FloatArray = np.zeros(0)
-        self._overload_event = 0
+        self._marker = 0
         super().__init__("rohde_schwarz_esr.yaml", wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the ESR computes."""
         return {
+            "INIT": lambda _: self._sweep_analyser(),
+            "INIT:CONM": lambda _: self._sweep_analyser(),
             "INIT2": lambda _: self._scan(),
-            "INIT2:IMM": lambda _: self._scan(),
-            "ABOR": lambda _: self._stop(),
+            "ABOR": lambda _: self.stop(),
             "TRAC?": self._trace,
-            "TRAC:DATA?": self._trace,
-            "TRAC1?": self._trace,
             "STAT:QUES:POW:COND?": lambda _: b"0",
-            "STAT:QUES:POW:EVEN?": lambda _: self._read_overload(),
-            "STAT:QUES:POW?": lambda _: self._read_overload(),
+            "STAT:QUES:POW?": lambda _: self.read_overload(),
+            "CALC:MARK": lambda _: None,
+            "CALC:MARK:MAX": lambda _: self._to_peak(),
+            "CALC:MARK:X?": lambda _: f"{self._frequency_hz[self._marker]:.6f}".encode() if self._frequency_hz.size else b"0",
+            "CALC:MARK:Y?": lambda _: f"{self.levels(self.value('unit'))[self._marker]:.3f}".encode() if self._frequency_hz.size else b"0",
+            # Back to the front panel, on a socket.
+            "&GTL": lambda _: None,
         }
 
-    def busy_until(self) -> float:
-        """When the running scan ends."""
-        return self._ends_s
-
-    def status_byte(self) -> int:
-        """Bit 2 tells of an entry in the error queue, bit 6 requests service."""
-        summary = super().status_byte() | (4 if self._error_queues[b"SYST:ERR?"]._queue else 0)
-        return summary | (64 if summary & int(self.value("service_mask")) else 0)
-
-    def fold(self, header: str) -> str:
-        """Long forms to short forms: four letters, three if the fourth is a vowel; `SENSe` may be left out."""
-        nodes = [_short(node) for node in header.upper().strip(":").split(":")]
-        if nodes[0] in ("SENS", "SENS1") and len(nodes) > 1:
-            nodes = nodes[1:]
-        return ":".join(nodes)
-
     def _scan(self) -> None:
-        start, stop, step = (float(self.value(name)) for name in ("start", "stop", "step"))
-        frequency_hz = start + step * np.arange(int((stop - start) / step + 1e-6) + 1, dtype=np.float64)
-        arriving = self.wiring.level_dbuv(frequency_hz, DETECTORS[self.value("detector")])
-        attenuation = float(self.value("attenuation"))
-        if np.any(arriving - attenuation > MIXER_LIMIT_DBUV):
-            self._overload_event |= RF_OVERLOAD
-        self._levels = np.minimum(arriving, MIXER_LIMIT_DBUV + attenuation)
-        self._ends_s = self.clock.now() + frequency_hz.size * float(self.value("dwell"))
+        """The receiver's scan."""
+        frequency_hz = steps(*(float(self.value(name)) for name in ("start", "stop", "step")))
+        preamplifier = self.value("preamplifier") == "ON"
+        self.measure(
+            frequency_hz, self.value("detector"), float(self.value("attenuation")), preamplifier, frequency_hz.size * float(self.value("dwell"))
+        )
 
-    def _stop(self) -> None:
-        self._ends_s = self.clock.now()
+    def _sweep_analyser(self) -> None:
+        """A sweep of the spectrum analyser; as a receiver, one reading of the bargraph, which nobody asked to see."""
+        if self.value("mode") == "SAN":
+            frequency_hz = np.linspace(self.value("analyser_start"), self.value("analyser_stop"), self.value("analyser_points"))
+            self.measure(frequency_hz, "POS", float(self.value("analyser_attenuation")), False, float(self.value("analyser_sweep_time")))
+
+    def _to_peak(self) -> None:
+        self._marker = int(np.argmax(self._levels_dbuv)) if self._levels_dbuv.size else 0
 
     def _trace(self, argument: str) -> bytes | None:
         if argument.upper() != "TRACE1":
             self.error_response("execution_error")
             return None
-        if self.value("format") == "ASC":
-            return ",".join(f"{level:.3f}" for level in self._levels).encode()
-        return definite_block(self._levels, "<f4")
-
-    def _read_overload(self) -> bytes:
-        event, self._overload_event = self._overload_event, 0
-        return str(event).encode()
-
-    def _clear_status(self, argument: str) -> None:
-        super()._clear_status(argument)
-        self._overload_event = 0
-
-
-def _short(node: str) -> str:
-    letters = node.rstrip("0123456789?")
-    if not letters.isalpha() or len(letters) <= 4:
-        return node
-    return letters[: 3 if letters[3] in "AEIOU" else 4] + node[len(letters) :]
+        levels = self.levels(self.value("unit"))
+        return ascii_levels(levels) if self.value("format") == "ASC" else definite_block(levels, "<f4")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 import pyvisa
 from pyvisa import constants
@@ -14,6 +14,12 @@ from motoremi.bench.clock import Clock, WallClock
 from motoremi.errors import InstrumentError
 
 TERMINATOR = b"\n"
+# What VISA libraries read ahead, what the operating system has received, and what it has not sent yet.
+_SERIAL_BUFFERS = (
+    constants.BufferOperation.discard_read_buffer,
+    constants.BufferOperation.discard_receive_buffer,
+    constants.BufferOperation.discard_transmit_buffer,
+)
 
 
 class Transport(abc.ABC):
@@ -36,6 +42,7 @@ class Transport(abc.ABC):
         self.resource_name = resource_name
         self.clock = clock
         self.stream = stream
+        self.terminator = TERMINATOR
         self._last_command = ""
 
     @abc.abstractmethod
@@ -63,6 +70,10 @@ class Transport(abc.ABC):
     @abc.abstractmethod
     def timeout_s(self, seconds: float) -> None: ...
 
+    def end_messages_with(self, sent: bytes, received: str) -> None:
+        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer."""
+        self.terminator = sent
+
     @contextmanager
     def patience(self, seconds: float) -> Iterator[None]:
         """Use a longer (or shorter) deadline, in seconds, for a while."""
@@ -80,7 +91,7 @@ class Transport(abc.ABC):
         except UnicodeEncodeError as error:
             raise InstrumentError(f"{self.resource_name}: {command!r} is not ASCII; no instrument takes it") from error
         self._last_command = command
-        self.send(data + TERMINATOR)
+        self.send(data + self.terminator)
 
     def read(self) -> str:
         """Read a text answer, without its terminator."""
@@ -133,12 +144,22 @@ class VisaTransport(Transport):
     timeout_s : float
         Deadline of one exchange in seconds.
     clock : Clock, optional
+    reopen : callable, optional
+        Opens the resource anew: `clear` does so after a failed exchange, because a dropped link or a pulled plug needs it.
     """
 
-    def __init__(self, resource: MessageBasedResource, timeout_s: float = 5.0, clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        resource: MessageBasedResource,
+        timeout_s: float = 5.0,
+        clock: Clock | None = None,
+        reopen: Callable[[], MessageBasedResource] | None = None,
+    ) -> None:
         stream = resource.interface_type == constants.InterfaceType.asrl or resource.resource_class == "SOCKET"
         super().__init__(str(resource.resource_name), clock or WallClock(), stream)
         self._resource = resource
+        self._reopen = reopen
+        self._failed = False
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
         self.timeout_s = timeout_s
@@ -152,6 +173,11 @@ class VisaTransport(Transport):
     def timeout_s(self, seconds: float) -> None:
         self._resource.timeout = max(1, round(seconds * 1000))
 
+    def end_messages_with(self, sent: bytes, received: str) -> None:
+        """Use other ends of messages than a newline."""
+        super().end_messages_with(sent, received)
+        self._resource.read_termination = received
+
     def send(self, data: bytes) -> None:
         """Send one message."""
         with self._one_line("did not accept", "check cable, address and power"):
@@ -163,13 +189,30 @@ class VisaTransport(Transport):
             return bytes(self._resource.read_raw())
 
     def clear(self) -> None:
-        """Send a device clear."""
+        """Send a device clear, on a new link if the last exchange failed. Nothing is sent twice: what to repeat is the caller's to know."""
         with self._one_line("could not be cleared after", "switch it off and on"):
-            self._resource.clear()
+            if self._failed and self._reopen is not None:
+                self._reconnect(self._reopen)
+            if self._resource.interface_type == constants.InterfaceType.asrl:
+                # A serial line has no device clear: what is on its way is dropped.
+                for buffer in _SERIAL_BUFFERS:
+                    self._resource.flush(buffer)
+            else:
+                self._resource.clear()
 
     def close(self) -> None:
         """Close the VISA session."""
         self._resource.close()
+
+    def _reconnect(self, reopen: Callable[[], MessageBasedResource]) -> None:
+        timeout_s, ending = self.timeout_s, self._resource.read_termination
+        # A link that is gone cannot always be closed either.
+        with suppress(pyvisa.Error, OSError):
+            self._resource.close()
+        self._resource = reopen()
+        self._resource.read_termination = ending
+        self.timeout_s = timeout_s
+        self._failed = False
 
     @contextmanager
     def _one_line(self, trouble: str, advice: str) -> Iterator[None]:
@@ -177,6 +220,7 @@ class VisaTransport(Transport):
         try:
             yield
         except (pyvisa.Error, OSError, NotImplementedError) as error:
+            self._failed = True
             detail = f"within {self.timeout_s:g} s" if _is_timeout(error) else f"({str(error).splitlines()[0]})"
             command = self._last_command or "the opening of the link"
             raise InstrumentError(f"{self.resource_name}: {trouble} {command!r} {detail}; {advice}") from error

@@ -1,4 +1,4 @@
-"""Commands that tell what there is: effects, instruments, doctor."""
+"""The command that tells what effects there are."""
 
 from __future__ import annotations
 
@@ -45,74 +45,6 @@ def effects_(
         say(f"  {title:12s} {text}")
 
 
-def instruments_(as_json: AsJson = False) -> None:
-    """Known drivers and what answers on the bus."""
-    from motoremi.bench.connect import driver_class, driver_names
-    from motoremi.cli.output import emit_json, say
-
-    known = {name: (driver_class(name).__doc__ or "").strip().splitlines()[0] for name in driver_names()}
-    found, trouble = _bus()
-    if as_json:
-        emit_json({"schema": "motoremi.instruments/1", "drivers": known, "resources": found, "trouble": trouble})
-        return
-    for name, title in known.items():
-        say(f"{name:10s} {title}")
-    say(f"on the bus: {', '.join(found) or 'nothing'}" + (f" ({trouble})" if trouble else ""))
-
-
-def _bus() -> tuple[list[str], str]:
-    """Resources that VISA sees, and why it sees none."""
-    from motoremi.bench.connect import open_manager
-    from motoremi.errors import InstrumentError
-
-    try:
-        manager = open_manager()
-        try:
-            return sorted(manager.list_resources("?*")), ""
-        finally:
-            manager.close()
-    except InstrumentError as error:
-        return [], str(error)
-
-
-def doctor_(as_json: AsJson = False) -> None:
-    """What is installed, what is not, and what answers."""
-    import platform
-    import shutil
-    from importlib.metadata import PackageNotFoundError, version
-
-    from motoremi.cli.output import emit_json, say
-
-    packages: dict[str, str | None] = {}
-    for name in ("motoremi", "numpy", "scipy", "pandas", "pyvisa", "pyvisa-py", "pyvisa-sim", "pyserial", "matplotlib", "jinja2"):
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            packages[name] = None
-    programs = {name: shutil.which(name) is not None for name in ("ngspice", "chromium")}
-    found, trouble = _bus()
-    if as_json:
-        emit_json(
-            {
-                "schema": "motoremi.doctor/1",
-                "python": platform.python_version(),
-                "packages": packages,
-                "programs": programs,
-                "resources": found,
-                "trouble": trouble,
-            }
-        )
-        return
-    say(f"Python {platform.python_version()}")
-    for name, number in packages.items():
-        say(f"  {name:12s} {number or 'MISSING: pip install ' + name}")
-    for name, present in programs.items():
-        say(f"  {name:12s} {'found' if present else 'not found (only the tests need it)'}")
-    say(f"on the bus: {', '.join(found) or 'nothing'}" + (f" ({trouble})" if trouble else ""))
-
-
 def register(app: typer.Typer) -> None:
-    """Add these commands."""
+    """Add this command."""
     command(app, "effects", effects_, "motoremi effects eddy-laminations")
-    command(app, "instruments", instruments_, "motoremi instruments")
-    command(app, "doctor", doctor_, "motoremi doctor")

@@ -1,0 +1,149 @@
+"""What is on the bus, and what answers there."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import warnings
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+import pyvisa
+from serial.tools import list_ports
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.connect import driver_class, driver_names, open_transport
+from motoremi.bench.driver import Driver
+from motoremi.bench.shell import ShellDriver
+from motoremi.errors import BadInput, InstrumentError
+
+# A healthy instrument identifies itself at once; one that is busy may be asked again by hand.
+ANSWER_S = 1.0
+# USB vendor and product of NanoVNA and tinySA. Other serial ports are left alone: what is behind them may take offence at any word.
+SHELL_USB_IDS = ((0x0483, 0x5740),)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one resource said.
+
+    Parameters
+    ----------
+    resource : str
+        VISA name.
+    identity : str
+        Who answered; empty if nobody did.
+    drivers : tuple of str
+        Drivers that fit.
+    trouble : str
+        Why there is no answer.
+    """
+
+    resource: str
+    identity: str = ""
+    drivers: tuple[str, ...] = ()
+    trouble: str = ""
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {**asdict(self), "drivers": list(self.drivers)}
+
+
+def survey(manager: pyvisa.ResourceManager, named: Iterable[str] = ()) -> list[Answer]:
+    """Ask every resource that VISA lists, and those that are named, who is there.
+
+    Parameters
+    ----------
+    manager : pyvisa.ResourceManager
+    named : iterable of str
+        Resources that no bus lists, such as sockets; asked whatever they are.
+    """
+    named = list(named)
+    with warnings.catch_warnings():
+        # PyVISA-py would like psutil and zeroconf; `motoremi doctor` says so.
+        warnings.simplefilter("ignore")
+        instruments = sorted(manager.list_resources("?*::INSTR"))
+    # Adapters are no instruments.
+    listed = [name for name in instruments if name not in named and not name.startswith("PRLGX")]
+    return [_ask(manager, name) for name in named] + [
+        _ask(manager, name) if _may_be_asked(name) else Answer(name, trouble="not asked: a serial port of no known instrument") for name in listed
+    ]
+
+
+def load_trouble() -> dict[str, str]:
+    """Drivers that are installed but cannot be loaded, and why."""
+    trouble = {}
+    for name in driver_names():
+        try:
+            driver_class(name)
+        except BadInput as error:
+            trouble[name] = str(error)
+    return trouble
+
+
+def title(name: str) -> str:
+    """One line on a driver: what its module or its class says of itself."""
+    driver = driver_class(name)
+    text = inspect.getdoc(inspect.getmodule(driver)) or inspect.getdoc(driver) or name
+    return text.splitlines()[0]
+
+
+def _may_be_asked(resource: str) -> bool:
+    if not resource.upper().startswith("ASRL"):
+        return True
+    port = resource[4:].partition("::")[0]
+    return any(entry.device == port and (entry.vid, entry.pid) in SHELL_USB_IDS for entry in list_ports.comports())
+
+
+def _ask(manager: pyvisa.ResourceManager, resource: str) -> Answer:
+    trouble = ""
+    # What speaks no SCPI may have a shell, but only on a stream.
+    for ask in (_ask_scpi, _ask_shell):
+        try:
+            return ask(manager, resource)
+        except InstrumentError as error:
+            trouble = trouble or str(error)
+    return Answer(resource, trouble=trouble)
+
+
+def _ask_scpi(manager: pyvisa.ResourceManager, resource: str) -> Answer:
+    link = open_transport(manager, resource, ANSWER_S)
+    try:
+        if resource.upper().startswith("ASRL"):
+            raise InstrumentError(f"{resource}: gave no answer")
+        identity = link.query("*IDN?")
+    finally:
+        link.close()
+    fields = [field.strip() for field in identity.split(",")]
+    if len(fields) < 4:
+        raise InstrumentError(f"{resource}: answered {identity!r} to '*IDN?'")
+    return Answer(resource, identity, _fitting(fields[1], shells=False))
+
+
+def _ask_shell(manager: pyvisa.ResourceManager, resource: str) -> Answer:
+    link = open_transport(manager, resource, ANSWER_S)
+    try:
+        if not link.stream:
+            raise InstrumentError(f"{resource}: has no shell")
+        shell = _AnyShell(link)
+        identity = shell.identify()
+    finally:
+        link.close()
+    return Answer(resource, f"{identity.model},{identity.firmware}", _fitting(identity.model, shells=True))
+
+
+class _AnyShell(ShellDriver):
+    """A shell, whoever it is."""
+
+    vendor = ""
+    model = r"\S.*"
+    safe_commands = ()
+
+
+def _fitting(model: str, shells: bool) -> tuple[str, ...]:
+    names = [name for name in driver_names() if name not in load_trouble()]
+    return tuple(sorted(name for name in names if _fits(driver_class(name), model, shells)))
+
+
+def _fits(driver: type[Driver], model: str, shells: bool) -> bool:
+    return issubclass(driver, ShellDriver) == shells and re.fullmatch(driver.model, model) is not None

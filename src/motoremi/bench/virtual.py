@@ -1,0 +1,62 @@
+"""Virtual instruments by name: which simulator stands in for which driver, and where it sits on the simulated bench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Literal
+
+from motoremi.bench.clock import Clock
+from motoremi.bench.simulated_device import SimulatedDevice, Wiring
+from motoremi.errors import BadInput
+
+
+@dataclass(frozen=True)
+class VirtualInstrument:
+    """A simulated instrument.
+
+    Parameters
+    ----------
+    simulator : str
+        `module:class` of a `SimulatedDevice` that is made from wiring and clock.
+    resource : str
+        Its VISA name on the simulated bench.
+    role : {"analyser", "receiver"}
+        What it is in a procedure.
+    """
+
+    simulator: str
+    resource: str
+    role: Literal["analyser", "receiver"]
+
+    def make(self, wiring: Wiring, clock: Clock) -> SimulatedDevice:
+        """Switch one on."""
+        module, _, attribute = self.simulator.partition(":")
+        device = getattr(import_module(module), attribute)(wiring, clock)
+        if not isinstance(device, SimulatedDevice):
+            raise BadInput(f"{self.simulator} is no simulated instrument")
+        return device
+
+
+# By the name of the driver that each one answers to.
+VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
+    "4294a": VirtualInstrument("motoremi.bench.simulated_4294a:Simulated4294A", "GPIB0::17::INSTR", "analyser"),
+    "e4990a": VirtualInstrument("motoremi.bench.simulated_e4990a:SimulatedE4990A", "GPIB0::18::INSTR", "analyser"),
+    "nanovna": VirtualInstrument("motoremi.bench.simulated_nanovna:SimulatedNanoVna", "ASRL1::INSTR", "analyser"),
+    "esr": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESR", "GPIB0::20::INSTR", "receiver"),
+    "mxe": VirtualInstrument("motoremi.bench.simulated_mxe:SimulatedMxe", "GPIB0::21::INSTR", "receiver"),
+    "tinysa": VirtualInstrument("motoremi.bench.simulated_tinysa:SimulatedTinySa", "ASRL2::INSTR", "receiver"),
+}
+
+
+def virtual_instrument(name: str) -> VirtualInstrument:
+    """The simulated instrument for that driver.
+
+    Raises
+    ------
+    BadInput
+        If there is none.
+    """
+    if name not in VIRTUAL_INSTRUMENTS:
+        raise BadInput(f"there is no simulated {name!r}: use one of {', '.join(sorted(VIRTUAL_INSTRUMENTS))}")
+    return VIRTUAL_INSTRUMENTS[name]

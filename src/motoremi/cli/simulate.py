@@ -1,0 +1,80 @@
+"""Serve a virtual instrument to other programs: simulate."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motoremi.cli.options import command
+
+if TYPE_CHECKING:
+    from motoremi.bench.simulated import SimulatedBench
+
+
+def simulate_(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="4294a, e4990a, nanovna, esr, mxe or tinysa.")],
+    tcp: Annotated[int | None, typer.Option(metavar="PORT", help="Serve on this TCP port of 127.0.0.1; 0 takes any free one.")] = None,
+    pty: Annotated[bool, typer.Option("--pty", help="Serve on a pseudo-terminal, which is a serial port to other programs.")] = False,
+    effect: Annotated[list[str] | None, typer.Option(metavar="ID", help="Something for the motor or the instrument to hide.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Which motor, which instrument.")] = 1,
+    connected: Annotated[str | None, typer.Option(metavar="WHAT", help="What is connected at first.", show_default=False)] = None,
+    speed: Annotated[float, typer.Option(min=0.001, help="How much faster than real time the instrument is.")] = 1.0,
+) -> None:
+    """Serve a virtual instrument on loopback until Ctrl-C; prints {"resource": ...} when ready.
+
+    Type what to connect (short, open, open-standard, ...) and press Enter to change the connection while it runs.
+    """
+    import json
+
+    from motoremi.bench.clock import FastClock, WallClock
+    from motoremi.bench.serve import Server, SocketServer, TerminalServer
+    from motoremi.bench.simulated import SimulatedBench
+    from motoremi.bench.virtual import virtual_instrument
+    from motoremi.errors import BadInput
+
+    if (tcp is None) != pty:
+        raise BadInput("say where to serve: either --tcp PORT or --pty")
+    instrument = virtual_instrument(name)
+    clock = WallClock() if speed == 1 else FastClock(speed)
+    bench = SimulatedBench(seed, tuple(effect or ()), clock)
+    try:
+        _connect(bench, connected or bench.at_work(instrument.role))
+        device = instrument.make(bench, clock)
+        server: Server = TerminalServer(device) if tcp is None else SocketServer(device, tcp)
+        sys.stdout.write(json.dumps({"resource": server.resource, "instrument": name}) + "\n")
+        sys.stdout.flush()
+        threading.Thread(target=_obey_operator, args=(bench,), daemon=True).start()
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            server.close()
+    finally:
+        bench.close()
+
+
+def _obey_operator(bench: SimulatedBench) -> None:
+    """Connect what is typed, a line at a time."""
+    from motoremi.data.text import clean_text
+    from motoremi.errors import BadInput
+
+    for line in sys.stdin:
+        try:
+            _connect(bench, line.strip())
+            sys.stderr.write(f"connected: {line.strip()}\n")
+        except BadInput as error:
+            sys.stderr.write(f"motoremi: {clean_text(str(error))}\n")
+
+
+def _connect(bench: SimulatedBench, what: str) -> None:
+    """Connect what is named."""
+    bench.connect(what)  # type: ignore[arg-type]  # the bench checks names from outside
+
+
+def register(app: typer.Typer) -> None:
+    """Add this command."""
+    command(app, "simulate", simulate_, "motoremi simulate 4294a --tcp 5025")

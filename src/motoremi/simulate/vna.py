@@ -1,0 +1,59 @@
+"""The simulated reflection measurement of a pocket network analyser, calibrated at its connector.
+
+Three error terms that a calibration with cheap standards leaves, smooth in frequency and the same until the next one, and noise. The
+sizes are estimates from what users publish, not from a data sheet.
+"""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from motoremi.arrays import ComplexArray, FloatArray
+
+REFERENCE_OHM = 50.0
+_DIRECTIVITY, _MATCH, _TRACKING = 2e-3, 5e-3, 3e-3
+# Noise of S11 at 1 kHz bandwidth; it grows with the root of the bandwidth.
+_NOISE = 1e-4
+_KNOTS = 5
+
+
+class SimulatedVna:
+    """One port with its residual errors.
+
+    Parameters
+    ----------
+    seed : int
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self._noise = np.random.default_rng([seed, zlib.crc32(b"vna noise")])
+
+    def reflection(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray, bandwidth_hz: float) -> ComplexArray:
+        """What is shown as S11.
+
+        Parameters
+        ----------
+        frequency_hz : ndarray, shape (n,)
+        impedance_ohm : ndarray of complex, shape (n,)
+            At the connector.
+        bandwidth_hz : float
+        """
+        true = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
+        directivity, match, tracking = (
+            size * self._smooth(name, frequency_hz) for name, size in (("directivity", _DIRECTIVITY), ("match", _MATCH), ("tracking", _TRACKING))
+        )
+        shown = directivity + (1 + tracking) * true / (1 - match * true)
+        parts = self._noise.standard_normal((2, frequency_hz.size))
+        noisy: ComplexArray = shown + _NOISE * np.sqrt(bandwidth_hz / 1e3) * (parts[0] + 1j * parts[1])
+        return noisy
+
+    def _smooth(self, name: str, frequency_hz: FloatArray) -> ComplexArray:
+        rng = np.random.default_rng([self.seed, zlib.crc32(f"vna {name}".encode())])
+        knots = np.linspace(np.log(5e4), np.log(3e8), _KNOTS)
+        parts = PchipInterpolator(knots, rng.standard_normal((2, _KNOTS)), axis=1)(np.clip(np.log(frequency_hz), knots[0], knots[-1]))
+        smooth: ComplexArray = parts[0] + 1j * parts[1]
+        return smooth

@@ -1,0 +1,28 @@
+"""Simulated instruments behind genuine PyVISA resources: a loopback socket or a pseudo-terminal, opened with PyVISA-py."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from motoremi.bench.clock import FastClock
+from motoremi.bench.serve import Server, SocketServer, TerminalServer
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.virtual import virtual_instrument
+
+# Far faster than real, and yet slow enough for a client to see an instrument that is busy.
+SPEED = 500.0
+
+
+@contextmanager
+def served(name: str, over: str = "tcp", bench: SimulatedBench | None = None) -> Iterator[tuple[Server, SimulatedBench]]:
+    """A simulated instrument that other programs can reach, and the bench that it is on: its own at work, or the one that is given."""
+    instrument = virtual_instrument(name)
+    if bench is None:
+        bench = SimulatedBench(7, clock=FastClock(SPEED))
+        bench.connect(bench.at_work(instrument.role))
+    device = instrument.make(bench, bench.clock)
+    server: Server = SocketServer(device) if over == "tcp" else TerminalServer(device)
+    with server:
+        yield server, bench
+    bench.close()

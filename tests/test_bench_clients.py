@@ -1,0 +1,135 @@
+"""Simulated instruments under other people's programs, unmodified, over real links."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymeasure.instruments.agilent import Agilent4294A as PyMeasure4294A
+from pymeasure.instruments.rohdeschwarz import FSL
+from pynanovna.hardware.Hardware import Interface, get_VNA
+from RsInstrument import RsInstrument, StatusException
+from serving import served
+from tsapython import tinySA
+
+
+def test_pymeasure_reads_a_4294a() -> None:
+    with served("4294a") as (server, bench):
+        client = PyMeasure4294A(server.resource, visa_library="@py")
+        assert client.id.split(",")[1] == "4294A"
+        client.start_frequency = 150e3
+        client.stop_frequency = 30e6
+        client.num_points = 51
+        client.title = "motor"
+        assert (client.start_frequency, client.stop_frequency, client.num_points) == (150e3, 30e6, 51)
+        assert client.title.strip('"') == "motor"
+        assert client.measurement_type == "IMPH"
+        client.active_trace = "B"
+        data = client.get_data()
+        assert client.active_trace == "B"
+        client.adapter.close()
+        truth = bench.motor.impedance("open", data["Frequency"].to_numpy())
+    assert data.shape == (51, 5)
+    np.testing.assert_allclose(data["Frequency"], np.linspace(150e3, 30e6, 51), rtol=1e-9)
+    # Nothing is compensated: the fixture's 4 pF and 15 nH still show, at 10 % or so where the motor has a few ohm.
+    measured = data["A Real"] * np.exp(1j * np.radians(data["B Real"]))
+    assert np.median(np.abs(measured / truth - 1)) < 0.2
+    assert not data[["A Imag", "B Imag"]].to_numpy().any()
+
+
+def test_rsinstrument_scans_with_an_esr() -> None:
+    with served("esr") as (server, bench):
+        client = RsInstrument(server.resource, True, True, "SelectVisa='socket'")
+        assert "ESR3" in client.idn_string
+        client.write_str("SENSe1:SCAN1:STARt 150 kHz")
+        client.write_str("SCAN1:STOP 1MHz; SCAN1:STEP 4.5 kHz;:SCAN1:TIME 10 ms")
+        assert client.query_float("SENSe:SCAN1:STOP?") == 1e6
+        client.write_str("FORMat:DATA ASCii")
+        client.write_str_with_opc("INITiate2:IMMediate")
+        text = client.query_bin_or_ascii_float_list("TRACe:DATA? TRACE1")
+        client.write_str("FORM REAL,32")
+        block = client.query_bin_or_ascii_float_list("TRAC? TRACE1")
+        assert client.query_all_errors() is None
+        with pytest.raises(StatusException, match="-113"):
+            client.write_str("NONSENSE 3")
+        with pytest.raises(StatusException, match="-222"):
+            client.write_str("SCAN1:STOP 99 GHz")
+        client.reset()
+        assert client.query_float("SCAN1:STOP?") == 30e6
+        client.go_to_local()
+        client.close()
+        expected = bench.level_dbuv(np.arange(150e3, 1e6, 4.5e3), "peak")
+    assert len(text) == len(block) == 189
+    np.testing.assert_allclose(text, expected, atol=5e-4)
+    np.testing.assert_allclose(block, expected, rtol=1e-6)
+
+
+def test_pymeasure_sweeps_with_an_esr_as_analyser() -> None:
+    with served("esr") as (server, _):
+        client = FSL(server.resource, visa_library="@py", read_termination="\n", write_termination="\n")
+        client.write("INST:SEL SAN")
+        client.continuous_sweep_enabled = False
+        assert client.continuous_sweep_enabled is False
+        client.freq_start = 150e3
+        client.freq_stop = "30 MHz"
+        client.res_bandwidth = 9e3
+        client.attenuation = "20 dB"
+        client.sweep_time = "100 ms"
+        client.trace_mode = "WRIT"
+        assert (client.freq_start, client.freq_stop, client.res_bandwidth) == (150e3, 30e6, 9e3)
+        assert (client.attenuation, client.sweep_time, client.trace_mode) == (20.0, 0.1, "WRIT")
+        client.single_sweep()
+        trace = client.read_trace()
+        marker = client.create_marker()
+        marker.to_peak()
+        peak_hz, peak_dbuv = marker.x, marker.y
+        client.adapter.close()
+    assert trace.shape == (2, 691)
+    highest = int(np.argmax(trace[1]))
+    assert peak_hz == pytest.approx(trace[0, highest])
+    assert peak_dbuv == pytest.approx(trace[1, highest])
+
+
+def test_pynanovna_reads_a_nanovna() -> None:
+    with served("nanovna", "pty") as (server, bench):
+        interface = Interface("serial", "simulated")
+        interface.port = server.path  # type: ignore[attr-defined]
+        interface.open()
+        client = get_VNA(interface)
+        assert client.name == "NanoVNA-H4"
+        assert str(client.read_version()).startswith("1.2.40")
+        assert "NanoVNA-H 4" in client.read_firmware()
+        client.datapoints = 51
+        client.set_bandwidth(1000)
+        client.set_sweep(150_000, 30_000_000)
+        frequency_hz = np.array(client.read_frequencies(), dtype=float)
+        reflection = np.array([complex(*map(float, pair.split())) for pair in client.read_values("data 0")])
+        through = client.read_values("data 1")
+        interface.close()
+        truth = bench.motor.impedance("open", frequency_hz)
+    np.testing.assert_allclose(frequency_hz, np.linspace(150e3, 30e6, 51), atol=0.5)
+    assert len(through) == 51
+    expected = (truth - 50) / (truth + 50)
+    # Clips of 8 nH and 2 pF turn S11 by some hundredths at 30 MHz; the rest is below 0.02.
+    assert np.max(np.abs(reflection - expected)) < 0.1
+
+
+def test_tsapython_reads_a_tinysa(capsys: pytest.CaptureFixture[str]) -> None:
+    with served("tinysa", "pty") as (server, bench):
+        client = tinySA(serial_timeout=10)
+        assert client.connect(server.path)  # type: ignore[attr-defined]
+        assert client.get_profile().family == "basic"
+        client.rbw(10)
+        rows = bytes(client.scan(150_000, 30_000_000, 51, 3)).decode().split("\r\n")
+        frame = bytes(client.scan_raw(150_000, 30_000_000, 51))
+        stored = bytes(client.data(2)).decode().split()
+        client.disconnect()
+        frequency_hz, level_dbm = np.array([row.split()[:2] for row in rows if row], dtype=float).T
+        expected = bench.level_dbuv(frequency_hz, "peak")
+    np.testing.assert_allclose(frequency_hz, np.linspace(150e3, 30e6, 51), atol=0.5)
+    np.testing.assert_allclose(level_dbm, np.array(stored, dtype=float), atol=1e-6)
+    raw = np.frombuffer(frame[1 : 1 + 3 * 51], np.dtype([("x", "S1"), ("count", "<u2")]))
+    assert set(raw["x"]) == {b"x"}
+    # The same motor at frequencies a little lower, because the step of a raw scan is the span over the points.
+    assert np.median(np.abs(raw["count"] / 32 - 128 - level_dbm)) < 3.0
+    loud = expected > 30
+    assert np.median(np.abs(level_dbm + 106.99 - expected)[loud]) < 1.0

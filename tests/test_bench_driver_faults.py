@@ -1,0 +1,62 @@
+"""Every fault with every driver, early and late in a measurement: a clear error, or the same data; never another ending."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fault_matrix import BENCH_FILE, NOISE, SEED, measured
+from record_sessions import PROCEDURES, procedure
+
+from motoremi.bench.faults import FAULTS, FaultLayer
+from motoremi.bench.runner import run, start_document
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.virtual import virtual_instrument
+from motoremi.data.session import Session, SessionWriter, load, verify
+from motoremi.errors import MotoremiError
+
+# The other two have the whole matrix of their own.
+DRIVERS = sorted(set(PROCEDURES) - {"4294a", "esr"})
+
+
+@pytest.fixture(scope="module")
+def references(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Session]:
+    """A healthy run with each driver."""
+    made = {}
+    for driver in DRIVERS:
+        bench = SimulatedBench(SEED)
+        made[driver] = measured(tmp_path_factory.mktemp(driver) / "s", procedure(driver), bench)
+        bench.close()
+    return made
+
+
+# Each driver has each fault once, by turns early in the measurement, in the middle and late.
+@pytest.mark.parametrize(
+    ("driver", "kind", "share"),
+    [(driver, kind, (0.05, 0.4, 0.8)[(row + column) % 3]) for row, driver in enumerate(DRIVERS) for column, kind in enumerate(sorted(FAULTS))],
+)
+def test_a_fault_ends_in_an_error_or_the_same_data(tmp_path: Path, references: dict[str, Session], driver: str, kind: str, share: float) -> None:
+    reference = references[driver]
+    exchanges = sum(record["direction"] == "write" for record in reference.traffic())
+    role = virtual_instrument(driver).role
+    bench = SimulatedBench(SEED)
+    bench.open(role, driver, "whatever", lambda record: None).close()
+    FaultLayer(bench.devices[role], kind, max(1, int(share * exchanges)))
+    writer = SessionWriter.create(tmp_path / "s", start_document(procedure(driver), BENCH_FILE))
+    trouble = ""
+    try:
+        run(procedure(driver), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    except MotoremiError as error:
+        trouble = str(error) or "?"
+    bench.close()
+    complete = not trouble
+    assert "\n" not in trouble
+    came = load(tmp_path / "s")
+    assert verify(tmp_path / "s") == []
+    assert came.status == ("done" if complete else "failed")
+    # What was stored before the fault, or in spite of it, is what a healthy run stores.
+    for got, healthy in zip(came.sweeps, reference.sweeps, strict=complete):
+        np.testing.assert_allclose(got.impedance_ohm, healthy.impedance_ohm, rtol=10 * NOISE)
+    for seen, sound in zip(came.spectra, reference.spectra, strict=complete):
+        assert seen.overload.any() or np.allclose(seen.level_dbuv, sound.level_dbuv, atol=0.5)

@@ -1,0 +1,205 @@
+"""Simulated instruments on a socket and on a pseudo-terminal, driven through real PyVISA resources."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvisa
+from fault_matrix import SEED, small
+from serving import SPEED, served
+
+from motoremi.bench.analyser import ImpedanceAnalyser
+from motoremi.bench.clock import FastClock
+from motoremi.bench.connect import driver_class, open_manager, open_transport
+from motoremi.bench.connections import INSTRUCTIONS
+from motoremi.bench.procedure import BenchFile
+from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.rerun import rerun
+from motoremi.bench.runner import make_bench, run, start_document
+from motoremi.bench.serve import SocketServer
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
+from motoremi.data.session import SessionWriter, load, verify
+from motoremi.errors import InstrumentError
+
+ANALYSERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "analyser")
+RECEIVERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "receiver")
+LINKS = ["tcp", "pty"]
+
+
+@pytest.fixture
+def manager() -> Iterator[pyvisa.ResourceManager]:
+    manager = open_manager("@py")
+    yield manager
+    manager.close()
+
+
+@pytest.mark.parametrize("over", LINKS)
+@pytest.mark.parametrize("name", ANALYSERS)
+def test_an_analyser_measures_a_motor_over_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
+    """Compensated on its own standards, the motor comes out; 10 % is what a NanoVNA needs, the bridges stay far below."""
+    with served(name, over) as (server, bench):
+        analyser = driver_class(name)(open_transport(manager, server.resource, clock=FastClock(SPEED)))
+        assert isinstance(analyser, ImpedanceAnalyser)
+        analyser.identify()
+        analyser.reset()
+        analyser.configure(150e3, 30e6, 41)
+        bench.connect("open-standard")
+        analyser.compensate("open")
+        bench.connect("short-standard")
+        analyser.compensate("short")
+        bench.connect("open")
+        sweep = analyser.sweep("open")
+        analyser.safe()
+        analyser.close()
+        truth = bench.motor.impedance("open", sweep.frequency_hz)
+    assert len(sweep) == 41
+    assert np.median(np.abs(sweep.impedance_ohm / truth - 1)) < 0.1
+    # A binary block on a stream holds newlines sooner or later; none may be lost.
+    assert sweep.span_hz == pytest.approx((150e3, 30e6), rel=1e-9)
+
+
+@pytest.mark.parametrize("over", LINKS)
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_a_receiver_scans_over_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
+    with served(name, over) as (server, bench):
+        receiver = driver_class(name)(open_transport(manager, server.resource, clock=FastClock(SPEED)))
+        assert isinstance(receiver, EmiReceiver)
+        receiver.identify()
+        receiver.reset()
+        receiver.configure(150e3, 30e6, 150e3, 10e3 if name == "tinysa" else 9e3, dwell_s=0.01)
+        spectrum = receiver.scan("peak")
+        receiver.safe()
+        receiver.close()
+        expected = bench.level_dbuv(spectrum.frequency_hz, "peak")
+    assert len(spectrum) == 200
+    assert np.median(np.abs(spectrum.level_dbuv - expected)) < 3.0
+
+
+def test_one_client_after_the_other(manager: pyvisa.ResourceManager) -> None:
+    with served("4294a") as (server, _):
+        for points in (11, 21):
+            link = open_transport(manager, server.resource)
+            link.write(f"POIN {points}")
+            assert link.query("POIN?") == f"+{points}"
+            # Left unread; the next client must not get it.
+            link.write("*IDN?")
+            link.close()
+
+
+def test_several_messages_in_one_packet_and_one_in_several() -> None:
+    with served("4294a") as (server, _), socket.create_connection(("127.0.0.1", server.port)) as client:  # type: ignore[attr-defined]
+        client.sendall(b"POIN 11\r\nPOIN?\r\nSTAR?")
+        answers = client.makefile("rb")
+        assert answers.readline() == b"+11\n"
+        client.sendall(b"\n")
+        assert float(answers.readline()) == 40.0
+
+
+def test_only_this_machine_can_connect() -> None:
+    with served("4294a") as (server, _):
+        assert server._listener.getsockname()[0] == "127.0.0.1"  # type: ignore[attr-defined]
+
+
+def test_a_taken_port_is_one_clear_line() -> None:
+    bench = SimulatedBench(1)
+    instrument = VIRTUAL_INSTRUMENTS["4294a"]
+    first = SocketServer(instrument.make(bench, bench.clock))
+    with pytest.raises(InstrumentError, match=f"TCP port {first.port} of 127.0.0.1 cannot be served"):
+        SocketServer(instrument.make(bench, bench.clock), first.port)
+    first.close()
+    bench.close()
+
+
+def test_a_server_stops_while_a_client_does_not_read() -> None:
+    with served("4294a", "pty") as (server, _):
+        port = os.open(server.path, os.O_RDWR | os.O_NOCTTY)  # type: ignore[attr-defined]
+        os.write(port, b"POIN 801\nOUTPSWPRM?\n")
+        select.select([port], [], [], 5.0)
+    os.close(port)
+
+
+@pytest.mark.parametrize("link", [["--tcp", "0"], ["--pty"]])
+def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa.ResourceManager) -> None:
+    command = [sys.executable, "-c", "from motoremi.cli import main; main()", "simulate", "4294a", *link, "--speed", "1000"]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    assert process.stderr is not None
+    try:
+        ready = json.loads(process.stdout.readline())
+        analyser = driver_class("4294a")(open_transport(manager, ready["resource"]))
+        assert analyser.identify().model == "4294A"
+        assert isinstance(analyser, ImpedanceAnalyser)
+        analyser.configure(150e3, 30e6, 11)
+        magnitudes = []
+        for what in ("open-standard", "short-standard", "nonsense"):
+            process.stdin.write(what + "\n")
+            process.stdin.flush()
+            process.stderr.readline()
+            magnitudes.append(float(np.abs(analyser.sweep("open").impedance_ohm[0])))
+        # 4 pF of fixture at 150 kHz; then its 30 mOhm; a name that nobody knows changes nothing.
+        assert magnitudes[0] == pytest.approx(1 / (2 * np.pi * 150e3 * 4e-12), rel=0.05)
+        assert magnitudes[1] == pytest.approx(magnitudes[2], rel=0.01)
+        assert magnitudes[1] < 0.1
+        analyser.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.ResourceManager) -> None:
+    """Nothing is repeated by itself; the instrument is still as it was set, and can be brought into its safe state."""
+    with served("4294a") as (server, _):
+        analyser = driver_class("4294a")(open_transport(manager, server.resource, timeout_s=0.5))
+        analyser.tell("POIN 11", "POWE 0.4 V")
+        server.drop_client()  # type: ignore[attr-defined]
+        with pytest.raises(InstrumentError, match=r"did not accept|gave no answer"):
+            analyser.identify()
+        analyser.safe()
+        assert analyser.ask("POIN?") == "+11"
+        assert float(analyser.ask("POWE?")) == 0.005
+        assert analyser.transport.timeout_s == 0.5
+        analyser.close()
+
+
+@pytest.mark.parametrize(
+    ("procedure", "analyser", "receiver"),
+    [("full_motor_test", ("4294a", "tcp"), ("esr", "pty")), ("nanovna_bench", ("nanovna", "pty"), ("tinysa", "tcp"))],
+)
+def test_a_procedure_runs_over_real_links(tmp_path: Path, procedure: str, analyser: tuple[str, str], receiver: tuple[str, str]) -> None:
+    """As on a real bench: PyVISA-py opens what the bench file names, and the operator connects what the prompts say."""
+    bench = SimulatedBench(SEED, clock=FastClock(SPEED))
+
+    def operator(text: str) -> None:
+        bench.connect(next(what for what, instruction in INSTRUCTIONS.items() if text.startswith(instruction.text)))
+
+    with served(*analyser, bench=bench) as (one, _), served(*receiver, bench=bench) as (other, _):
+        bench_file = BenchFile(backend="@py", resources={"analyser": one.resource, "receiver": other.resource})
+        visa = make_bench(bench_file)
+        writer = SessionWriter.create(tmp_path / "s", start_document(small(procedure), bench_file))
+        outcome = run(small(procedure), visa, writer, analyse=lambda *_: None, prompt=operator)
+        visa.close()
+    session = load(tmp_path / "s")
+    assert outcome.passed
+    assert verify(tmp_path / "s") == []
+    assert len(session.sweeps) == 6
+    for sweep in session.sweeps:
+        truth = bench.motor.impedance(sweep.termination, sweep.frequency_hz)
+        assert np.median(np.abs(sweep.impedance_ohm / truth - 1)) < 0.05
+    assert {spectrum.metadata["condition"] for spectrum in session.spectra} == {"motor off", "motor running"}
+    again = rerun(session, tmp_path / "again", lambda: lambda *_: None, False)
+    assert again.same
+    assert again.compared == len(session.sweeps) + len(session.spectra)
