@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,20 +86,20 @@ class Commutation:
 
     def current(self, tau: ArrayLike) -> FloatArray:
         """Coil current is(t) in ampere at tau = t/Tk in 0 .. 1: from +ia to -ia (Fig. 10)."""
-        tau = _inside(tau)
-        result: FloatArray = self.current_a * (1 - 2 * tau + tau * (1 - tau) * self._g(tau))
+        x = _inside(tau)
+        result: FloatArray = self.current_a * (1 - 2 * x + x * (1 - x) * self._g(x))
         return result
 
     def trailing_voltage(self, tau: ArrayLike) -> FloatArray:
         """Rx ix over the segment that leaves the brush, in volt: the voltage that starts an arc."""
-        tau = _inside(tau)
-        result: FloatArray = self.resistance_ohm * self.current_a * (2 + tau * self._g(tau))
+        x = _inside(tau)
+        result: FloatArray = self.resistance_ohm * self.current_a * (2 + x * self._g(x))
         return result
 
     def leading_voltage(self, tau: ArrayLike) -> FloatArray:
         """Ry iy over the segment that comes under the brush, in volt."""
-        tau = _inside(tau)
-        result: FloatArray = self.resistance_ohm * self.current_a * (2 - (1 - tau) * self._g(tau))
+        x = _inside(tau)
+        result: FloatArray = self.resistance_ohm * self.current_a * (2 - (1 - x) * self._g(x))
         return result
 
     def contact_voltage(self, tau: ArrayLike) -> FloatArray:
@@ -116,11 +115,11 @@ class Commutation:
 
         From uc = Rd ia (4 - (1 - 2 tau) g) and the equation that g obeys.
         """
-        tau = np.minimum(_inside(tau), 1 - CLOSEST_TO_END)
-        g = self._g(tau)
+        x = np.minimum(_inside(tau), 1 - CLOSEST_TO_END)
+        g = self._g(x)
         # g (A + 1)/2 = 2F1(1, 2; A + 2; tau) =: F, and F' = 2/(A + 2) 2F1(2, 3; A + 3; tau).
-        slope = 4 / ((self.ratio + 1) * (self.ratio + 2)) * hyp2f1(2, 3, self.ratio + 3, tau)
-        result: FloatArray = self.resistance_ohm * self.current_a * (2 * g - (1 - 2 * tau) * slope) / self.time_s
+        slope = 4 / ((self.ratio + 1) * (self.ratio + 2)) * hyp2f1(2, 3, self.ratio + 3, x)
+        result: FloatArray = self.resistance_ohm * self.current_a * (2 * g - (1 - 2 * x) * slope) / self.time_s
         return result
 
     def end_step_v(self) -> float:
@@ -188,8 +187,8 @@ class Spark:
     voltage_v: float
 
 
-def _inside(tau: ArrayLike) -> Any:
-    values = np.asarray(tau, dtype=np.float64)
+def _inside(tau: ArrayLike) -> FloatArray:
+    values: FloatArray = np.asarray(tau, dtype=np.float64)
     if np.any((values < 0) | (values > 1)) or not np.all(np.isfinite(values)):
         raise BadInput("tau = t/Tk must be between 0 and 1")
     return values
