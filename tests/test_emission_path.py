@@ -13,7 +13,7 @@ from ngspice import needs_ngspice
 from motoremi.emission.commutation import Commutation
 from motoremi.emission.netlist import emission_netlist
 from motoremi.emission.path import LISN_5UH, LISN_50UH, Cable, Path, find_lisn
-from motoremi.emission.source import Arc, Chopper, HighPass, Source, ramp_density, repetition_hz
+from motoremi.emission.source import Arc, Chopper, HighPass, Source, ramp_density, repetition_hz, step_density
 from motoremi.errors import BadInput
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
@@ -101,6 +101,12 @@ def test_densities():
     for frequency, density in zip(f, ramp_density(f, 12.0, 80e-9), strict=True):
         integral = np.mean(np.exp(-2j * np.pi * frequency * t)) * 12.0 / (2j * np.pi * frequency)
         assert density == pytest.approx(integral, rel=1e-5)
+    time_s = (np.arange(20000) + 0.5) * 1e-10
+    voltage = 12.0 * (1 - np.exp(-time_s / 20e-9))
+    assert np.interp(10.8, voltage, time_s) - np.interp(1.2, voltage, time_s) == pytest.approx(20e-9 * np.log(9), rel=1e-3)
+    for frequency, density in zip(f, step_density(f, 12.0, 20e-9 * np.log(9)), strict=True):
+        integral = np.sum(12.0 / 20e-9 * np.exp(-time_s / 20e-9 - 2j * np.pi * frequency * time_s)) * 1e-10 / (2j * np.pi * frequency)
+        assert density == pytest.approx(integral, rel=1e-4)
     chopper = Chopper(24.0, 20e3, 0.3, 100e-9)
     harmonics = 20e3 * np.arange(10, 60)
     k = harmonics / 20e3

@@ -153,10 +153,10 @@ def read_comb(frequency_hz: FloatArray, repetition_hz: float, density: Callable[
     lines = math.sqrt(2) * repetition_hz * density(every)
     steps = np.arange(-reach, reach + 1)
     number = nearest[:, None] + steps
-    offset = number * repetition_hz - frequency_hz[:, None]
+    offset: FloatArray = number * repetition_hz - frequency_hz[:, None]
     passed = np.where(number >= first, lines[np.maximum(number - first, 0)], 0) * np.exp(-(offset**2) / (2 * band.sigma_hz**2))
     moments = max(8, 4 * reach)
-    envelope = np.abs(passed @ np.exp(2j * np.pi * np.outer(steps, np.arange(moments)) / moments))
+    envelope: FloatArray = np.abs(passed @ np.exp(2j * np.pi * np.outer(steps, np.arange(moments)) / moments))
     rms = np.sqrt(np.mean(envelope**2, axis=1))
     shown = envelope[:, :: max(1, moments // _SHOWN)]
     return Readings(envelope.max(axis=1), envelope_weight(band, shown), envelope.mean(axis=1), rms)
@@ -193,6 +193,7 @@ def pulses_on_noise(height: FloatArray, noise_average: FloatArray, coming_hz: fl
 def _added_areas() -> tuple[FloatArray, FloatArray]:
     """Area, in standard deviations, by which a Gaussian pulse lifts the mean envelope of noise of mean 1, for a range of heights."""
     ratios = np.geomspace(1e-2, 1e6, 161)
-    u = np.linspace(0, 6, 121)
+    u = (np.arange(120) + 0.5) * 0.05
     added = rician_mean(ratios[:, None] * np.exp(-(u**2) / 2), np.ones(1)) - 1
-    return ratios, 2 * np.trapezoid(added, u, axis=1)
+    areas: FloatArray = 2 * np.sum(added, axis=1) * 0.05
+    return ratios, areas

@@ -68,9 +68,7 @@ class Receiver:
         """Which points drive the mixer too far."""
         return np.asarray(peak_dbuv > self.overload_dbuv)
 
-    def read(
-        self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, floor_dbuv: float | FloatArray | None = None
-    ) -> dict[Detector, FloatArray]:
+    def read(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, noise: Readings | None = None) -> dict[Detector, FloatArray]:
         """Levels in dBuV of all detectors.
 
         Parameters
@@ -79,16 +77,20 @@ class Receiver:
         frequency_hz : ndarray, shape (n,)
         transfer : ndarray of complex, shape (n,)
             Receiver voltage per volt of the source.
-        floor_dbuv : float or ndarray, optional
-            Average reading of the noise; the receiver's own if not given.
+        noise : Readings, optional
+            What the receiver reads with the motor off; its own noise if not given.
         """
-        average = np.full(frequency_hz.shape, 1.0) * 10 ** ((self.floor_dbuv if floor_dbuv is None else floor_dbuv) / 20) * 1e-6
-        noise = noise_unit(self.band, self.dwell_s).scaled(average)
+        if noise is None:
+            noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
         steady = self._steady(source, frequency_hz, transfer)
         ground = _steady_in_noise(steady, noise)
         if source.step_v or source.arc is not None:
             ground = self._with_events(ground, steady, noise, source, frequency_hz, np.abs(transfer))
         return {detector: 20 * np.log10(getattr(ground, name) / 1e-6) for detector, name in FIELDS.items()}
+
+    def noise(self, average_dbuv: FloatArray) -> Readings:
+        """Gaussian noise of a given average reading, shape (n,), on all detectors."""
+        return noise_unit(self.band, self.dwell_s).scaled(1e-6 * 10 ** (average_dbuv / 20))
 
     def _steady(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray) -> Readings | None:
         """What does not hang on the speed of the motor: the chopper's comb and the paper's source."""

@@ -62,6 +62,8 @@ class TimeDomainReceiver:
         The quasi-peak detector runs sample by sample and costs as much as all else; without it its levels are those of the peak.
     seed : int
         Of the noise.
+    keep : bool
+        Keep all envelopes, so that `again` can run the quasi-peak detector over them once more.
 
     Raises
     ------
@@ -77,6 +79,7 @@ class TimeDomainReceiver:
         noise_dbuv: float | None = None,
         quasi_peak: bool = True,
         seed: int = 0,
+        keep: bool = False,
     ) -> None:
         if band not in BANDS:
             raise BadInput(f"unknown band {band!r}: use A or B")
@@ -101,6 +104,8 @@ class TimeDomainReceiver:
         self._noise_memory = math.exp(-0.25 * (self._step_s / sigma_s) ** 2)
         self._rng = np.random.default_rng(seed)
         self._noise: NDArray[np.complex64] | None = None
+        self._keep = keep
+        self._kept: list[NDArray[np.float32]] = []
         self._detectors = _Detectors(self.frequency_hz.size, self._step_s, charge, discharge, self._meter_s, self._rms_s, quasi_peak)
 
     def _check(self, sample_rate_hz: float) -> None:
@@ -137,7 +142,10 @@ class TimeDomainReceiver:
         for start in range(0, count, _BATCH):
             number = min(_BATCH, count - start)
             stretches = np.lib.stride_tricks.sliding_window_view(data, length)[start * self._hop :: self._hop][:number]
-            self._detectors.take(np.abs(self._with_noise(self._filtered(stretches))))
+            envelope = np.abs(self._with_noise(self._filtered(stretches)))
+            self._detectors.take(envelope)
+            if self._keep:
+                self._kept.append(envelope)
         self._rest = data[count * self._hop :].copy()
 
     def _filtered(self, stretches: NDArray[np.float32]) -> NDArray[np.complex64]:
@@ -164,6 +172,16 @@ class TimeDomainReceiver:
         self._noise = now
         return filtered
 
+    @property
+    def window_samples(self) -> int:
+        """Length of the filter's window."""
+        return int(self._window.size)
+
+    def again(self) -> None:
+        """Run the quasi-peak detector over the record so far once more; nothing happens unless envelopes are kept."""
+        for envelope in self._kept:
+            self._detectors.weigh(envelope)
+
     def read(self) -> Reading:
         """The readings so far.
 
@@ -182,7 +200,7 @@ class _Detectors:
     """Peak, quasi-peak, average and RMS-average of envelopes that come in steps."""
 
     def __init__(self, size: int, step_s: float, charge_s: float, discharge_s: float, meter_s: float, rms_s: float, quasi_peak: bool) -> None:
-        self.steps = 0
+        self.steps, self._weighed = 0, 0
         self._step_s, self._meter_s = step_s, meter_s
         self._fade = math.exp(-step_s / discharge_s)
         constant, self._sine = _sine_response(charge_s, discharge_s)
@@ -200,13 +218,16 @@ class _Detectors:
         self._sum += envelope.sum(axis=0)
         self._blockwise(envelope)
         if self._quasi_peak:
-            for row in envelope:
-                self._charge(row)
-                self.steps += 1
-                if self.steps % _METER_EVERY == 0:
-                    self._move()
-        else:
-            self.steps += len(envelope)
+            self.weigh(envelope)
+        self.steps += len(envelope)
+
+    def weigh(self, envelope: NDArray[np.float32]) -> None:
+        """Quasi-peak detector and meter."""
+        for row in envelope:
+            self._charge(row)
+            self._weighed += 1
+            if self._weighed % _METER_EVERY == 0:
+                self._move()
 
     def _blockwise(self, envelope: NDArray[np.float32]) -> None:
         """Effective values over blocks of one averaging time."""
@@ -245,8 +266,8 @@ class _Detectors:
 
     def read(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Effective values of the sines of equal reading."""
-        quasi = self._shown / self._sine if self._quasi_peak else self._highest
-        rms = self._rms_sum / self._blocks if self._blocks else np.sqrt(self._power / max(1, self._in_block))
+        quasi: FloatArray = self._shown / self._sine if self._quasi_peak else self._highest.astype(np.float64)
+        rms: FloatArray = self._rms_sum / self._blocks if self._blocks else np.sqrt(self._power / max(1, self._in_block))
         return self._highest.astype(np.float64), quasi, self._sum / self.steps, rms
 
 
@@ -255,7 +276,8 @@ def _sine_response(charge_s: float, discharge_s: float) -> tuple[float, float]:
     """Charge constant of the circuit and its final voltage for a sine of amplitude 1, by running it: 63 % must be reached in `charge_s`."""
 
     def run(constant: float) -> tuple[float, float]:
-        step, voltage, trace = charge_s / 200, 0.0, []
+        step, voltage = charge_s / 200, 0.0
+        trace: list[float] = []
         while len(trace) < 40 or trace[-1] - trace[-40] > 1e-7:
             drop = max(0.0, 1 - voltage)
             voltage += step * (drop**1.5 * (0.3001 + 0.0182 * drop) / constant - voltage / discharge_s)
@@ -270,7 +292,14 @@ def _sine_response(charge_s: float, discharge_s: float) -> tuple[float, float]:
 
 
 def read_waveform(
-    samples: ArrayLike | Iterator[FloatArray], sample_rate_hz: float, frequency_hz: ArrayLike, band: str = "B", quasi_peak: bool = True
+    samples: ArrayLike | Iterator[FloatArray],
+    sample_rate_hz: float,
+    frequency_hz: ArrayLike,
+    band: str = "B",
+    quasi_peak: bool = True,
+    noise_dbuv: float | None = None,
+    repeats: int = 1,
+    seed: int = 0,
 ) -> Reading:
     """Readings of a whole record, or of one that comes in blocks.
 
@@ -284,11 +313,18 @@ def read_waveform(
     band : {"A", "B"}
     quasi_peak : bool
         Whether the quasi-peak detector runs too.
+    noise_dbuv : float, optional
+        Of the receiver, on the average detector.
+    repeats : int
+        The quasi-peak detector sees the record so often, as if it went on like this; its envelopes are kept in memory for that.
+    seed : int
     """
-    receiver = TimeDomainReceiver(sample_rate_hz, frequency_hz, band, quasi_peak=quasi_peak)
-    block = int(0.02 * sample_rate_hz) + receiver._window.size
+    receiver = TimeDomainReceiver(sample_rate_hz, frequency_hz, band, noise_dbuv, quasi_peak, seed, keep=repeats > 1 and quasi_peak)
+    block = int(0.02 * sample_rate_hz) + receiver.window_samples
     for part in _blocks(samples, block):
         receiver.feed(part)
+    for _ in range(repeats - 1):
+        receiver.again()
     return receiver.read()
 
 
