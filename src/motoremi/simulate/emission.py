@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +22,7 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.errors import BadInput
 from motoremi.simulate.hidden import log_uniform, uniform
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.network import Network, impedance
+from motoremi.simulate.network import impedance
 from motoremi.simulate.parts import Part
 from motoremi.simulate.receiver import Reading, read_waveform
 
@@ -94,7 +96,7 @@ class Stand:
             For an unknown effect.
         """
         rng = np.random.default_rng([seed, 11])
-        drawn = {
+        drawn: dict[str, Any] = {
             "repetition_hz": log_uniform(rng, 500.0, 2500.0),
             "step_v": uniform(rng, 0.5, 2.0),
             "rise_s": log_uniform(rng, 2e-7, 2e-6),
@@ -157,7 +159,7 @@ def transfer(motor: SimulatedMotor, stand: Stand, frequency_hz: FloatArray) -> C
     if stand.cable_m:
         henry, farad = (stand.cable_m * value / _LADDER for value in (stand.cable_ohm / 2e8, 1 / (stand.cable_ohm * 2e8)))
         names = ["port", *(f"cable{number}" for number in range(1, _LADDER)), "line"]
-        for number, (near, far) in enumerate(zip(names[:-1], names[1:], strict=True)):
+        for number, (near, far) in enumerate(pairwise(names)):
             middle = f"between{number}"
             network = (
                 network.resistor(f"loss{number}", near, middle, 0.5 * stand.cable_m / _LADDER)
