@@ -16,14 +16,9 @@ REPEATABILITY_DB = 1.0
 _PEAK_ABOVE_AVERAGE_DB = 9.0
 
 
-def is_background(spectrum: Spectrum) -> bool:
-    """Whether a spectrum was measured with the motor off: its header says `# motor_state: off`."""
-    return any(str(spectrum.metadata.get(key, "")).strip().lower() == "off" for key in ("motor_state", "motor"))
-
-
 def split(spectra: Sequence[Spectrum]) -> tuple[list[Spectrum], list[Spectrum]]:
     """Spectra of the running motor, and of the background."""
-    return [s for s in spectra if not is_background(s)], [s for s in spectra if is_background(s)]
+    return [s for s in spectra if not s.is_background], [s for s in spectra if s.is_background]
 
 
 def ambient_of(background: Sequence[Spectrum]) -> Ambient | None:

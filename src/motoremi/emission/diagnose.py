@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import FloatArray, JsonDict, Progress
+from motoremi.data.spectrum import Spectrum
 from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
 from motoremi.emission.fit import EmissionFit, Problem, fit_spectra
 from motoremi.emission.observe import find_comb, observations
 
-Progress = Callable[[str, int, int], None]
 # Log evidence that an effect must bring to be believed, and within which two effects cannot be told apart.
 LEAST_GAIN = 6.0
 FAMILY_GAP = 3.0
@@ -116,13 +116,11 @@ def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
     """The model with one more effect, refitted from where it stands and from the start."""
     effect = find_source_effect(name)
     own: list[Mapping[str, float]] = [*effect.starts, *(_comb_starts(problem) if name == "chopper" else ())]
-    label = {f"{name}.{key}" for start in own for key in start}
     bases = [dict(before.parameters)]
     if not before.effects:
         # Without the effect the base may have been bent to its limits: try it unbent as well.
         bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
     starts = [{**base, **{f"{name}.{key}": value for key, value in start.items()}} for start in own or [{}] for base in bases]
-    del label
     return fit_spectra(problem, (*before.effects, name), starts, keep=3)
 
 
@@ -135,7 +133,9 @@ def _comb_starts(problem: Problem) -> list[Mapping[str, float]]:
     comb = find_comb(frequency[low], level[low], 9e3, 60e3)
     if comb is None:
         return []
-    return [{"amplitude_v": volt, "frequency_hz": comb.spacing_hz, "duty": duty, "rise_s": 8e-8} for volt in (1.5, 10.0) for duty in (0.2, 0.4, 0.7)]
+    return [
+        {"amplitude_v": volt, "frequency_hz": comb.spacing_hz, "duty": duty, "rise_s": 8e-8} for volt in (1.5, 10.0) for duty in (0.2, 0.4, 0.7)
+    ]
 
 
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:
@@ -157,7 +157,8 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     gain = candidates[0].log_evidence - start.log_evidence if candidates else -np.inf
     if gain < LEAST_GAIN:
         return _nothing_to_add(start, candidates, probabilities, where, seen)
-    best, names, families = candidates[0].fit, (candidates[0].effect.name,), _family(candidates)
+    best, families = candidates[0].fit, _family(candidates)
+    names: tuple[str, ...] = (candidates[0].effect.name,)
     if best.chi2_reduced > GOOD_CHI2:
         second = _ranked(problem, best, progress)
         if second and second[0].log_evidence - best.log_evidence > 2 * LEAST_GAIN:
@@ -210,7 +211,10 @@ def _nothing_to_add(
 ) -> EmissionDiagnosis:
     good = start.chi2_reduced <= GOOD_CHI2
     if good:
-        verdict, text = "adequate", f"the prediction describes the spectra to {start.rms_error_db:.2f} dB rms: nothing in the catalogue would improve it"
+        verdict, text = (
+            "adequate",
+            f"the prediction describes the spectra to {start.rms_error_db:.2f} dB rms: nothing in the catalogue would improve it",
+        )
         confidence = (1 - DOUBT) * max(0.5, 1 - sum(probabilities.values()))
         following = {"id": "repeat", "why": "nothing is missing; repeat the scan at another speed and current to see whether that stays so"}
     else:
@@ -246,8 +250,6 @@ def where_it_fails(fit: EmissionFit) -> tuple[JsonDict, ...]:
     )  # fmt: skip
 
 
-def _as_spectrum(problem: Problem, detector: str):  # type: ignore[no-untyped-def]
-    from motoremi.data.spectrum import Spectrum
-
+def _as_spectrum(problem: Problem, detector: str) -> Spectrum:
     frequency, level = problem.full[detector][0]
     return Spectrum(detector, frequency, level, problem.setup.receiver.band.bandwidth_hz)

@@ -55,6 +55,11 @@ class SourceEffect:
     change: Callable[[Setup, Values], Setup]
     following: tuple[str, str]
 
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """Its only name."""
+        return (self.name,)
+
     def to_dict(self) -> JsonDict:
         """What a person or a program may want to know."""
         plain = {key: getattr(self, key) for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source")}
@@ -114,7 +119,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
     ),
     SourceEffect(
         "commutation-jitter", "source", "irregular commutation: missing and scattered events (brush bounce)",
-        "average: |V| sqrt(2) repetition (1 - missing_share); lines above 1/(2 pi jitter_s) become noise where the repetition exceeds the bandwidth",
+        "average: |V| sqrt(2) repetition (1 - missing_share); lines above 1/(2 pi jitter_s) become noise where events overlap",
         (
             Parameter("missing_share", "", 0.02, 0.93, "share of commutations that do not break", scale="linear"),
             Parameter("jitter_s", "s", 1e-9, 1e-4, "standard deviation of the moments; not seen while events do not overlap behind the filter"),

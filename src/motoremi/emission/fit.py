@@ -83,6 +83,10 @@ class EmissionFit:
             "rms_error_db": self.rms_error_db,
         }
 
+    def to_dict(self) -> JsonDict:
+        """Plain data; `restored` reads it back."""
+        return {**self.figures(), "parameters": dict(self.parameters), "log_evidence": self.log_evidence, "at_bound": list(self.at_bound)}
+
     def own_parameters(self, effect: str) -> JsonDict:
         """Of one effect, by short name."""
         return {
@@ -235,7 +239,9 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
     best_x, best_cost = ranked[0], np.inf
     for start in ranked[:keep]:
         # The formulas are smooth but not exact to the last digit: a wider step than usual for the slopes.
-        found = least_squares(residuals, start, bounds=(0.0, 1.0), diff_step=1e-4, x_scale=0.1, max_nfev=25, ftol=1e-4, xtol=1e-5, gtol=1e-6)
+        found = least_squares(
+            residuals, start, bounds=(0.0, 1.0), diff_step=[1e-4] * len(names), x_scale=0.1, max_nfev=25, ftol=1e-4, xtol=1e-5, gtol=1e-6
+        )
         if found.cost < best_cost:
             best_x, best_cost = found.x, float(found.cost)
     values = values_of(best_x)
@@ -257,4 +263,14 @@ _PRIOR_WEIGHT = np.sqrt(CORRELATED)
 def _softened(errors: FloatArray) -> FloatArray:
     """Residuals whose squares grow in proportion beyond a few standard deviations."""
     size = np.abs(errors)
-    return np.where(size <= _ROBUST, errors, np.sign(errors) * np.sqrt(_ROBUST * (2 * size - _ROBUST)))
+    beyond = np.sqrt(_ROBUST * (2 * np.maximum(size, _ROBUST) - _ROBUST))
+    return np.where(size <= _ROBUST, errors, np.sign(errors) * beyond)
+
+
+def restored(problem: Problem, stored: JsonDict) -> EmissionFit:
+    """A fit from its plain data and the problem it solved."""
+    values = {str(name): float(value) for name, value in stored["parameters"].items()}
+    return EmissionFit(
+        problem, tuple(stored["effects"]), values, float(stored["chi2_reduced"]), float(stored["rms_error_db"]),
+        float(stored["log_evidence"]), tuple(stored["at_bound"]),
+    )  # fmt: skip

@@ -133,11 +133,14 @@ def _form(spectrum: Spectrum) -> list[JsonDict]:
     found = []
     steps = np.diff(spectrum.frequency_hz)
     if spectrum.frequency_hz[0] < 9e3:
-        found.append({"id": "below-9-khz", "text": f"{spectrum.detector}: starts at {spectrum.frequency_hz[0]:g} Hz; no CISPR band begins below 9 kHz"})
+        found.append(
+            {"id": "below-9-khz", "text": f"{spectrum.detector}: starts at {spectrum.frequency_hz[0]:g} Hz; no CISPR band begins below 9 kHz"}
+        )
     if steps.max() > 1.5 * steps.min():
         found.append({"id": "uneven-steps", "text": f"{spectrum.detector}: not in equal steps ({steps.min():.4g} to {steps.max():.4g} Hz)"})
     elif steps.max() > 1.01 * spectrum.resolution_bandwidth_hz:
-        text = f"{spectrum.detector}: steps of {steps.max():.4g} Hz are wider than the bandwidth of {spectrum.resolution_bandwidth_hz:g} Hz: lines may be missed"
+        wide = f"steps of {steps.max():.4g} Hz are wider than the bandwidth of {spectrum.resolution_bandwidth_hz:g} Hz"
+        text = f"{spectrum.detector}: {wide}: lines may be missed"
         found.append({"id": "coarse-steps", "text": text})
     if spectrum.overload.any():
         text = f"{spectrum.detector}: the receiver was overloaded at {int(spectrum.overload.sum())} points; they are not judged"

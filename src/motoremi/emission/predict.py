@@ -165,7 +165,7 @@ def predict(
     setup : Setup, optional
         Source, path and receiver; typical values if not given, and the result says so.
     spectra : sequence of Spectrum
-        Measured. Those whose metadata say `motor_state: off` are background: they go into the prediction.
+        Measured. Those measured with the motor off (`condition: motor off`) are background: they go into the prediction.
     limit : Limit, str or path
         A limit, its name, or the path of a file.
     frequency_hz : array_like, shape (n,), optional

@@ -150,7 +150,7 @@ def read_comb(frequency_hz: FloatArray, repetition_hz: float, density: Callable[
     nearest = np.round(frequency_hz / repetition_hz).astype(np.intp)
     first, last = max(1, int(nearest.min()) - reach), int(nearest.max()) + reach
     every = repetition_hz * np.arange(first, last + 1)
-    lines = math.sqrt(2) * repetition_hz * density(every)
+    lines = math.sqrt(2) * repetition_hz * density(np.asarray(every, dtype=np.float64))
     steps = np.arange(-reach, reach + 1)
     number = nearest[:, None] + steps
     offset: FloatArray = number * repetition_hz - frequency_hz[:, None]

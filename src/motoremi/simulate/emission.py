@@ -7,6 +7,7 @@ ladder) is that of section D of the physics notes.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -257,24 +258,28 @@ def measure(motor: SimulatedMotor, stand: Stand, frequency_hz: ArrayLike, seed: 
     return Reading(frequency, *levels)
 
 
-def motor_off(stand: Stand, frequency_hz: ArrayLike, seed: int) -> Reading:
+def motor_off(stand: Stand, frequency_hz: ArrayLike, seed: int, quasi_peak: bool = True) -> Reading:
     """The background sweep: the same stand with no motor running."""
-    quiet = Stand(**{**vars(stand), "step_v": 0.0, "arc_v": 0.0, "chopper_v": 0.0})
-    return measure(SimulatedMotor(), quiet, frequency_hz, seed, quasi_peak=False)
+    quiet = dataclasses.replace(stand, step_v=0.0, arc_v=0.0, chopper_v=0.0)
+    return measure(SimulatedMotor(), quiet, frequency_hz, seed, quasi_peak)
 
 
-@lru_cache(maxsize=4)
-def _scanned(motor: SimulatedMotor, seed: int, grid: tuple[float, float, int], effects: tuple[str, ...], quasi_peak: bool) -> Reading:
+@lru_cache(maxsize=6)
+def _scanned(motor: SimulatedMotor | None, seed: int, grid: tuple[float, float, int], effects: tuple[str, ...], quasi_peak: bool) -> Reading:
     start, step, count = grid
-    return measure(motor, Stand.random(seed, effects), start + step * np.arange(count), seed, quasi_peak)
+    stand, frequency_hz = Stand.random(seed, effects), start + step * np.arange(count)
+    return motor_off(stand, frequency_hz, seed, quasi_peak) if motor is None else measure(motor, stand, frequency_hz, seed, quasi_peak)
 
 
-def spectrum(motor: SimulatedMotor, frequency_hz: ArrayLike, detector: str, seed: int, effects: Sequence[str] = ("arc-breakdown",)) -> FloatArray:
+def spectrum(
+    motor: SimulatedMotor | None, frequency_hz: ArrayLike, detector: str, seed: int, effects: Sequence[str] = ("arc-breakdown",)
+) -> FloatArray:
     """Level at the receiver.
 
     Parameters
     ----------
-    motor : SimulatedMotor
+    motor : SimulatedMotor, optional
+        None for the background, with the motor off.
     frequency_hz : array_like, shape (n,)
         Equally spaced, 150 kHz to 30 MHz.
     detector : {"peak", "quasi-peak", "average"}
@@ -294,3 +299,8 @@ def spectrum(motor: SimulatedMotor, frequency_hz: ArrayLike, detector: str, seed
     step = float(frequency[1] - frequency[0]) if frequency.size > 1 else 4.5e3
     level = _scanned(motor, seed, (float(frequency[0]), step, frequency.size), tuple(effects), detector == "quasi-peak").level(detector)
     return level.copy()
+
+
+def background(frequency_hz: ArrayLike, detector: str, seed: int, effects: Sequence[str] = ()) -> FloatArray:
+    """Level at the receiver with the motor off, in dBuV, shape (n,)."""
+    return spectrum(None, frequency_hz, detector, seed, effects)

@@ -149,6 +149,8 @@ class TimeDomainReceiver:
         self._rest = data[count * self._hop :].copy()
 
     def _filtered(self, stretches: NDArray[np.float32]) -> NDArray[np.complex64]:
+        if not stretches.any():
+            return np.zeros((len(stretches), self.frequency_hz.size), dtype=np.complex64)
         pieces = np.zeros((len(stretches), self._folds * self._points), dtype=np.float32)
         np.multiply(stretches, self._window, out=pieces[:, : self._window.size])
         folds = pieces.reshape(len(pieces), self._folds, self._points)
