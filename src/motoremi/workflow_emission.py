@@ -137,3 +137,25 @@ def drop_source_effect(store: Store) -> tuple[EmissionFit, EmissionFit]:
         raise BadInput("the emission's ladder stands at its base: there is no effect to drop")
     _save(store, _state(load(store.path)), steps=[step.to_dict() for step in steps[:-1]])
     return steps[-1], steps[-2]
+
+
+def emission_story(store: Store) -> JsonDict:
+    """Fit the source, see what is missing, add it, predict: what `motoremi demo` tells of the spectrum."""
+    base = emission_steps(store)[-1]
+    found, last = diagnose_emission_session(store), base
+    for name in found.effects:
+        _, last = add_source_effect(store, name)
+    prediction = predict_session(store)
+    return {
+        "verdict": found.verdict,
+        "named": list(found.effects),
+        "families": [list(family) for family in found.families],
+        "confidence": found.confidence,
+        "reasons": list(found.reasons),
+        "observations": [str(one["text"]) for one in found.seen],
+        "error_before_db": base.rms_error_db,
+        "error_after_db": last.rms_error_db,
+        "limit": prediction.limit.title,
+        "limit_verdict": prediction.verdict,
+        "next": str(found.following["why"]),
+    }

@@ -138,9 +138,9 @@ class Prediction:
 
     def plot(self) -> Figure:
         """Predicted and measured levels with the limit."""
-        from motoremi.report.emission_plot import prediction_figure
+        from motoremi.report.emission import prediction_figure
 
-        return prediction_figure(self)
+        return prediction_figure(self.to_dict())
 
 
 def _lists(levels: dict[Detector, FloatArray] | dict[str, FloatArray]) -> dict[str, list[float | None]]:

@@ -264,11 +264,27 @@ def motor_off(stand: Stand, frequency_hz: ArrayLike, seed: int, quasi_peak: bool
     return measure(SimulatedMotor(), quiet, frequency_hz, seed, quasi_peak)
 
 
+@dataclass(frozen=True, eq=False)
+class _Running:
+    """A motor, or none, as a key: two motors of the same values are one."""
+
+    motor: SimulatedMotor | None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Running) and self.motor == other.motor
+
+    def __hash__(self) -> int:
+        return hash(repr(self.motor))
+
+
+# The detectors of one scan are asked for one by one.
 @lru_cache(maxsize=6)
-def _scanned(motor: SimulatedMotor | None, seed: int, grid: tuple[float, float, int], effects: tuple[str, ...], quasi_peak: bool) -> Reading:
+def _scanned(running: _Running, seed: int, grid: tuple[float, float, int], effects: tuple[str, ...], quasi_peak: bool) -> Reading:
     start, step, count = grid
     stand, frequency_hz = Stand.random(seed, effects), start + step * np.arange(count)
-    return motor_off(stand, frequency_hz, seed, quasi_peak) if motor is None else measure(motor, stand, frequency_hz, seed, quasi_peak)
+    if running.motor is None:
+        return motor_off(stand, frequency_hz, seed, quasi_peak)
+    return measure(running.motor, stand, frequency_hz, seed, quasi_peak)
 
 
 def spectrum(
@@ -297,7 +313,7 @@ def spectrum(
         raise BadInput(f"unknown detector {detector!r}: use {', '.join(DETECTORS)}")
     frequency: FloatArray = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     step = float(frequency[1] - frequency[0]) if frequency.size > 1 else 4.5e3
-    level = _scanned(motor, seed, (float(frequency[0]), step, frequency.size), tuple(effects), detector == "quasi-peak").level(detector)
+    level = _scanned(_Running(motor), seed, (float(frequency[0]), step, frequency.size), tuple(effects), detector == "quasi-peak").level(detector)
     return level.copy()
 
 
