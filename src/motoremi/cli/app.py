@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from motoremi import __version__
-from motoremi.cli import bench, blind, catalogue, demo, doctor, export, paper, session, simulate
+from motoremi.cli import bench, blind, catalogue, demo, doctor, emission, export, paper, session, simulate
 
 app = typer.Typer(
     help="Measure the common-mode impedance and emission of DC motors, fit the circuit, find the missing effect, report.",
@@ -31,5 +31,5 @@ def _options(
     pass
 
 
-for module in (demo, bench, simulate, session, export, catalogue, doctor, blind, paper):
+for module in (demo, bench, simulate, session, emission, export, catalogue, doctor, blind, paper):
     module.register(app)

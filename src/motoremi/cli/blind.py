@@ -59,16 +59,29 @@ def scoreboard_(
     cases: Annotated[int, typer.Option(help="How many blind cases.", min=1)] = 300,
     seed: Annotated[int | None, typer.Option(help="Which cases; by default nobody knows, and it is printed.", min=0)] = None,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = max(1, os.cpu_count() or 1),
+    spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, seen in emission spectra.")] = False,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose many simulated motors with hidden effects and count how often the answer is right."""
+    from motoremi.blind import spectra as of_spectra
     from motoremi.blind.scoreboard import play_all, summary
     from motoremi.blind.table import markdown, write_all
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
 
     chosen = seed if seed is not None else secrets.randbelow(1_000_000)
+    if spectra:
+        with progress_bars(as_json) as bars:
+            played = of_spectra.play_all(chosen, cases, jobs, bars.bar("blind test of spectra"))
+        found = {"seed": chosen, **of_spectra.summary(played)}
+        if out is not None:
+            of_spectra.write_all(found, out)
+        if as_json:
+            emit_json(found)
+        else:
+            say(of_spectra.markdown(found))
+        return
     with progress_bars(as_json) as bars:
         result = {"seed": chosen, **summary(play_all(chosen, cases, jobs, bars.bar("blind test")))}
     if out is not None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motoremi.cli.options import AsJson, command
+
+if TYPE_CHECKING:
+    from motoremi.emission.effects import SourceEffect
+    from motoremi.model.effects import Effect
 
 
 def effects_(
@@ -15,17 +19,19 @@ def effects_(
 ) -> None:
     """The catalogue of effects; one effect with formula, parameters, range, signature, look-alikes and source."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.emission.effects import source_effects
     from motoremi.model.effects import catalogue, find_effect
     from motoremi.quantities import show
 
+    known: list[Effect | SourceEffect] = [*catalogue(), *source_effects()]
     if identifier is None:
         if as_json:
-            emit_json({"schema": "motoremi.effects/1", "effects": [effect.to_dict() for effect in catalogue()]})
+            emit_json({"schema": "motoremi.effects/1", "effects": [effect.to_dict() for effect in known]})
             return
-        for effect in catalogue():
-            say(f"{effect.group:11s} {', '.join(effect.identifiers):78s} {effect.title}")
+        for entry in known:
+            say(f"{entry.group:11s} {', '.join(entry.identifiers):78s} {entry.title}")
         return
-    names = [effect for effect in catalogue() if effect.name == identifier]
+    names = [one for one in known if one.name == identifier]
     effect = names[0] if names else find_effect(identifier).effect
     if as_json:
         emit_json({"schema": "motoremi.effect/1", **effect.to_dict()})

@@ -30,6 +30,7 @@ def demo_(
     from motoremi.data.session import SessionWriter, load
     from motoremi.simulate.effects import DEMO_EFFECTS
     from motoremi.workflow import add_to_session, analyse, compare_session, diagnosis_in, ladder_of, opened, report_session
+    from motoremi.workflow_emission import emission_story
 
     chosen_seed = seed if seed is not None else secrets.randbelow(100_000)
     chosen = DEMO_EFFECTS[chosen_seed % len(DEMO_EFFECTS)] if effect is None else effect
@@ -55,7 +56,8 @@ def demo_(
             _, last = add_to_session(store, name)
         if found["effects"]:
             compare_session(store)
-            report_session(store)
+        emission = emission_story(store)
+        report_session(store)
     report = folder / "report" / "report.html"
     if as_json:
         emit_json(
@@ -71,11 +73,13 @@ def demo_(
                 "error_before_percent": base.rms_error_percent,
                 "error_after_percent": last.rms_error_percent,
                 "floor_percent": last.floor_percent,
+                "emission": emission,
                 "seed": chosen_seed,
             }
         )
         return
     _story(found, base, last)
+    _emission_story(emission)
     hint = "" if effect is None else f" --effect {effect}"
     say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {chosen_seed}; 'motoremi demo --seed {chosen_seed}{hint}' shows it again)")
     say(f"session: {folder}\nreport:  {report}")
@@ -98,6 +102,20 @@ def _story(found: JsonDict, base: Fit, last: Fit) -> None:
     if found["effects"]:
         say(f"Added {', '.join(found['effects'])}: the error falls to {last.rms_error_percent:.3g} %.")
     say(f"Next: {found['next_measurement']['why']}")
+
+
+def _emission_story(emission: JsonDict) -> None:
+    """The second half: the spectrum."""
+    from motoremi.cli.output import say
+
+    say(f"\nThe spectrum: source and fitted motor alone miss it by {emission['error_before_db']:.1f} dB rms.")
+    say(f"Diagnosis: {emission['verdict']}, confidence {emission['confidence']:.2f}")
+    for text in (*emission["reasons"], *emission["observations"]):
+        say(f"  {text}")
+    if emission["named"]:
+        say(f"Added {', '.join(emission['named'])}: the error falls to {emission['error_after_db']:.1f} dB rms.")
+    say(f"Against {emission['limit']}: {str(emission['limit_verdict']).upper()}")
+    say(f"Next: {emission['next']}")
 
 
 def register(app: typer.Typer) -> None:

@@ -34,23 +34,26 @@ def import_(
     from motoremi.data.files import read_impedance, read_spectra
     from motoremi.data.measurement import Measurement
     from motoremi.data.session import SessionWriter
+    from motoremi.emission.observe import observations
 
-    if not short and not open_:
-        raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both")
+    if not short and not open_ and not spectrum:
+        raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     named = find_analyser(analyser).name if analyser is not None else None
     # Everything is read and checked before the folder is made: nothing is left half written.
     sweeps = [read_impedance(path, "short") for path in short or []] + [read_impedance(path, "open") for path in open_ or []]
     if named is not None:
         sweeps = [sweep.with_metadata(analyser=named) for sweep in sweeps]
-    measurement = Measurement.of(sweeps)
+    measurement = Measurement.of(sweeps) if sweeps else None
     spectra = [item for path in spectrum or [] for item in read_spectra(path)]
     start = {
         "title": f"Imported: {motor}" if motor else "Imported sweeps",
         "motor": motor,
         "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
-        "analyser": measurement.analyser.name,
-        "analyser_assumed": named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),
+        "analyser": None if measurement is None else measurement.analyser.name,
+        "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),
     }
+    caveats = [] if measurement is None else measurement.caveats()
+    seen = observations(spectra)
     with SessionWriter.create(out, start) as writer:
         for sweep in sweeps:
             writer.add_sweep(sweep)
@@ -64,9 +67,10 @@ def import_(
                 "session": str(out),
                 "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
                 "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
-                "analyser": measurement.analyser.name,
+                "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
-                "caveats": measurement.caveats(),
+                "caveats": caveats,
+                "observations": seen,
             }
         )
         return
@@ -77,9 +81,9 @@ def import_(
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
     if start["analyser_assumed"]:
         say(f"analyser not named: a {DEFAULT_ANALYSER} is assumed; say --analyser NAME (none for ideal data)")
-    for remark in measurement.caveats():
+    for remark in [*caveats, *(one["text"] for one in seen)]:
         say(f"note: {remark}")
-    say(f"session: {out}\nnext: motoremi fit {out}")
+    say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
 
 
 def _read(metadata: Mapping[str, Any]) -> JsonDict:
@@ -185,13 +189,18 @@ def diagnose_(
     start: Annotated[
         Literal["ladder", "base"], typer.Option("--from", help="Start from the model that the ladder stands at, or the paper's circuit.")
     ] = "ladder",
+    emission: Annotated[bool, typer.Option("--emission", help="Diagnose the spectra: which effect of source or path is missing.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Which physical effect is missing, with the evidence, what cannot be told apart, and what to measure next."""
     from motoremi.cli.bars import progress_bars
+    from motoremi.cli.emission import diagnose_spectra
     from motoremi.cli.output import emit_json, say
     from motoremi.workflow import diagnose_session, opened
 
+    if emission:
+        diagnose_spectra(path, start == "base", as_json)
+        return
     with opened(path) as store, progress_bars(as_json) as bars:
         result = diagnose_session(store, start, bars.bar("diagnosing"))
     if as_json:
@@ -241,18 +250,37 @@ def add_(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="From the catalogue: motoremi effects.", show_default=False)],
     as_json: AsJson = False,
 ) -> None:
-    """Add an effect to the model, refit, and see the error fall."""
+    """Add an effect to the model, refit, and see the error fall; effects of source and path go into the model of the spectra."""
+    from motoremi.cli.emission import show_emission_step
+    from motoremi.emission.effects import is_source_effect
     from motoremi.workflow import add_to_session, opened
+    from motoremi.workflow_emission import add_source_effect
 
+    if is_source_effect(effect):
+        with opened(path) as store:
+            steps = add_source_effect(store, effect)
+        show_emission_step(*steps, as_json)
+        return
     with opened(path) as store:
         before, after = add_to_session(store, effect)
     _show_step(before, after, as_json)
 
 
-def drop_(path: SessionPath, as_json: AsJson = False) -> None:
+def drop_(
+    path: SessionPath,
+    emission: Annotated[bool, typer.Option("--emission", help="Of the model of the spectra.")] = False,
+    as_json: AsJson = False,
+) -> None:
     """Step back on the ladder: take out the effect that was added last."""
+    from motoremi.cli.emission import show_emission_step
     from motoremi.workflow import drop_from_session, opened
+    from motoremi.workflow_emission import drop_source_effect
 
+    if emission:
+        with opened(path) as store:
+            steps = drop_source_effect(store)
+        show_emission_step(*steps, as_json)
+        return
     with opened(path) as store:
         before, after = drop_from_session(store)
     _show_step(before, after, as_json)

@@ -16,6 +16,7 @@ from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show, show_band
 from motoremi.report import plots
+from motoremi.report.emission import prediction_figure, prediction_tables, prediction_texts
 from motoremi.report.gaps import planned_steps
 from motoremi.report.headline import in_words, spans, tolerance
 from motoremi.report.parts import Materials, Picture, Section, Table, is_result, model_name
@@ -302,7 +303,16 @@ def _spectra(session: Session) -> Section:
     )
     columns = ("detector", "condition", "points", "span", "bandwidth", "highest level", "overloaded points")
     picture = _picture("spectrum", plots.spectrum_figure(session.spectra), "Conducted emission at the LISN.")
-    return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (Table("Spectra", columns, rows),), (picture,))
+    table, prediction = Table("Spectra", columns, rows), session.analysis("prediction")
+    if prediction is None:
+        return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (table,), (picture,))
+    caption = "Measured levels, the levels that source and fitted motor should produce, and the limit."
+    return Section(
+        "Emission",
+        prediction_texts(prediction, session.analysis("emission-diagnosis")),
+        (table, *prediction_tables(prediction)),
+        (_picture("prediction", prediction_figure(prediction), caption), picture),
+    )
 
 
 def _identity(session: Session, session_sha256: str) -> Section:

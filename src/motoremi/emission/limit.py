@@ -1,0 +1,163 @@
+"""Limits: a line belongs to a detector, has gaps, and says where its values come from."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.source import decode, read_bytes, show_name
+from motoremi.data.spectrum import DETECTORS, Detector
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+
+@dataclass(frozen=True)
+class LimitLine:
+    """The limit for one detector.
+
+    Parameters
+    ----------
+    detector : str
+    segments : tuple of (low_hz, high_hz, level at low, level at high)
+        Levels in dBuV, straight over the logarithm of frequency. Where two segments meet the lower level holds; between segments
+        there is no limit.
+    confirmed : bool
+        Whether the values were checked against the standard or an equal public source.
+    source : str
+    """
+
+    detector: Detector
+    segments: tuple[tuple[float, float, float, float], ...]
+    confirmed: bool
+    source: str
+
+    def level_dbuv(self, frequency_hz: FloatArray) -> FloatArray:
+        """The limit at each frequency; NaN where there is none."""
+        level = np.full(frequency_hz.shape, np.inf)
+        for low, high, first, last in self.segments:
+            inside = (frequency_hz >= low) & (frequency_hz <= high)
+            share = np.log(frequency_hz[inside] / low) / math.log(high / low)
+            level[inside] = np.minimum(level[inside], first + share * (last - first))
+        return np.where(np.isinf(level), np.nan, level)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A standard's lines.
+
+    Parameters
+    ----------
+    name, title : str
+    lines : tuple of LimitLine
+        One for each detector.
+    port : str
+    lisn : str
+        The network that it is measured with.
+    note : str
+    """
+
+    name: str
+    title: str
+    lines: tuple[LimitLine, ...]
+    port: str = ""
+    lisn: str = "50uH"
+    note: str = ""
+
+    def line(self, detector: str) -> LimitLine | None:
+        """The line of a detector, or None."""
+        return next((line for line in self.lines if line.detector == detector), None)
+
+    @property
+    def unconfirmed(self) -> tuple[str, ...]:
+        """Detectors whose values were not checked."""
+        return tuple(line.detector for line in self.lines if not line.confirmed)
+
+    def remarks(self) -> list[str]:
+        """What a reader has to know before relying on it."""
+        found = [
+            f"{self.title}, {line.detector} limit: NOT CONFIRMED ({line.source}); check it against the standard"
+            for line in self.lines
+            if not line.confirmed
+        ]
+        return [*found, f"{self.title}: {self.note}"] if self.note else found
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "port": self.port,
+            "lisn": self.lisn,
+            "lines": [
+                {"detector": line.detector, "confirmed": line.confirmed, "source": line.source, "segments": [list(s) for s in line.segments]}
+                for line in self.lines
+            ],
+        }
+
+
+def limit_names() -> tuple[str, ...]:
+    """Names of the limits that come with motoremi."""
+    return tuple(sorted(file.name.removesuffix(".toml") for file in _folder().iterdir() if file.name.endswith(".toml")))
+
+
+def _folder() -> Any:
+    return files("motoremi.emission") / "limits"
+
+
+def find_limit(name: str | Path) -> Limit:
+    """A limit that comes with motoremi, by its name, or the user's own, by the path of its TOML file.
+
+    Raises
+    ------
+    BadInput
+        If there is none, or the file cannot be used.
+    """
+    text = str(name)
+    if text in limit_names():
+        return _parse((_folder() / f"{text}.toml").read_text(encoding="utf-8"), text, text)
+    if text.endswith(".toml"):
+        shown = show_name(text)
+        return _parse(decode(read_bytes(text), shown), Path(text).stem, shown)
+    raise BadInput(f"unknown limit {clean_text(text, 60)!r}: use {', '.join(limit_names())}, or the path of your own .toml file")
+
+
+def _parse(text: str, name: str, shown: str) -> Limit:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{shown}: is not TOML: {error}") from error
+    lines = content.get("line")
+    if not isinstance(lines, list) or not lines:
+        raise BadInput(f"{shown}: a limit needs at least one [[line]] with a detector and segments")
+    parsed = tuple(_line(entry, shown) for entry in lines)
+    if len({line.detector for line in parsed}) < len(parsed):
+        raise BadInput(f"{shown}: two lines for one detector")
+    plain = {
+        key: clean_text(str(content.get(key, default)), 200) for key, default in (("title", name), ("port", ""), ("lisn", "50uH"), ("note", ""))
+    }
+    return Limit(clean_text(name), plain["title"], parsed, plain["port"], plain["lisn"], plain["note"])
+
+
+def _line(entry: Any, shown: str) -> LimitLine:
+    detector = entry.get("detector") if isinstance(entry, dict) else None
+    if detector not in DETECTORS:
+        raise BadInput(f"{shown}: a limit line belongs to a detector: write detector = one of {', '.join(DETECTORS)}")
+    segments: list[tuple[float, float, float, float]] = []
+    for segment in entry.get("segments", []):
+        numbers = [value for value in segment if isinstance(value, (int, float)) and math.isfinite(value)] if isinstance(segment, list) else []
+        if len(numbers) != 4 or not 0 < numbers[0] < numbers[1]:
+            raise BadInput(f"{shown}, {detector}: a segment is [low_hz, high_hz, level_dbuv, level_dbuv] with 0 < low < high, not {segment}")
+        if segments and numbers[0] < segments[-1][1]:
+            raise BadInput(f"{shown}, {detector}: segments overlap at {numbers[0]:g} Hz; give them in order of frequency")
+        segments.append((float(numbers[0]), float(numbers[1]), float(numbers[2]), float(numbers[3])))
+    if not segments:
+        raise BadInput(f"{shown}, {detector}: no segments")
+    source = clean_text(str(entry.get("source", "the user's own")), 300)
+    return LimitLine(detector, tuple(segments), entry.get("confirmed") is True, source)

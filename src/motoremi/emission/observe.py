@@ -1,0 +1,148 @@
+"""What a spectrum shows by itself, without any model: a comb, the repetition behind peak and average, lines or noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.band import band_of
+from motoremi.errors import BadInput
+
+# A comb is looked for among so many lines; its score is a correlation, 1 for a pure cosine, some 0.1 for noise.
+_LINES = 40
+LEAST_SCORE = 0.3
+# Commutators of small and large motors.
+COMMUTATION_HZ = (50.0, 20e3)
+# Noise and separate pulses leave this between peak and average; lines read the same.
+_LINES_DB = 3.0
+
+
+@dataclass(frozen=True)
+class Comb:
+    """Lines at multiples of a frequency.
+
+    Parameters
+    ----------
+    spacing_hz : float
+    score : float
+        Correlation of the spectrum with the comb.
+    """
+
+    spacing_hz: float
+    score: float
+
+
+def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray, lowest_hz: float | None = None, highest_hz: float | None = None) -> Comb | None:
+    """The comb that stands out, or None.
+
+    Parameters
+    ----------
+    frequency_hz, level_dbuv : ndarray, shape (n,)
+    lowest_hz, highest_hz : float, optional
+        Of the spacing; by default twice the step and a tenth of the span.
+    """
+    step = float(np.median(np.diff(frequency_hz[: max(3, frequency_hz.size // 4)])))
+    low = 2.1 * step if lowest_hz is None else lowest_hz
+    high = (frequency_hz[-1] - frequency_hz[0]) / 10 if highest_hz is None else highest_hz
+    if high <= low or frequency_hz.size < 40:
+        return None
+    best: list[Comb] = []
+    for spacing in np.geomspace(low, high, max(2, int(np.log(high / low) * 4 * _LINES))):
+        best.append(_refined(frequency_hz, level_dbuv, float(spacing)))
+    top = max(comb.score for comb in best)
+    if top < LEAST_SCORE:
+        return None
+    # Sharp lines correlate with every fraction of their spacing as well: the largest is meant.
+    return max((comb for comb in best if comb.score > 0.8 * top), key=lambda comb: comb.spacing_hz)
+
+
+def _refined(frequency_hz: FloatArray, level_dbuv: FloatArray, spacing: float) -> Comb:
+    inside = frequency_hz <= max(frequency_hz[0], spacing) + _LINES * spacing
+    part_hz = frequency_hz[inside]
+    if part_hz.size < 20:
+        return Comb(spacing, 0.0)
+    per_line = int(np.clip(spacing / np.median(np.diff(part_hz)), 2, part_hz.size // 4))
+    detail = level_dbuv[inside] - median_filter(level_dbuv[inside], size=2 * per_line + 1, mode="nearest")
+    detail = detail - detail.mean()
+    power = float(np.sqrt(np.sum(detail**2) * detail.size / 2))
+    if not power:
+        return Comb(spacing, 0.0)
+    tries = spacing * (1 + np.linspace(-1, 1, 9) / (8 * _LINES))
+    scores = np.cos(2 * np.pi * part_hz / tries[:, None]) @ detail / power
+    top = int(np.argmax(scores))
+    return Comb(float(tries[top]), float(scores[top]))
+
+
+def repetition_from(peak: Spectrum, average: Spectrum) -> float | None:
+    """Events per second from peak minus average, 20 log(impulse bandwidth / repetition), where both stand well above the noise.
+
+    Returns
+    -------
+    float or None
+        None where the two agree (lines), differ as noise does, or have no common points.
+    """
+    if not np.array_equal(peak.frequency_hz, average.frequency_hz):
+        return None
+    usable = ~(peak.overload | average.overload)
+    strong = usable & (average.level_dbuv > np.percentile(average.level_dbuv[usable], 10) + 10) if usable.any() else usable
+    if strong.sum() < 10:
+        return None
+    difference = float(np.median((peak.level_dbuv - average.level_dbuv)[strong]))
+    if difference < _LINES_DB:
+        return None
+    return float(band_of(peak.resolution_bandwidth_hz).impulse_bandwidth_hz * 10 ** (-difference / 20))
+
+
+def observations(spectra: Sequence[Spectrum]) -> list[JsonDict]:
+    """What the spectra show, each with an identifier, a sentence and its numbers."""
+    found: list[JsonDict] = []
+    by_detector = {spectrum.detector: spectrum for spectrum in spectra}
+    strongest = by_detector.get("peak") or next(iter(by_detector.values()), None)
+    comb = None
+    if strongest is not None:
+        comb = find_comb(strongest.frequency_hz, strongest.level_dbuv)
+    if comb is not None:
+        kind = ", too fast for a commutator: a switching converter or chopper" if comb.spacing_hz > COMMUTATION_HZ[1] else ""
+        text = f"comb at multiples of {comb.spacing_hz / 1e3:.4g} kHz (correlation {comb.score:.2f}){kind}"
+        found.append({"id": "comb", "text": text, "spacing_hz": comb.spacing_hz, "score": comb.score})
+    peak, average = by_detector.get("peak"), by_detector.get("average")
+    if peak is not None and average is not None:
+        try:
+            rate = repetition_from(peak, average)
+        except BadInput as error:
+            rate = None
+            found.append({"id": "bandwidth", "text": str(error)})
+        if comb is not None and comb.spacing_hz > peak.resolution_bandwidth_hz:
+            rate = None
+        if rate is not None and COMMUTATION_HZ[0] <= rate <= COMMUTATION_HZ[1]:
+            text = f"peak - average says {rate:.4g} events a second: check it against speed times segments"
+            found.append({"id": "repetition", "text": text, "repetition_hz": rate})
+    if comb is not None and comb.spacing_hz > COMMUTATION_HZ[1]:
+        found.append({"id": "not-a-commutator", "text": "these spectra do not look like those of a commutator motor"})
+    if strongest is not None:
+        found += _form(strongest)
+    return found
+
+
+def _form(spectrum: Spectrum) -> list[JsonDict]:
+    found = []
+    steps = np.diff(spectrum.frequency_hz)
+    if spectrum.frequency_hz[0] < 9e3:
+        found.append(
+            {"id": "below-9-khz", "text": f"{spectrum.detector}: starts at {spectrum.frequency_hz[0]:g} Hz; no CISPR band begins below 9 kHz"}
+        )
+    if steps.max() > 1.5 * steps.min():
+        found.append({"id": "uneven-steps", "text": f"{spectrum.detector}: not in equal steps ({steps.min():.4g} to {steps.max():.4g} Hz)"})
+    elif steps.max() > 1.01 * spectrum.resolution_bandwidth_hz:
+        wide = f"steps of {steps.max():.4g} Hz are wider than the bandwidth of {spectrum.resolution_bandwidth_hz:g} Hz"
+        text = f"{spectrum.detector}: {wide}: lines may be missed"
+        found.append({"id": "coarse-steps", "text": text})
+    if spectrum.overload.any():
+        text = f"{spectrum.detector}: the receiver was overloaded at {int(spectrum.overload.sum())} points; they are not judged"
+        found.append({"id": "overload", "text": text})
+    return found

@@ -1,0 +1,220 @@
+"""The predicted spectrum beside the measured one and the limit."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.spectrum import Detector, Spectrum
+from motoremi.emission.background import ambient_of, split
+from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra, overall
+from motoremi.emission.limit import Limit, find_limit
+from motoremi.emission.setup import MotorImpedance, Setup, scan_frequencies
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DEFAULT_LIMIT = "cispr32-b"
+SHOWN: tuple[Detector, ...] = ("peak", "quasi-peak", "average", "rms-average")
+# Bands of the paper's discussion.
+BANDS_HZ = ((150e3, 500e3), (500e3, 5e6), (5e6, 20e6), (20e6, 30e6))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A predicted spectrum. Immutable.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+        Those of the first measured spectrum, or the usual scan.
+    predicted_dbuv : dict
+        Detector -> levels.
+    spectra : tuple of Spectrum
+        Measured, with the motor running.
+    setup : Setup
+    limit : Limit
+    judged : tuple of Judged
+        Of the measured spectra if there are any, else of the prediction.
+    judged_what : {"measured", "predicted"}
+    verdict : {"pass", "marginal", "fail"}
+    effects : tuple of str
+        Source-side effects in the model.
+    """
+
+    frequency_hz: FloatArray
+    predicted_dbuv: dict[Detector, FloatArray]
+    spectra: tuple[Spectrum, ...]
+    setup: Setup
+    limit: Limit
+    judged: tuple[Judged, ...]
+    judged_what: str
+    verdict: Verdict
+    effects: tuple[str, ...] = ()
+
+    def measured_dbuv(self) -> dict[str, FloatArray]:
+        """Measured levels at the frequencies of the prediction; NaN where nothing was measured within half a step."""
+        step = float(np.min(np.diff(self.frequency_hz)))
+        found: dict[str, FloatArray] = {}
+        for spectrum in self.spectra:
+            nearest = np.clip(np.searchsorted(spectrum.frequency_hz, self.frequency_hz - step / 2), 0, len(spectrum) - 1)
+            near = np.abs(spectrum.frequency_hz[nearest] - self.frequency_hz) <= step / 2
+            found.setdefault(spectrum.detector, np.where(near, spectrum.level_dbuv[nearest], np.nan))
+        return found
+
+    def limit_dbuv(self) -> dict[str, FloatArray]:
+        """Limit lines at the frequencies of the prediction; NaN where there is none."""
+        return {line.detector: line.level_dbuv(self.frequency_hz) for line in self.limit.lines}
+
+    def error_bands(self) -> list[JsonDict]:
+        """Measured minus predicted, per detector and band: mean and rms in dB, without overloaded points."""
+        rows = []
+        for spectrum in self.spectra:
+            model = np.interp(spectrum.frequency_hz, self.frequency_hz, self.predicted_dbuv[spectrum.detector])
+            inside = (spectrum.frequency_hz >= self.frequency_hz[0]) & (spectrum.frequency_hz <= self.frequency_hz[-1]) & ~spectrum.overload
+            error = spectrum.level_dbuv - model
+            for low, high in BANDS_HZ:
+                where = inside & (spectrum.frequency_hz >= low) & (spectrum.frequency_hz < high)
+                if where.any():
+                    part = error[where]
+                    rows.append(
+                        {
+                            "detector": spectrum.detector,
+                            "band_hz": [low, high],
+                            "mean_error_db": float(part.mean()),
+                            "rms_error_db": float(np.sqrt(np.mean(part**2))),
+                        }
+                    )
+        return rows
+
+    def remarks(self) -> list[str]:
+        """What a reader has to know."""
+        found = [f"the {part} was not described: typical values are assumed" for part in self.setup.assumed]
+        found += [f"{one.detector}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
+        if self.limit.lisn != self.setup.path.lisn.name:
+            found.append(f"{self.limit.title} is for the {self.limit.lisn} network, but the path has the {self.setup.path.lisn.name} one")
+        return list(dict.fromkeys([*found, *self.limit.remarks()]))
+
+    def to_dict(self) -> JsonDict:
+        """The contract's JSON; levels that do not exist are None."""
+        return {
+            "schema": "motoremi.prediction/1",
+            "frequency_hz": self.frequency_hz.tolist(),
+            "predicted_dbuv": _lists(self.predicted_dbuv),
+            "measured_dbuv": _lists(self.measured_dbuv()),
+            "limit_dbuv": _lists(self.limit_dbuv()),
+            "verdict": self.verdict,
+            "judged_what": self.judged_what,
+            "judged": [one.to_dict() for one in self.judged],
+            "limit": self.limit.to_dict(),
+            "effects": list(self.effects),
+            "setup": self.setup.to_dict(),
+            "error_bands": self.error_bands(),
+            "remarks": self.remarks(),
+        }
+
+    def __repr__(self) -> str:
+        lines = [f"Prediction: {self.verdict} ({self.judged_what}, {self.limit.title})"]
+        lines += [f"  {one.detector}: {one.verdict or 'no verdict'}, {one.why}" for one in self.judged]
+        for row in self.error_bands():
+            low, high = row["band_hz"]
+            lines.append(
+                f"  {row['detector']:10s} {low / 1e6:6.2f} - {high / 1e6:5.2f} MHz: measured is {row['mean_error_db']:+.1f} dB "
+                f"from predicted, rms {row['rms_error_db']:.1f} dB"
+            )
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
+
+    def plot(self) -> Figure:
+        """Predicted and measured levels with the limit."""
+        from motoremi.report.emission import prediction_figure
+
+        return prediction_figure(self.to_dict())
+
+
+def _lists(levels: dict[Detector, FloatArray] | dict[str, FloatArray]) -> dict[str, list[float | None]]:
+    return {name: [value if np.isfinite(value) else None for value in array.tolist()] for name, array in levels.items()}
+
+
+def predict(
+    motor: Fit | MotorImpedance,
+    setup: Setup | None = None,
+    spectra: Sequence[Spectrum] = (),
+    limit: Limit | str | File = DEFAULT_LIMIT,
+    frequency_hz: ArrayLike | None = None,
+    expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
+    effects: Sequence[str] = (),
+) -> Prediction:
+    """Common-mode spectrum at the LISN.
+
+    Parameters
+    ----------
+    motor : Fit or callable
+        A fitted motor, or its impedance in ohm as a function of frequencies in hertz.
+    setup : Setup, optional
+        Source, path and receiver; typical values if not given, and the result says so.
+    spectra : sequence of Spectrum
+        Measured. Those measured with the motor off (`condition: motor off`) are background: they go into the prediction.
+    limit : Limit, str or path
+        A limit, its name, or the path of a file.
+    frequency_hz : array_like, shape (n,), optional
+        By default those of the first measured spectrum, or 150 kHz to 30 MHz in 4.5 kHz.
+    expanded_uncertainty_db : float
+        Guard band.
+    effects : sequence of str
+        Names of what `setup` holds already, for the record.
+
+    Raises
+    ------
+    BadInput
+        If a limit or a spectrum cannot be used.
+    """
+    chosen = setup if setup is not None else Setup()
+    bound = limit if isinstance(limit, Limit) else find_limit(limit)
+    running, background = split(spectra)
+    if frequency_hz is not None:
+        frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
+        if frequency.ndim != 1 or frequency.size < 2 or np.any(np.diff(frequency) <= 0) or frequency[0] <= 0:
+            raise BadInput("the frequencies of a prediction must increase and be above 0")
+    else:
+        frequency = running[0].frequency_hz if running else scan_frequencies(chosen.receiver.band)
+    if background and chosen.ambient is None:
+        from dataclasses import replace
+
+        chosen = replace(chosen, ambient=ambient_of(background))
+    levels = chosen.levels(frequency, motor_function(motor, chosen)(frequency))
+    judged = (
+        judge_spectra(running, bound, expanded_uncertainty_db)
+        if running
+        else judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, expanded_uncertainty_db)
+    )
+    return Prediction(
+        frequency,
+        levels,
+        tuple(running),
+        chosen,
+        bound,
+        tuple(judged),
+        "measured" if running else "predicted",
+        overall(judged, bound),
+        tuple(effects),
+    )
+
+
+def motor_function(motor: Fit | MotorImpedance, setup: Setup) -> Callable[[FloatArray], np.ndarray]:
+    """Impedance that the source sees: terminal to frame in the common mode, between the terminals in the differential one."""
+    if isinstance(motor, Fit):
+        fit, termination = motor, "open" if setup.path.mode == "common" else "short"
+        return lambda frequency_hz: fit.model_ohm(termination, frequency_hz)
+    return motor

@@ -1,0 +1,147 @@
+"""The EMI receiver by formula: filter, detectors, noise floor, attenuator, preamplifier, overload."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
+from motoremi.data.spectrum import Detector
+from motoremi.emission.band import BAND_B, Band
+from motoremi.emission.reading import Readings, noise_unit, pulses_on_noise, read_comb, read_events, rician_mean, separate
+from motoremi.emission.source import Source
+from motoremi.errors import BadInput
+
+# kT at 290 K in 50 Ohm, as dBuV in 1 Hz: -174 dBm + 107 dB.
+_THERMAL_DBUV_HZ = -67.0
+# Level at the mixer above which it compresses; typical, not from a data sheet.
+MIXER_LIMIT_DBUV = 97.0
+PREAMPLIFIER_DB = 20.0
+FIELDS: Mapping[Detector, str] = {"peak": "peak", "quasi-peak": "quasi_peak", "average": "average", "rms-average": "rms_average"}
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """Settings of the receiver.
+
+    Parameters
+    ----------
+    band : Band
+    noise_figure_db : float
+        Without attenuation and preamplifier.
+    attenuation_db : float
+    preamplifier : bool
+        20 dB in front of the mixer; the noise figure is then taken to be 5 dB lower.
+    dwell_s : float
+        Time at each frequency; the peak of noise grows with it.
+    """
+
+    band: Band = BAND_B
+    noise_figure_db: float = 10.0
+    attenuation_db: float = 10.0
+    preamplifier: bool = False
+    dwell_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("noise_figure_db", "attenuation_db"):
+            if not 0 <= getattr(self, name) <= 100:
+                raise BadInput(f"the receiver's {name} is {getattr(self, name)}; it must be between 0 and 100")
+        if not (math.isfinite(self.dwell_s) and self.dwell_s > 0):
+            raise BadInput(f"the receiver's dwell_s is {self.dwell_s}; it must be above 0")
+
+    @property
+    def floor_dbuv(self) -> float:
+        """What the average detector reads without a signal."""
+        figure = self.noise_figure_db - (5.0 if self.preamplifier else 0.0)
+        power = _THERMAL_DBUV_HZ + 10 * math.log10(self.band.noise_bandwidth_hz) + figure + self.attenuation_db
+        return power - 20 * math.log10(2 / math.sqrt(math.pi))
+
+    @property
+    def overload_dbuv(self) -> float:
+        """Peak level at the input above which readings are too low."""
+        return MIXER_LIMIT_DBUV + self.attenuation_db - (PREAMPLIFIER_DB if self.preamplifier else 0.0)
+
+    def overloaded(self, peak_dbuv: FloatArray) -> BoolArray:
+        """Which points drive the mixer too far."""
+        return np.asarray(peak_dbuv > self.overload_dbuv)
+
+    def read(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, noise: Readings | None = None) -> dict[Detector, FloatArray]:
+        """Levels in dBuV of all detectors.
+
+        Parameters
+        ----------
+        source : Source
+        frequency_hz : ndarray, shape (n,)
+        transfer : ndarray of complex, shape (n,)
+            Receiver voltage per volt of the source.
+        noise : Readings, optional
+            What the receiver reads with the motor off; its own noise if not given.
+        """
+        if noise is None:
+            noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
+        steady = self._steady(source, frequency_hz, transfer)
+        ground = _steady_in_noise(steady, noise)
+        if source.step_v or source.arc is not None:
+            ground = self._with_events(ground, steady, noise, source, frequency_hz, np.abs(transfer))
+        return {detector: 20 * np.log10(getattr(ground, name) / 1e-6) for detector, name in FIELDS.items()}
+
+    def noise(self, average_dbuv: FloatArray) -> Readings:
+        """Gaussian noise of a given average reading, shape (n,), on all detectors."""
+        return noise_unit(self.band, self.dwell_s).scaled(1e-6 * 10 ** (average_dbuv / 20))
+
+    def _steady(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray) -> Readings | None:
+        """What does not hang on the speed of the motor: the chopper's comb and the paper's source."""
+        parts = []
+        if source.chopper is not None:
+            chopper = source.chopper
+
+            def density(at_hz: FloatArray) -> ComplexArray:
+                # The path hardly changes between lines that one bandwidth holds.
+                return np.asarray(chopper.density(at_hz) * np.interp(at_hz, frequency_hz, np.abs(transfer)), dtype=np.complex128)
+
+            parts.append(read_comb(frequency_hz, chopper.frequency_hz, density, self.band))
+        if source.high_pass is not None:
+            parts.append(Readings.of_lines(source.high_pass.voltage(frequency_hz) * np.abs(transfer)))
+        if not parts:
+            return None
+        both = parts[0]
+        for part in parts[1:]:
+            both = Readings(*(np.hypot(getattr(both, name), getattr(part, name)) for name in FIELDS.values()))
+        return both
+
+    def _with_events(
+        self, ground: Readings, steady: Readings | None, noise: Readings, source: Source, frequency_hz: FloatArray, gain: FloatArray
+    ) -> Readings:
+        coming = source.repetition_hz * (1 - source.missing_share)
+        events = read_events(
+            frequency_hz, np.abs(source.density(frequency_hz)) * gain, source.repetition_hz, self.band, source.jitter_s, source.missing_share
+        )
+        # The highest of many events: their own scatter, and noise in phase with them.
+        number = max(2.0, self.dwell_s * coming)
+        scatter = np.hypot(source.arc.spread * events.peak if source.arc is not None else 0.0, noise.rms_average / math.sqrt(2))
+        highest = events.peak + scatter * math.sqrt(2 * math.log(number))
+        peak = np.maximum(highest + (0.0 if steady is None else steady.peak), ground.peak)
+        if separate(source.repetition_hz, self.band):
+            average = pulses_on_noise(events.peak, ground.average, coming, self.band)
+        else:
+            average = rician_mean(events.average, ground.average)
+        quasi_peak = np.hypot(ground.quasi_peak, events.quasi_peak)
+        return Readings(peak, quasi_peak, average, np.hypot(ground.rms_average, events.rms_average))
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {**asdict(self), "band": self.band.name, "resolution_bandwidth_hz": self.band.bandwidth_hz}
+
+
+def _steady_in_noise(steady: Readings | None, noise: Readings) -> Readings:
+    if steady is None:
+        return noise
+    return Readings(
+        np.hypot(steady.peak, noise.peak),
+        np.hypot(steady.quasi_peak, noise.quasi_peak),
+        rician_mean(steady.average, noise.average),
+        np.hypot(steady.rms_average, noise.rms_average),
+    )

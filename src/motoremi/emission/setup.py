@@ -1,0 +1,192 @@
+"""The set-up of an emission test as the user knows it: source, path, receiver; from a TOML file or plain data."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path as File
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.source import decode, read_bytes, show_name
+from motoremi.data.spectrum import Detector
+from motoremi.emission.band import BAND_B, BANDS, Band
+from motoremi.emission.commutation import Commutation, commutation_time
+from motoremi.emission.path import LISN_50UH, Cable, Path, find_lisn
+from motoremi.emission.reading import Readings
+from motoremi.emission.receiver import Receiver
+from motoremi.emission.source import Source, repetition_hz
+from motoremi.errors import BadInput
+
+# Frequencies in hertz, shape (n,) -> impedance in ohm.
+MotorImpedance: TypeAlias = Callable[[FloatArray], ComplexArray]
+
+
+@dataclass(frozen=True)
+class Ambient:
+    """Noise that stays with the motor off.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+    average_dbuv, peak_dbuv : ndarray, shape (n,)
+        As measured with the motor off; the receiver's own noise is in it.
+    """
+
+    frequency_hz: FloatArray
+    average_dbuv: FloatArray
+    peak_dbuv: FloatArray
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the spectra were, or will be, measured on.
+
+    Parameters
+    ----------
+    source : Source
+    path : Path
+    receiver : Receiver
+    floor_dbuv : float, optional
+        Average reading of the receiver's noise, if it was measured.
+    broadband_dbuv, broadband_slope_db : float, optional
+        Ambient noise at 1 MHz on the average detector, and how it falls in dB a decade.
+    ambient : Ambient, optional
+        A sweep with the motor off.
+    assumed : tuple of str
+        What nobody stated.
+    """
+
+    source: Source = field(default_factory=Source)
+    path: Path = field(default_factory=Path)
+    receiver: Receiver = field(default_factory=Receiver)
+    floor_dbuv: float | None = None
+    broadband_dbuv: float | None = None
+    broadband_slope_db: float = 0.0
+    ambient: Ambient | None = None
+    assumed: tuple[str, ...] = ("source", "cable", "receiver")
+
+    def levels(self, frequency_hz: FloatArray, motor_ohm: ComplexArray) -> dict[Detector, FloatArray]:
+        """Predicted levels in dBuV of all detectors.
+
+        Parameters
+        ----------
+        frequency_hz : ndarray, shape (n,)
+        motor_ohm : ndarray of complex, shape (n,)
+            Z_open (common mode) or Z_short (differential mode).
+        """
+        return self.receiver.read(self.source, frequency_hz, self.path.transfer(frequency_hz, motor_ohm), self._noise(frequency_hz))
+
+    def _noise(self, frequency_hz: FloatArray) -> Readings:
+        if self.ambient is not None:
+            known = self.ambient
+            average, peak = (np.interp(frequency_hz, known.frequency_hz, level) for level in (known.average_dbuv, known.peak_dbuv))
+            return replace(self.receiver.noise(average), peak=1e-6 * 10 ** (peak / 20))
+        floor = np.full(frequency_hz.shape, self.receiver.floor_dbuv if self.floor_dbuv is None else self.floor_dbuv)
+        if self.broadband_dbuv is not None:
+            ambient = self.broadband_dbuv - self.broadband_slope_db * np.log10(frequency_hz / 1e6)
+            floor = 10 * np.log10(10 ** (floor / 10) + 10 ** (ambient / 10))
+        return self.receiver.noise(floor)
+
+    def to_dict(self) -> JsonDict:
+        """Plain data, SI units; `from_dict` reads it back. The ambient sweep stays in the session's spectra."""
+        cable = self.path.cable
+        path: JsonDict = {"lisn": self.path.lisn.name, "mode": self.path.mode, "stray_f": self.path.stray_f}
+        if cable is not None:
+            path["cable"] = dict(vars(cable))
+        keys = ("noise_figure_db", "attenuation_db", "preamplifier", "dwell_s")
+        return {
+            "source": self.source.to_dict(),
+            "path": path,
+            "receiver": {"band": self.receiver.band.name, **{key: getattr(self.receiver, key) for key in keys}},
+            "floor_dbuv": self.floor_dbuv,
+            "assumed": list(self.assumed),
+        }
+
+    @classmethod
+    def from_dict(cls, content: JsonDict) -> Setup:
+        """From plain data or the content of a set-up file.
+
+        Tables: `source` (names of `Source`, or `speed_rpm`, `segments`, `interleaved` in place of `repetition_hz`), `commutation`
+        (names of `Commutation`, or `brush_width_m`, `commutator_diameter_m` and the speed in place of `time_s`), `path` (`lisn`, `mode`,
+        `stray_f`, `cable`), `receiver` (names of `Receiver`).
+
+        Raises
+        ------
+        BadInput
+            For a name that is not known or a value that cannot be.
+        """
+        unknown = set(content) - {"source", "commutation", "path", "receiver", "floor_dbuv", "assumed"}
+        if unknown:
+            raise BadInput(f"the set-up has no {', '.join(sorted(unknown))}; it has source, commutation, path, receiver, floor_dbuv")
+        assumed = [part for part in ("source", "path", "receiver") if part not in content]
+        try:
+            floor = content.get("floor_dbuv")
+            return cls(
+                _source(dict(content.get("source", {})), content.get("commutation")),
+                _path(dict(content.get("path", {}))),
+                _receiver(dict(content.get("receiver", {}))),
+                None if floor is None else float(floor),
+                assumed=tuple(content.get("assumed", assumed)),
+            )
+        except BadInput:
+            raise
+        except (TypeError, ValueError) as error:
+            raise BadInput(f"the set-up cannot be read: {error}") from error
+
+
+def _source(values: dict[str, Any], commutation: JsonDict | None) -> Source:
+    speed = values.pop("speed_rpm", None)
+    if speed is not None:
+        values["repetition_hz"] = repetition_hz(float(speed), int(values.pop("segments")), bool(values.pop("interleaved", False)))
+    if commutation is None:
+        return Source.from_dict(values)
+    given = dict(commutation)
+    if "brush_width_m" in given:
+        if speed is None:
+            raise BadInput("the commutation time from the brush's width needs the source's speed_rpm too")
+        given["time_s"] = commutation_time(float(given.pop("brush_width_m")), float(given.pop("commutator_diameter_m")), float(speed))
+    coil = Commutation(**{name: float(value) for name, value in given.items()})
+    made = Source.of(coil, float(values.get("repetition_hz", Source().repetition_hz)))
+    return Source.from_dict({**made.to_dict(), **values})
+
+
+def _path(values: dict[str, Any]) -> Path:
+    lisn = find_lisn(str(values.pop("lisn", LISN_50UH.name)))
+    cable = values.pop("cable", None)
+    return Path(lisn, None if cable is None else Cable(**{name: float(value) for name, value in cable.items()}), **values)
+
+
+def _receiver(values: dict[str, Any]) -> Receiver:
+    name = str(values.pop("band", "B"))
+    band = next((band for band in BANDS if band.name == name), None)
+    if band is None:
+        raise BadInput(f"unknown band {name!r}: use A or B")
+    return Receiver(band, **values)
+
+
+def read_setup(path: str | File) -> Setup:
+    """A set-up from a TOML file.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be read.
+    """
+    shown = show_name(path)
+    try:
+        return Setup.from_dict(tomllib.loads(decode(read_bytes(path), shown)))
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{shown}: is not TOML: {error}") from error
+    except BadInput as error:
+        raise BadInput(f"{shown}: {error}" if shown not in str(error) else str(error)) from error
+
+
+def scan_frequencies(band: Band = BAND_B) -> FloatArray:
+    """The usual scan of a band in steps of half the bandwidth: 150 kHz to 30 MHz in 4.5 kHz."""
+    low, high = band.span_hz
+    step = band.bandwidth_hz / 2
+    return np.asarray(low + step * np.arange(int((high - low) / step + 1e-9) + 1), dtype=np.float64)

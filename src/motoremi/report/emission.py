@@ -1,0 +1,73 @@
+"""The emission section's picture and tables, from a stored prediction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.report.axes import BLACK, BLUE, ORANGE, PURPLE, frequency_axis, legend_above, panels
+from motoremi.report.parts import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "rms-average": BLACK}
+
+
+def prediction_figure(prediction: JsonDict) -> Figure:
+    """Measured levels thin, predicted ones dashed, limits dotted; `prediction` as `Prediction.to_dict` gives it."""
+    figure, axes = panels(9.0, 4.2)
+    panel = axes[0, 0]
+    frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
+    measured = prediction["measured_dbuv"]
+    shown = list(measured) or ["peak", "quasi-peak", "average"]
+    for detector in shown:
+        if detector in measured:
+            panel.plot(frequency, _levels(measured[detector]), color=_COLOURS[detector], linewidth=0.6, alpha=0.6, label=f"{detector}, measured")
+        predicted = _levels(prediction["predicted_dbuv"][detector])
+        panel.plot(frequency, predicted, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, predicted")
+    for detector, bound in prediction["limit_dbuv"].items():
+        level = _levels(bound)
+        if np.isfinite(level).any():
+            panel.plot(frequency, level, ":", color=_COLOURS[detector], linewidth=1.6, label=f"limit, {detector}")
+    panel.set_ylabel("level (dBµV)")
+    frequency_axis(panel, frequency)
+    legend_above(figure, panel)
+    return figure
+
+
+def _levels(values: list[float | None]) -> FloatArray:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
+    """What was judged, and how far the prediction is from the measurement."""
+    judged = tuple((str(one["detector"]), str(one["line"]), str(one["verdict"] or "none"), str(one["why"])) for one in prediction["judged"])
+    marked = frozenset(index for index, one in enumerate(prediction["judged"]) if one["verdict"] == "fail")
+    tables = [Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "verdict", "why"), judged, marked)]
+    if prediction["error_bands"]:
+        rows = tuple(
+            (
+                str(row["detector"]),
+                f"{row['band_hz'][0] / 1e6:g} - {row['band_hz'][1] / 1e6:g} MHz",
+                f"{row['mean_error_db']:+.1f} dB",
+                f"{row['rms_error_db']:.1f} dB",
+            )
+            for row in prediction["error_bands"]
+        )
+        tables.append(Table("Measured minus predicted", ("detector", "band", "mean", "rms"), rows))
+    return tuple(tables)
+
+
+def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[str, ...]:
+    """The verdict in words, what is missing, and what a reader has to know."""
+    effects = ", ".join(prediction["effects"]) or "no effect of source or path"
+    texts = [f"The {prediction['judged_what']} levels are judged: {str(prediction['verdict']).upper()}. The prediction holds {effects}."]
+    if diagnosis is not None:
+        named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
+        texts.append(f"Diagnosis of the spectra: {diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %.")
+        texts += [str(one["text"])[:1].upper() + str(one["text"])[1:] + "." for one in diagnosis["observations"]]
+        texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
+    return (*texts, *(f"{remark[:1].upper()}{remark[1:]}." for remark in prediction["remarks"]))

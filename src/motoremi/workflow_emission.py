@@ -1,0 +1,161 @@
+"""What commands and pages do with the spectra of a session: predict, diagnose, add, drop. State is kept in `analysis/`, as in `workflow`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.data.session import Session, load
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.background import ambient_of, split
+from motoremi.emission.band import band_of
+from motoremi.emission.diagnose import EmissionDiagnosis, add_effect, diagnose_emission, fit_base
+from motoremi.emission.effects import find_source_effect
+from motoremi.emission.fit import EmissionFit, Problem, restored
+from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
+from motoremi.emission.limit import find_limit
+from motoremi.emission.observe import repetition_from
+from motoremi.emission.predict import DEFAULT_LIMIT, Prediction, motor_function, predict
+from motoremi.emission.setup import Setup, read_setup
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit
+from motoremi.workflow import Store, current_steps
+
+STATE, PREDICTION, DIAGNOSIS = "emission", "prediction", "emission-diagnosis"
+
+
+def _state(session: Session) -> JsonDict:
+    return session.analysis(STATE) or {"schema": "motoremi.emission/1", "setup": None, "limit": DEFAULT_LIMIT, "steps": []}
+
+
+def _save(store: Store, state: JsonDict, **new: Any) -> JsonDict:
+    state = {**state, **new}
+    store.save_analysis(STATE, state)
+    return state
+
+
+def setup_of(session: Session) -> Setup:
+    """The set-up that was given last, else what the receiver's settings and the spectra say, the rest assumed."""
+    stored = _state(session)["setup"]
+    if stored is not None:
+        return Setup.from_dict(stored)
+    running, _ = split(session.spectra)
+    made = Setup()
+    if not running:
+        return made
+    settings = running[0].metadata.get("settings")
+    known: Mapping[str, Any] = settings if isinstance(settings, Mapping) else {}
+    receiver = replace(made.receiver, band=band_of(running[0].resolution_bandwidth_hz))
+    found = {key: float(known[key]) for key in ("dwell_s", "attenuation_db") if isinstance(known.get(key), (int, float))}
+    assumed = tuple(part for part in made.assumed if part != "receiver" or not found)
+    made = replace(made, receiver=replace(receiver, **found), assumed=assumed)  # type: ignore[arg-type]
+    rate = _rate(running)
+    return made if rate is None else replace(made, source=replace(made.source, repetition_hz=rate))
+
+
+def _rate(running: Sequence[Spectrum]) -> float | None:
+    by_detector = {spectrum.detector: spectrum for spectrum in running}
+    if not {"peak", "average"} <= set(by_detector):
+        return None
+    return repetition_from(by_detector["peak"], by_detector["average"])
+
+
+def _motor(store: Store) -> Fit:
+    """The model at the top of the ladder."""
+    top = current_steps(store)[-1]
+    if "open" not in top.measurement.terminations:
+        raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
+    return top
+
+
+def _problem(store: Store) -> Problem:
+    session = load(store.path)
+    running, background = split(session.spectra)
+    if not running:
+        raise BadInput(f"{session.path.name} holds no spectrum of the running motor")
+    setup = setup_of(session)
+    return Problem(running, motor_function(_motor(store), setup), setup, ambient_of(background))
+
+
+def emission_steps(store: Store) -> list[EmissionFit]:
+    """The emission's ladder, base first; fitted first if it is not yet there."""
+    problem = _problem(store)
+    state = _state(load(store.path))
+    if state["steps"]:
+        return [restored(problem, step) for step in state["steps"]]
+    base = fit_base(problem)
+    _save(store, state, steps=[base.to_dict()])
+    return [base]
+
+
+def predict_session(
+    store: Store, setup: Path | None = None, limit: str | None = None, expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
+) -> Prediction:
+    """The spectrum that the source and the fitted motor should produce; a set-up or limit given here is kept for the next time."""
+    session = load(store.path)
+    state = _state(session)
+    if setup is not None:
+        state = {**state, "setup": read_setup(setup).to_dict(), "steps": []}
+    chosen_limit = find_limit(limit if limit is not None else state["limit"])
+    state = _save(store, state, limit=limit if limit is not None else state["limit"])
+    motor, stated = _motor(store), setup_of(load(store.path))
+    effects: tuple[str, ...] = ()
+    if state["steps"]:
+        top = emission_steps(store)[-1]
+        stated, effects = top.setup(), top.effects
+    result = predict(motor, stated, session.spectra, chosen_limit, expanded_uncertainty_db=expanded_uncertainty_db, effects=effects)
+    store.save_analysis(PREDICTION, result.to_dict())
+    return result
+
+
+def diagnose_emission_session(store: Store, from_base: bool = False, progress: Progress | None = None) -> EmissionDiagnosis:
+    """Which effect of source or path is missing, from where the emission's ladder stands or from its base."""
+    steps = emission_steps(store)
+    result = diagnose_emission(steps[0].problem, steps[0] if from_base else steps[-1], progress)
+    store.save_analysis(DIAGNOSIS, result.to_dict())
+    return result
+
+
+def add_source_effect(store: Store, name: str) -> tuple[EmissionFit, EmissionFit]:
+    """Add a source-side effect on top of the emission's ladder; returns the model before and after."""
+    find_source_effect(name)
+    steps = emission_steps(store)
+    if name in steps[-1].effects:
+        raise BadInput(f"{name} is in the model already; drop it first or add another effect")
+    after = add_effect(steps[-1].problem, steps[-1], name)
+    _save(store, _state(load(store.path)), steps=[step.to_dict() for step in (*steps, after)])
+    return steps[-1], after
+
+
+def drop_source_effect(store: Store) -> tuple[EmissionFit, EmissionFit]:
+    """Step back on the emission's ladder; returns the model before and after."""
+    steps = emission_steps(store)
+    if len(steps) < 2:
+        raise BadInput("the emission's ladder stands at its base: there is no effect to drop")
+    _save(store, _state(load(store.path)), steps=[step.to_dict() for step in steps[:-1]])
+    return steps[-1], steps[-2]
+
+
+def emission_story(store: Store) -> JsonDict:
+    """Fit the source, see what is missing, add it, predict: what `motoremi demo` tells of the spectrum."""
+    base = emission_steps(store)[-1]
+    found, last = diagnose_emission_session(store), base
+    for name in found.effects:
+        _, last = add_source_effect(store, name)
+    prediction = predict_session(store)
+    return {
+        "verdict": found.verdict,
+        "named": list(found.effects),
+        "families": [list(family) for family in found.families],
+        "confidence": found.confidence,
+        "reasons": list(found.reasons),
+        "observations": [str(one["text"]) for one in found.seen],
+        "error_before_db": base.rms_error_db,
+        "error_after_db": last.rms_error_db,
+        "limit": prediction.limit.title,
+        "limit_verdict": prediction.verdict,
+        "next": str(found.following["why"]),
+    }
