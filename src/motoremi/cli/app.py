@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from motoremi import __version__
-from motoremi.cli import bench, blind, catalogue, demo, export, paper, session
+from motoremi.cli import bench, blind, catalogue, demo, export, fleet, paper, session
 
 app = typer.Typer(
     help="Measure the common-mode impedance and emission of DC motors, fit the circuit, find the missing effect, report.",
@@ -31,5 +31,5 @@ def _options(
     pass
 
 
-for module in (demo, bench, session, export, catalogue, blind, paper):
+for module in (demo, bench, session, export, fleet, catalogue, blind, paper):
     module.register(app)
