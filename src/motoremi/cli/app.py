@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -26,9 +27,30 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config", metavar="FILE", envvar="MOTOREMI_CONFIG", help="Settings; by default motoremi.toml here or in your own settings folder."
+        ),
+    ] = None,
+    effects_from: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--effects-from", metavar="FILE.py", envvar="MOTOREMI_EFFECTS_FROM", help="Effects of your own from a Python file. This runs its code."
+        ),
+    ] = None,
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
 ) -> None:
-    pass
+    from motoremi.cli.settings import defaults, settings_file, tell_own_effects
+
+    command: Any = context.command
+    context.default_map = defaults(settings_file(config), command.commands)
+    if effects_from:
+        from motoremi.model.effects import effects_from as take
+
+        tell_own_effects(effects_from)
+        take(*effects_from)
 
 
 for module in (demo, bench, session, export, fleet, catalogue, blind, paper):

@@ -18,6 +18,7 @@ from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.errors import MotoremiError
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
+from motoremi.model.effects import catalogue_sha256
 from motoremi.model.motor import dc_motor
 from motoremi.workflow import measurement_of
 
@@ -45,7 +46,7 @@ class Job:
 
     def key(self) -> str:
         """Ties a result to the measured data, the settings and the version: a result with the same key need not be computed again."""
-        digest = hashlib.sha256(f"{__version__} {self.diagnose} {self.seed}".encode())
+        digest = hashlib.sha256(f"{__version__} {catalogue_sha256()} {self.diagnose} {self.seed}".encode())
         digest.update(_measured(Path(self.folder) / self.session / SESSION))
         return digest.hexdigest()
 
