@@ -33,12 +33,17 @@ def commands_page() -> str:
     from motoremi.cli.app import app
 
     group = typer.main.get_command(app)
-    lines = ["# Commands", "", "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use, 3 instrument trouble.", ""]
+    lines = [
+        "# Commands",
+        "",
+        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use, 3 instrument trouble.",
+        "",
+    ]
     for name, command in group.commands.items():
         lines += [f"## motoremi {name}", "", command.help or "", "", f"```text\n{(command.epilog or '').removeprefix('Example: ')}\n```", ""]
         lines += ["| | |", "|---|---|"]
         for parameter in command.params:
-            shown = ", ".join(parameter.opts) if parameter.param_type_name == "option" else parameter.human_readable_name
+            shown = ", ".join(parameter.opts) if parameter.param_type_name == "option" else (parameter.metavar or parameter.name)
             text = (getattr(parameter, "help", "") or "").replace("|", "\\|")
             lines.append(f"| `{shown}` | {text} |")
         lines.append("")
@@ -50,7 +55,8 @@ def effects_page() -> str:
     from motoremi.model.effects import catalogue
 
     lines = ["# The effects", ""]
-    lines += ["Grey is the paper's circuit, blue the same motor with the effect, orange with a smaller or larger one. Left the short-circuit sweep, right the", "open one.", ""]
+    lines += ["Grey is the paper's circuit, blue the same motor with the effect, orange with a smaller or larger one."]
+    lines += ["Left the short-circuit sweep, right the open one.", ""]
     for effect in catalogue():
         lines += [f"## {effect.name}", "", f"{effect.title.capitalize()}. Identifiers: {', '.join(f'`{i}`' for i in effect.identifiers)}.", ""]
         lines += [f'<div class="effect">{_picture(effect)}</div>', "", f"```text\n{effect.formula}\n```", ""]
