@@ -29,7 +29,8 @@ def fleet_(
     as_json: AsJson = False,
 ) -> None:
     """Fit and diagnose all sessions below a folder, then report on them together; run again, it goes on where it stopped."""
-    from motoremi.cli.output import emit_json, progress_bar, say
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.output import emit_json, say
     from motoremi.data.plain import to_page
     from motoremi.data.storage import write_whole
     from motoremi.fleet.page import fleet_html
@@ -42,8 +43,8 @@ def fleet_(
     work = [Job(session, str(root), not fit_only, seed) for session in sessions_in(root)]
     maker = DaskCluster(scheduler) if scheduler is not None else LocalProcesses(jobs)
     try:
-        with progress_bar("fleet", as_json) as progress:
-            computed = run_fleet(work, target, maker, progress)
+        with progress_bars(as_json) as bars:
+            computed = run_fleet(work, target, maker, bars.bar("fleet"))
     finally:
         if isinstance(maker, DaskCluster):
             maker.close()

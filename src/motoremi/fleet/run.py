@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import JsonDict, Progress
 from motoremi.data.paths import SESSION
 from motoremi.data.plain import object_from_json
 from motoremi.data.storage import AppendFile, write_whole
@@ -20,7 +20,6 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.export.extras import needs
 from motoremi.fleet.work import Job, work
 
-Progress: TypeAlias = Callable[[str, int, int], None]
 RESULTS = "fleet.jsonl"
 # So many jobs wait in the executor for each worker: enough to keep it busy, few enough to keep memory flat.
 _IN_FLIGHT = 4
