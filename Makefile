@@ -1,11 +1,11 @@
-# make demo | test | lint | bench | faults | kills | speed : each creates its environment first; nothing else is needed.
+# make demo | test | lint | bench | docs | faults | kills | speed : each creates its environment first; nothing else is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
-.PHONY: demo test lint bench faults kills speed install clean
+.PHONY: demo test lint bench docs faults kills speed install clean
 
 install: $(STAMP)
 
@@ -37,6 +37,9 @@ bench: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict -e '.[bench]'
 	$(BIN)/python -m benchmarks
 
+docs: install
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
 # Every fault at every exchange of the full procedure (some ten minutes); `make test` strikes at the first and last exchange of each step.
 faults: install
 	$(BIN)/python tests/fault_matrix.py
@@ -51,4 +54,4 @@ speed: install
 	$(BIN)/python -m benchmarks.recording
 
 clean:
-	rm -rf $(VENV) build .files .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) build site .files .mypy_cache .pytest_cache .ruff_cache

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from motoremi.export.tables import sweep_table, to_xarray
     from motoremi.fitting.fit import fit
     from motoremi.fitting.result import Fit
+    from motoremi.model.effects import effects_from
     from motoremi.model.motor import Motor, dc_motor
 
 __version__ = "0.1.0"
@@ -48,6 +49,7 @@ _HOMES = {
     "fit": "motoremi.fitting.fit",
     "Motor": "motoremi.model.motor",
     "dc_motor": "motoremi.model.motor",
+    "effects_from": "motoremi.model.effects",
     "read_impedance": "motoremi.data.files",
     "read_spectra": "motoremi.data.files",
     "spice_model": "motoremi.export.spice",
@@ -71,6 +73,7 @@ __all__ = [
     "compare",
     "dc_motor",
     "diagnose",
+    "effects_from",
     "fit",
     "inspect",
     "load",

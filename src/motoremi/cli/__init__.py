@@ -20,12 +20,14 @@ def main() -> None:
 
     from motoremi.cli.app import app
     from motoremi.cli.arguments import expanded
+    from motoremi.cli.settings import hoisted
     from motoremi.errors import MotoremiError
 
     # Wrong use, whichever library typer takes it from: BadParameter, UsageError, then their common base.
     wrong_use: Any = typer.BadParameter.__mro__[2]
     try:
-        status = app(args=expanded(sys.argv[1:]), prog_name="motoremi", standalone_mode=False)
+        front, rest = hoisted(sys.argv[1:])
+        status = app(args=[*front, *expanded(rest)], prog_name="motoremi", standalone_mode=False)
     except typer.Exit as error:
         status = error.exit_code
     except wrong_use as error:

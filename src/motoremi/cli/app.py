@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
 from motoremi import __version__
-from motoremi.cli import bench, blind, catalogue, demo, doctor, emission, export, paper, session, simulate
+from motoremi.cli import bench, blind, catalogue, demo, doctor, emission, export, fleet, paper, session, simulate
 
 app = typer.Typer(
     help="Measure the common-mode impedance and emission of DC motors, fit the circuit, find the missing effect, report.",
@@ -26,10 +27,31 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config", metavar="FILE", envvar="MOTOREMI_CONFIG", help="Settings; by default motoremi.toml here or in your own settings folder."
+        ),
+    ] = None,
+    effects_from: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--effects-from", metavar="FILE.py", envvar="MOTOREMI_EFFECTS_FROM", help="Effects of your own from a Python file. This runs its code."
+        ),
+    ] = None,
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
 ) -> None:
-    pass
+    from motoremi.cli.settings import defaults, settings_file, tell_own_effects
+
+    command: Any = context.command
+    context.default_map = defaults(settings_file(config), command.commands)
+    if effects_from:
+        from motoremi.model.effects import effects_from as take
+
+        tell_own_effects(effects_from)
+        take(*effects_from)
 
 
-for module in (demo, bench, simulate, session, emission, export, catalogue, doctor, blind, paper):
+for module in (demo, bench, simulate, session, emission, export, fleet, catalogue, doctor, blind, paper):
     module.register(app)

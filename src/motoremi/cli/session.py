@@ -26,6 +26,7 @@ def import_(
         typer.Option("--analyser", metavar="NAME", help="Who made the sweeps: 4294a, e4990a, nanovna; none is ideal."),
     ] = None,
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
+    serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Make a session from files that you already have."""
@@ -48,6 +49,7 @@ def import_(
     start = {
         "title": f"Imported: {motor}" if motor else "Imported sweeps",
         "motor": motor,
+        "serial": serial,
         "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),

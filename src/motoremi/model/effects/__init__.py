@@ -3,32 +3,76 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
+import os
 from functools import lru_cache
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from motoremi.errors import BadInput
-from motoremi.model.effects import connection, instrument, insulation, winding
+from motoremi.model.effects import connection, instrument, insulation, own, winding
 from motoremi.model.effects.effect import AddedEffect, Effect, split_identifier
 from motoremi.model.motor import Motor
 
 ENTRY_POINT_GROUP = "motoremi.effects"
 
-__all__ = ["AddedEffect", "Effect", "add_effects", "catalogue", "find_effect", "identifiers"]
+__all__ = ["AddedEffect", "Effect", "add_effects", "catalogue", "catalogue_sha256", "effects_from", "find_effect", "identifiers"]
 
 
 @lru_cache(maxsize=1)
 def catalogue() -> tuple[Effect, ...]:
-    """All known effects, in the order of the contract."""
-    own = (*winding.EFFECTS, *insulation.EFFECTS, *connection.EFFECTS, *instrument.EFFECTS)
-    foreign = []
+    """All known effects: those of the contract in its order, then those of installed packages, then the user's own files."""
+    known = [*winding.EFFECTS, *insulation.EFFECTS, *connection.EFFECTS, *instrument.EFFECTS]
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         effect = entry.load()
         if not isinstance(effect, Effect):
             raise BadInput(f"the entry point {entry.name} of {ENTRY_POINT_GROUP} is not an Effect")
-        if any(effect.name == other.name for other in own):
-            raise BadInput(f"the entry point {entry.name} wants the name {effect.name}, which is taken")
-        foreign.append(effect)
-    return (*own, *foreign)
+        _join(known, effect, f"the entry point {entry.name}")
+    for path in own.named_files():
+        for effect in own.effects_in(path):
+            _join(known, effect, str(path))
+    return tuple(known)
+
+
+def _join(known: list[Effect], effect: Effect, origin: str) -> None:
+    if any(effect.name == other.name for other in known):
+        raise BadInput(f"{origin} wants the name {effect.name}, which is taken")
+    known.append(effect)
+
+
+def effects_from(*paths: str | os.PathLike[str]) -> tuple[Effect, ...]:
+    """Take the effects of Python files into the catalogue, for this process and those that it starts. This runs their code.
+
+    Returns
+    -------
+    tuple of Effect
+        What the files define.
+
+    Raises
+    ------
+    BadInput
+        If a file defines no effect, its code fails, or a name is taken.
+    """
+    before = os.environ.get(own.VARIABLE)
+    files = dict.fromkeys(Path(path).resolve() for path in (*own.named_files(), *paths))
+    os.environ[own.VARIABLE] = os.pathsep.join(str(file) for file in files)
+    catalogue.cache_clear()
+    try:
+        mine = {effect.name for path in paths for effect in own.effects_in(Path(path))}
+        return tuple(effect for effect in catalogue() if effect.name in mine)
+    except BadInput:
+        if before is None:
+            del os.environ[own.VARIABLE]
+        else:
+            os.environ[own.VARIABLE] = before
+        catalogue.cache_clear()
+        raise
+
+
+def catalogue_sha256() -> str:
+    """Changes with the catalogue: results are comparable only where it is the same."""
+    known = [(effect.identifiers, effect.formula, [(p.name, p.low, p.high) for p in effect.parameters]) for effect in catalogue()]
+    return hashlib.sha256(repr(known).encode()).hexdigest()
 
 
 def identifiers() -> tuple[str, ...]:

@@ -1,0 +1,125 @@
+"""Pages that are made from the code while the documentation is built: commands, effects with their pictures, notebooks."""
+
+from __future__ import annotations
+
+import html
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from mkdocs.structure.files import File, Files
+
+HERE = Path(__file__).parent
+# A motor of ordinary size; what each effect does to it is what its picture shows.
+MOTOR = {"Ra": 12.0, "La": 12e-6, "Ca": 25e-12, "Rr": 40.0, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 301)
+
+
+def on_files(files: Files, config) -> Files:
+    """Add the generated pages."""
+    pages = {"reference/commands.md": commands_page(), "explanation/effects.md": effects_page()}
+    pages |= {f"notebooks/{path.stem}.md": notebook_page(path) for path in sorted((HERE / "notebooks").glob("*.ipynb"))}
+    for uri, text in pages.items():
+        files.append(File.generated(config, uri, content=text))
+    return files
+
+
+def commands_page() -> str:
+    """Every command with its options, from the command line itself."""
+    import typer.main
+
+    from motoremi.cli.app import app
+
+    group = typer.main.get_command(app)
+    lines = [
+        "# Commands",
+        "",
+        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use, 3 instrument trouble.",
+        "",
+    ]
+    for name, command in group.commands.items():
+        lines += [f"## motoremi {name}", "", command.help or "", "", f"```text\n{(command.epilog or '').removeprefix('Example: ')}\n```", ""]
+        lines += ["| | |", "|---|---|"]
+        for parameter in command.params:
+            shown = ", ".join(parameter.opts) if parameter.param_type_name == "option" else (parameter.metavar or parameter.name)
+            text = (getattr(parameter, "help", "") or "").replace("|", "\\|")
+            lines.append(f"| `{shown}` | {text} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def effects_page() -> str:
+    """The catalogue, each effect with a picture of what it does."""
+    from motoremi.model.effects import catalogue
+
+    lines = ["# The effects", ""]
+    lines += ["Grey is the paper's circuit, blue the same motor with the effect, orange with a smaller or larger one."]
+    lines += ["Left the short-circuit sweep, right the open one.", ""]
+    for effect in catalogue():
+        lines += [f"## {effect.name}", "", f"{effect.title.capitalize()}. Identifiers: {', '.join(f'`{i}`' for i in effect.identifiers)}.", ""]
+        lines += [f'<div class="effect">{_picture(effect)}</div>', "", f"```text\n{effect.formula}\n```", ""]
+        lines += ["| parameter | from | to | why |", "|---|---|---|---|"]
+        lines += [f"| `{p.name}` ({p.unit or '1'}) | {p.low:g} | {p.high:g} | {html.escape(p.reason)} |" for p in effect.parameters]
+        entries = {"Vanishes for": effect.limit, "Signature": effect.signature, "Look-alikes": ", ".join(effect.look_alikes)}
+        entries |= {"Decided by": effect.deciding, "Source": effect.source}
+        lines += ["", *(f"- **{title}:** {html.escape(text)}" for title, text in entries.items()), ""]
+    return "\n".join(lines)
+
+
+def _picture(effect) -> str:
+    from matplotlib.figure import Figure
+
+    from motoremi.report.svg import to_svg
+
+    figure = Figure(figsize=(8, 2.4), layout="constrained")
+    starts = effect.starts[:: max(1, len(effect.starts) // 2)][:2]
+    for axes, termination in zip(figure.subplots(1, 2), ("short", "open"), strict=True):
+        axes.loglog(FREQUENCY_HZ, np.abs(_impedance(None, {}, termination)), color="#999999", linewidth=3)
+        for start, colour in zip(starts, ("#0072B2", "#D55E00"), strict=False):
+            axes.loglog(FREQUENCY_HZ, np.abs(_impedance(effect.identifiers[-1], start, termination)), color=colour, linewidth=1.2)
+        axes.set_xlabel("Hz", fontsize=8)
+        axes.set_ylabel("|Z| (Ohm)", fontsize=8)
+        axes.tick_params(labelsize=7)
+    return to_svg(figure, effect.name, f"|Z| with and without {effect.title}").replace("\n", " ")
+
+
+def _impedance(identifier: str | None, start, termination: str):
+    from motoremi.export.realise import impedance_of
+    from motoremi.model.effects import find_effect
+    from motoremi.model.motor import dc_motor
+
+    motor, values = dc_motor(), dict(MOTOR)
+    if identifier is not None:
+        motor = find_effect(identifier).added_to(motor)
+        for name, value in start.items():
+            key = name[1:] if name.startswith("*") else f"{identifier}.{name}"
+            values[key] = values[key] * value if name.startswith("*") else value
+    return impedance_of(motor.circuit(termination), values, FREQUENCY_HZ)
+
+
+def notebook_page(path: Path) -> str:
+    """An executed notebook as a page."""
+    return "\n\n".join(_cells(json.loads(path.read_text("utf-8"))))
+
+
+def _cells(notebook: dict) -> Iterator[str]:
+    for cell in notebook["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            yield source
+            continue
+        yield f"```python\n{source}\n```"
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            if "image/png" in data:
+                yield f'<img alt="output" src="data:image/png;base64,{"".join(data["image/png"]).strip()}"/>'
+            elif "text/html" in data:
+                yield "".join(data["text/html"])
+            else:
+                text = "".join(output.get("text", data.get("text/plain", "")))
+                yield f"```text\n{text.rstrip()}\n```"
+
+
+sys.dont_write_bytecode = True

@@ -1,0 +1,78 @@
+"""`motoremi fleet`: the same for thousands of sessions."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motoremi.cli.options import AsJson, command
+
+if TYPE_CHECKING:
+    from motoremi.arrays import JsonDict
+
+
+def fleet_(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with sessions, at any depth.", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Results; by default DIR-fleet beside DIR.", show_default=False)] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="An existing Dask cluster, tcp://HOST:PORT (extra fleet).", show_default=False)
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes on this machine.", min=1)] = max(1, os.cpu_count() or 1),
+    golden: Annotated[
+        str | None, typer.Option(metavar="PATTERN", help='Sessions of motors known to be good, such as "golden/*": limits for the rest.')
+    ] = None,
+    fit_only: Annotated[bool, typer.Option("--fit-only", help="Fit the paper's circuit and do not look for missing effects.")] = False,
+    seed: Annotated[int, typer.Option(help="The search is deterministic for a seed.", min=0)] = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Fit and diagnose all sessions below a folder, then report on them together; run again, it goes on where it stopped."""
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.plain import to_page
+    from motoremi.data.storage import write_whole
+    from motoremi.fleet.page import fleet_html
+    from motoremi.fleet.run import RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
+    from motoremi.fleet.together import together
+    from motoremi.fleet.work import Job
+
+    root = folder.resolve()
+    target = out if out is not None else root.with_name(f"{root.name}-fleet")
+    work = [Job(session, str(root), not fit_only, seed) for session in sessions_in(root)]
+    maker = DaskCluster(scheduler) if scheduler is not None else LocalProcesses(jobs)
+    try:
+        with progress_bars(as_json) as bars:
+            computed = run_fleet(work, target, maker, bars.bar("fleet"))
+    finally:
+        if isinstance(maker, DaskCluster):
+            maker.close()
+    figures = together(settled(work, target / RESULTS), golden)
+    write_whole(target / "fleet.json", to_page(figures).encode())
+    write_whole(target / "parameters.csv", _parameter_table(figures).encode())
+    write_whole(target / "fleet.html", fleet_html(figures, folder.name).encode())
+    if as_json:
+        shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
+        emit_json({**shown, "computed_now": computed, "folder": str(target), "report": str(target / "fleet.html")})
+        return
+    counts = figures["counts"]
+    say(f"{counts['sessions']} sessions, {computed} computed now, {counts['troubled']} troubled")
+    for name, number in figures["effects"].items():
+        say(f"  {name:28s} {number}")
+    for trouble in figures["troubles"][:10]:
+        say(f"  {trouble['session']}: {trouble['trouble']}")
+    say(f"report: {target / 'fleet.html'}\ntables: {target / 'fleet.json'}, {target / 'parameters.csv'}")
+
+
+def _parameter_table(figures: JsonDict) -> str:
+    import pandas as pd
+
+    table = pd.DataFrame(figures["values"]).sort_index()
+    table.index.name = "session"
+    return str(table.to_csv(lineterminator="\n"))
+
+
+def register(app: typer.Typer) -> None:
+    """Add this command."""
+    command(app, "fleet", fleet_, 'motoremi fleet production --golden "golden/*"')

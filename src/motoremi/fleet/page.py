@@ -1,0 +1,151 @@
+"""The fleet's report: the same parts and the same page as a motor's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+from motoremi.quantities import show
+from motoremi.report.axes import BLUE, VERMILION
+from motoremi.report.html import render_html
+from motoremi.report.parts import Picture, Report, Section, Table
+from motoremi.report.svg import to_svg
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LONGEST_TABLE = 50
+
+
+def fleet_html(figures: JsonDict, title: str) -> str:
+    """One HTML file."""
+    return render_html(_report(figures, title))
+
+
+def _report(figures: JsonDict, title: str) -> Report:
+    counts = figures["counts"]
+    headline = [
+        ("sessions", f"{counts['sessions']}, {counts['in_the_figures']} of them in the figures", "plain"),
+        ("verdicts", ", ".join(f"{verdict} {n}" for verdict, n in figures["verdicts"].items()) or "not diagnosed", "plain"),
+        ("drift", _listed([f"{d['parameter']} along {d['along']}: {d['change_percent']:+.2g} %" for d in figures["drift"]]), "plain"),
+        ("outliers", f"{len({o['session'] for o in figures['outliers']})} motors", "plain"),
+    ]
+    if figures["golden"]:
+        beyond = len({entry["session"] for entry in figures["beyond_limits"]})
+        headline.append(("beyond the golden set's limits", f"{beyond} motors", "bad" if beyond else "good"))
+    sections = [_distributions(figures), _missing(figures), _drifts(figures), _strays(figures)]
+    if figures["golden"]:
+        sections.append(_golden(figures))
+    warnings = tuple(f"{t['session']}: {t['trouble']}" for t in figures["troubles"][:_LONGEST_TABLE])
+    more = len(figures["troubles"]) - len(warnings)
+    return Report("Fleet report", title, tuple(headline), (*warnings, *([f"and {more} more"] if more > 0 else [])), tuple(sections), figures)
+
+
+def _listed(texts: list[str]) -> str:
+    return "; ".join(texts[:6]) + (f"; and {len(texts) - 6} more" if len(texts) > 6 else "") if texts else "none"
+
+
+def _shown(figures: JsonDict, name: str, value: float) -> str:
+    return show(value, figures["parameters"][name]["unit"])
+
+
+def _distributions(figures: JsonDict) -> Section:
+    rows = tuple(
+        (name, str(d["n"]), *(show(d[key], d["unit"]) for key in ("q05", "median", "q95")), f"{d['spread_percent']:.2g} %")
+        for name, d in figures["parameters"].items()
+    )
+    table = Table("Parameters of the best model of each session, where its data determine them", ("", "n", "5 %", "median", "95 %", "spread"), rows)
+    if not rows:
+        return Section("Parameters", ("No session gave a result.",))
+    return Section(
+        "Parameters", (), (table,), (Picture(to_svg(_histograms(figures), "histograms", "distributions"), "Distribution of each parameter."),)
+    )
+
+
+def _missing(figures: JsonDict) -> Section:
+    total = sum(figures["verdicts"].values())
+    rows = tuple((name, str(n), f"{100 * n / total:.3g} %") for name, n in figures["effects"].items())
+    table = Table("How often an effect was named", ("effect", "motors", "share"), rows)
+    return Section("Missing effects", () if rows else ("None was named.",), (table,) if rows else ())
+
+
+def _drifts(figures: JsonDict) -> Section:
+    if not figures["drift"]:
+        return Section("Drift", ("No parameter follows time or serial number more than chance would (1 %, all looked at together).",))
+    rows = tuple(
+        (d["parameter"], d["along"], str(d["n"]), f"{d['change_percent']:+.3g} %", f"{d['tau']:+.2f}", f"{d['p']:.1e}") for d in figures["drift"]
+    )
+    table = Table("What follows time or serial number", ("parameter", "along", "n", "from first to last", "Kendall's tau", "p"), rows)
+    return Section("Drift", (), (table,), (Picture(to_svg(_trends(figures), "drift", "drift"), "Parameters that drift."),))
+
+
+def _strays(figures: JsonDict) -> Section:
+    found = figures["outliers"]
+    rows = tuple(
+        (o["session"], o["parameter"], _shown(figures, o["parameter"], o["value"]), f"{o['distance']:+.1f}") for o in found[:_LONGEST_TABLE]
+    )
+    table = Table("Farthest from the median, in robust standard deviations", ("session", "parameter", "value", "distance"), rows)
+    return Section("Outliers", () if rows else ("None.",), (table,) if rows else ())
+
+
+def _golden(figures: JsonDict) -> Section:
+    limits = tuple((name, str(x["n"]), _shown(figures, name, x["low"]), _shown(figures, name, x["high"])) for name, x in figures["limits"].items())
+    text = f"Sessions {figures['golden']!r} are the golden set. Limits hold 95 % of such motors with 95 % confidence."
+    if not limits:
+        return Section("Limits from the golden set", (text, "Fewer than five golden sessions gave a result: no limits."))
+    beyond = tuple(
+        (b["session"], b["parameter"], _shown(figures, b["parameter"], b["value"]))
+        for b in sorted(figures["beyond_limits"], key=lambda entry: entry["session"])[:_LONGEST_TABLE]
+    )
+    tables = (
+        Table("Limits", ("parameter", "golden motors", "low", "high"), limits),
+        Table("Beyond the limits", ("session", "parameter", "value"), beyond),
+    )
+    return Section("Limits from the golden set", (text,), tables if beyond else tables[:1])
+
+
+def _histograms(figures: JsonDict) -> Figure:
+    from matplotlib.figure import Figure
+
+    names = list(figures["values"])[:12]
+    across = min(4, len(names))
+    down = -(-len(names) // across)
+    figure = Figure(figsize=(2.6 * across, 2.0 * down), layout="constrained")
+    for number, name in enumerate(names, start=1):
+        axes = figure.add_subplot(down, across, number)
+        values = np.array(list(figures["values"][name].values()))
+        bins = np.geomspace(values.min() * 0.999, values.max() * 1.001, min(40, 5 + len(values) // 4))
+        axes.hist(values, bins=bins.tolist(), color=BLUE)
+        axes.set_xscale("log")
+        axes.minorticks_off()
+        unit = figures["parameters"][name]["unit"]
+        axes.set_xlabel(f"{name} ({unit})" if unit else name, fontsize=8)
+        axes.tick_params(labelsize=7)
+        limit = figures["limits"].get(name)
+        for edge in (limit["low"], limit["high"]) if limit else ():
+            axes.axvline(edge, color=VERMILION, linewidth=1)
+    return figure
+
+
+def _trends(figures: JsonDict) -> Figure:
+    from matplotlib.figure import Figure
+
+    drifts = figures["drift"][:6]
+    across = min(3, len(drifts))
+    down = -(-len(drifts) // across)
+    figure = Figure(figsize=(3.4 * across, 2.4 * down), layout="constrained")
+    for number, drift in enumerate(drifts, start=1):
+        axes = figure.add_subplot(down, across, number)
+        places = figures["times" if drift["along"] == "time" else "serials"]
+        column = figures["values"][drift["parameter"]]
+        pairs = sorted((places[session], value) for session, value in column.items() if session in places)
+        x, y = np.array(pairs).T
+        if drift["along"] == "time":
+            x = (x - x[0]) / 86400
+        axes.semilogy(x, y, ".", color=BLUE, markersize=3)
+        axes.set_xlabel("days" if drift["along"] == "time" else "serial number", fontsize=8)
+        axes.set_title(drift["parameter"], fontsize=9)
+        axes.tick_params(labelsize=7, which="both")
+    return figure

@@ -1,0 +1,215 @@
+"""Run a fleet: submit sessions to an executor, store each result as it comes, go on where an earlier run stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.data.paths import SESSION
+from motoremi.data.plain import object_from_json
+from motoremi.data.storage import AppendFile, write_whole
+from motoremi.errors import BadInput, InstrumentError
+from motoremi.export.extras import needs
+from motoremi.fleet.work import Job, work
+
+RESULTS = "fleet.jsonl"
+# So many jobs wait in the executor for each worker: enough to keep it busy, few enough to keep memory flat.
+_IN_FLIGHT = 4
+# A session whose worker dies is tried again, in case another one killed it; after this it is its own fault.
+_TRIES = 3
+
+
+def sessions_in(folder: Path) -> list[str]:
+    """Sessions below a folder by their relative path, sorted; a session's own folders are not searched.
+
+    Raises
+    ------
+    BadInput
+        If the folder does not exist or holds none.
+    """
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder")
+    found = []
+    for here, folders, files in os.walk(folder):
+        folders.sort()
+        if SESSION in files:
+            found.append(Path(here).relative_to(folder).as_posix())
+            folders.clear()
+    if not found:
+        raise BadInput(f"{folder}: no sessions in this folder (a session holds {SESSION})")
+    return sorted(found)
+
+
+def run_fleet(jobs: Sequence[Job], out: Path, executor: ExecutorMaker, progress: Progress | None = None) -> int:
+    """Work on all jobs that have no stored result yet; returns how many were worked on now.
+
+    Every result is one line of `fleet.jsonl`, on disk before the next is taken, so a run that was stopped goes on where it was.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    log = out / RESULTS
+    waiting = _pending(jobs, log)
+    total, done = len(jobs), len(jobs) - len(waiting)
+    file = AppendFile(log, new=not log.exists())
+    try:
+        file.lock()
+        for result in _computed(waiting, executor):
+            file.append(json.dumps(result, allow_nan=False, sort_keys=True), sync=True)
+            done += 1
+            if progress is not None:
+                progress(str(result["session"]), done, total)
+    finally:
+        file.close()
+    return len(waiting)
+
+
+def stored_results(log: Path) -> Iterator[JsonDict]:
+    """Results in the order in which they were stored; a last line that a crash cut off is left out."""
+    if not log.exists():
+        return
+    with open(log, "rb") as file:
+        for line in file:
+            if not line.endswith(b"\n"):
+                return
+            try:
+                result = object_from_json(line)
+            except ValueError as error:
+                raise BadInput(f"{log}: a line is damaged ({error}); move the file away and run again") from error
+            yield result
+
+
+def _pending(jobs: Sequence[Job], log: Path) -> list[Job]:
+    _drop_torn_line(log)
+    known = {(result.get("session"), result.get("key")) for result in stored_results(log) if result.get("status") != "lost"}
+    return [job for job in jobs if (job.session, job.key()) not in known]
+
+
+def settled(jobs: Sequence[Job], log: Path) -> Iterator[JsonDict]:
+    """The last stored result of each job, in the order of the jobs, read one by one so that memory stays flat."""
+    wanted = {job.session: job.key() for job in jobs}
+    places: dict[str, int] = {}
+    offset = 0
+    with open(log, "rb") as file:
+        for line in file:
+            result = object_from_json(line)
+            if wanted.get(str(result.get("session"))) == result.get("key"):
+                places[str(result["session"])] = offset
+            offset += len(line)
+        for session in wanted:
+            if session in places:
+                file.seek(places[session])
+                yield object_from_json(file.readline())
+
+
+def _drop_torn_line(log: Path) -> None:
+    if log.exists() and (data := log.read_bytes()) and not data.endswith(b"\n"):
+        write_whole(log, data[: data.rfind(b"\n") + 1])
+
+
+class ExecutorMaker:
+    """Where the work is done; `open` may be called again after the workers broke down."""
+
+    workers = 1
+
+    def open(self) -> Executor:
+        """A fresh executor."""
+        raise NotImplementedError
+
+
+class LocalProcesses(ExecutorMaker):
+    """Processes of this machine."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+
+    def open(self) -> Executor:
+        return ProcessPoolExecutor(self.workers)
+
+
+class DaskCluster(ExecutorMaker):
+    """Workers of an existing Dask cluster; they need motoremi installed and see the sessions under the same path.
+
+    Raises
+    ------
+    InstrumentError
+        If no scheduler answers.
+    BadInput
+        If Dask is not installed or the address is none.
+    """
+
+    def __init__(self, address: str) -> None:
+        if not address.startswith(("tcp://", "tls://")):
+            raise BadInput(f"{address!r} is not the address of a scheduler: write for example tcp://127.0.0.1:8786")
+        needs("distributed", "a Dask cluster", "fleet")
+        import distributed
+
+        connect: Any = distributed.Client
+        try:
+            self._client: Any = connect(address, timeout=5, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise InstrumentError(f"no Dask scheduler answers at {address}: {error}") from error
+        self.workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+
+    def open(self) -> Executor:
+        # Not pure: a session may have changed since another client submitted the same job.
+        executor: Executor = self._client.get_executor(pure=False)
+        return executor
+
+    def close(self) -> None:
+        """Leave the cluster."""
+        self._client.close()
+
+
+def _computed(jobs: Sequence[Job], maker: ExecutorMaker) -> Iterator[JsonDict]:
+    """Results as they come; workers that die cost their session another try, alone, and never the rest."""
+    tries: dict[Job, int] = {}
+    queue = iter(jobs)
+    suspects: list[Job] = []
+    with ExitStack() as stack:
+        pool = stack.enter_context(maker.open())
+        flying: dict[Future[JsonDict], Job] = {}
+        while True:
+            if suspects and not flying:
+                # After a breakdown those that were in the air go one by one, so that the one at fault is known.
+                job = suspects.pop()
+                flying[pool.submit(work, job)] = job
+            elif not suspects and not any(job in tries for job in flying.values()):
+                for job in islice(queue, _IN_FLIGHT * maker.workers - len(flying)):
+                    flying[pool.submit(work, job)] = job
+            if not flying:
+                return
+            finished, _ = wait(flying, return_when=FIRST_COMPLETED)
+            broken: list[Job] = []
+            for future in finished:
+                job = flying.pop(future)
+                try:
+                    result = future.result()
+                except BrokenProcessPool:
+                    broken.append(job)
+                except CancelledError as error:
+                    raise InstrumentError("the cluster went away; what was computed is kept, the same command goes on with the rest") from error
+                except Exception as error:  # the cluster gave up on this one, since its workers died too often
+                    yield _lost(job, f"{type(error).__name__}: {error}")
+                else:
+                    yield result
+            if broken:
+                broken += flying.values()
+                flying.clear()
+                pool = stack.enter_context(maker.open())
+                for job in broken:
+                    tries[job] = tries.get(job, 0) + (len(broken) == 1)
+                    if tries[job] >= _TRIES:
+                        yield _lost(job, "its worker died")
+                    else:
+                        suspects.append(job)
+
+
+def _lost(job: Job, why: str) -> JsonDict:
+    return {"session": job.session, "key": job.key(), "status": "lost", "trouble": why[:500]}

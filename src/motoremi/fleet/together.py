@@ -1,0 +1,209 @@
+"""What a fleet says together: distributions, drift, outliers, limits from a golden set."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from scipy import stats
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.model.motor import BASE_PARAMETERS
+
+# Robust distance from the median, in standard deviations, beyond which a motor is looked at: one in 15 000 of a normal fleet.
+OUTLIER = 4.0
+# A drift is told when chance alone would show it less often than this, all parameters and both axes together.
+DRIFT_P = 0.01
+# Limits hold 95 % of what the golden motors stand for, with 95 % confidence (two-sided normal tolerance interval, Howe 1969).
+CONTENT, CONFIDENCE = 0.95, 0.95
+FEWEST = 5
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One session, as far as it is plotted and judged."""
+
+    session: str
+    time: float
+    serial: float
+    values: dict[str, float]
+
+
+def together(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict:
+    """The fleet's figures.
+
+    Parameters
+    ----------
+    results : iterable of dict
+        As `work` gives them.
+    golden : str, optional
+        Pattern of session names (`golden/*`) whose motors are known to be good.
+
+    Returns
+    -------
+    dict
+        `counts`, `verdicts`, `effects`, `parameters` (n, median, robust spread, quantiles), `drift`, `outliers`, `limits`, `beyond_limits`,
+        `troubles`; and `values`, the columns behind them.
+    """
+    rows: list[_Row] = []
+    units: dict[str, str] = {}
+    verdicts: Counter[str] = Counter()
+    effects: Counter[str] = Counter()
+    troubles: list[JsonDict] = []
+    for result in results:
+        if result["status"] != "done":
+            troubles.append({"session": result["session"], "status": result["status"], "trouble": result["trouble"]})
+            continue
+        diagnosis = result.get("diagnosis")
+        if diagnosis is not None:
+            verdicts[diagnosis["verdict"]] += 1
+            effects.update(diagnosis["effects"])
+        best = result["best"]
+        if not best["converged"]:
+            troubles.append({"session": result["session"], "status": "done", "trouble": "the fit did not converge: left out of the figures"})
+            continue
+        units.update({name: entry["unit"] for name, entry in best["parameters"].items()})
+        values = {name: float(entry["value"]) for name, entry in best["parameters"].items() if entry["value"] > 0}
+        rows.append(_Row(result["session"], _seconds(result["time"]), _number(result["serial"]), {**values, "error": best["rms_error_percent"]}))
+    units["error"] = "%"
+    columns = _columns(rows)
+    limits = _limits(columns, {row.session for row in rows if golden is not None and fnmatch.fnmatchcase(row.session, golden)})
+    return {
+        "schema": "motoremi.fleet/1",
+        "counts": {"sessions": len(rows) + len(troubles), "in_the_figures": len(rows), "troubled": len(troubles)},
+        "verdicts": dict(verdicts.most_common()),
+        "effects": dict(effects.most_common()),
+        "parameters": {name: {"unit": units[name], **_distribution(column)} for name, column in columns.items()},
+        "drift": _drift(rows, columns),
+        "outliers": _outliers(columns),
+        "golden": golden,
+        "limits": limits,
+        "beyond_limits": _beyond(columns, limits),
+        "troubles": troubles,
+        "values": {name: dict(column) for name, column in columns.items()},
+        "times": {row.session: row.time for row in rows if np.isfinite(row.time)},
+        "serials": {row.session: row.serial for row in rows if np.isfinite(row.serial)},
+    }
+
+
+def _columns(rows: list[_Row]) -> dict[str, dict[str, float]]:
+    """Session -> value of each parameter; the motor's own first."""
+    columns: dict[str, dict[str, float]] = defaultdict(dict)
+    for name in (*(parameter.name for parameter in BASE_PARAMETERS), "error"):
+        columns[name] = {}
+    for row in rows:
+        for name, value in row.values.items():
+            columns[name][row.session] = value
+    return {name: column for name, column in columns.items() if column}
+
+
+def _distribution(column: dict[str, float]) -> JsonDict:
+    values = np.array(list(column.values()))
+    low, first, median, third, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95)).tolist()
+    return {
+        "n": len(values),
+        "median": median,
+        "spread_percent": 100 * _robust_sigma(np.log(values)),
+        "q05": low,
+        "q25": first,
+        "q75": third,
+        "q95": high,
+    }
+
+
+def _robust_sigma(values: FloatArray) -> float:
+    """Standard deviation from the median absolute deviation."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonDict]:
+    """Parameters that follow time or serial number: Theil-Sen slope, Kendall's tau, p corrected for how many were looked at (Holm)."""
+    found: list[JsonDict] = []
+    for axis, places in (("time", {row.session: row.time for row in rows}), ("serial", {row.session: row.serial for row in rows})):
+        for name, column in columns.items():
+            pairs = [(places[session], value) for session, value in column.items() if np.isfinite(places[session])]
+            if len(pairs) < FEWEST or len({x for x, _ in pairs}) < 3:
+                continue
+            x, y = np.array(pairs).T
+            tau, p = stats.kendalltau(x, y)
+            # Thousands of pairs are enough for a slope; all pairs of a large fleet would not fit into memory.
+            step = max(1, len(x) // 2000)
+            slope = float(stats.theilslopes(np.log(y[::step]), x[::step])[0])
+            total = slope * float(np.ptp(x))
+            found.append(
+                {"parameter": name, "along": axis, "n": len(x), "tau": float(tau), "p": float(p), "change_percent": 100 * float(np.expm1(total))}
+            )
+    found.sort(key=lambda entry: entry["p"])
+    told = []
+    for rank, entry in enumerate(found):
+        if not entry["p"] * (len(found) - rank) < DRIFT_P:
+            break
+        told.append(entry)
+    return told
+
+
+def _outliers(columns: dict[str, dict[str, float]]) -> list[JsonDict]:
+    """Sessions far from the rest, the farthest first."""
+    found = []
+    for name, column in columns.items():
+        logs = np.log(np.array(list(column.values())))
+        sigma = _robust_sigma(logs)
+        if len(logs) < FEWEST or sigma == 0:
+            continue
+        distance = (logs - np.median(logs)) / sigma
+        for session, value, far in zip(column, column.values(), distance.tolist(), strict=True):
+            if abs(far) > OUTLIER:
+                found.append({"session": session, "parameter": name, "value": value, "distance": far})
+    return sorted(found, key=lambda entry: -abs(entry["distance"]))
+
+
+def _limits(columns: dict[str, dict[str, float]], golden: set[str]) -> dict[str, JsonDict]:
+    """Tolerance interval of each parameter over the golden motors, in its logarithm."""
+    limits: dict[str, JsonDict] = {}
+    for name, column in columns.items():
+        logs = np.log(np.array([value for session, value in column.items() if session in golden]))
+        if len(logs) < FEWEST:
+            continue
+        factor = tolerance_factor(len(logs))
+        middle, spread = float(logs.mean()), float(logs.std(ddof=1))
+        limits[name] = {
+            "n": len(logs),
+            "factor": factor,
+            "low": float(np.exp(middle - factor * spread)),
+            "high": float(np.exp(middle + factor * spread)),
+        }
+    return limits
+
+
+def tolerance_factor(count: int) -> float:
+    """Howe's factor of the two-sided normal tolerance interval for 95 % content with 95 % confidence."""
+    z = stats.norm.ppf((1 + CONTENT) / 2)
+    chi2 = stats.chi2.ppf(1 - CONFIDENCE, count - 1)
+    return float(z * np.sqrt((count - 1) * (1 + 1 / count) / chi2))
+
+
+def _beyond(columns: dict[str, dict[str, float]], limits: dict[str, JsonDict]) -> list[JsonDict]:
+    return [
+        {"session": session, "parameter": name, "value": value, "low": limit["low"], "high": limit["high"]}
+        for name, limit in limits.items()
+        for session, value in columns[name].items()
+        # The fit's error has no lower limit: nothing is wrong with a better fit.
+        if value > limit["high"] or (value < limit["low"] and name != "error")
+    ]
+
+
+def _seconds(time: str) -> float:
+    try:
+        return datetime.fromisoformat(time).timestamp()
+    except ValueError:
+        return float("nan")
+
+
+def _number(serial: str) -> float:
+    found = re.search(r"(\d{1,15})\D*$", serial)
+    return float(found.group(1)) if found else float("nan")

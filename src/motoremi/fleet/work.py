@@ -1,0 +1,131 @@
+"""What is done with one session; runs in a worker, knows nothing of the others, and never raises for a session that is bad."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from motoremi import __version__
+from motoremi.arrays import JsonDict
+from motoremi.data.paths import SESSION
+from motoremi.data.plain import plain
+from motoremi.data.session import load
+from motoremi.data.text import clean_text
+from motoremi.diagnosis.diagnosis import diagnose
+from motoremi.errors import MotoremiError
+from motoremi.fitting.fit import fit
+from motoremi.fitting.result import Fit
+from motoremi.model.effects import catalogue_sha256
+from motoremi.model.motor import dc_motor
+from motoremi.workflow import measurement_of
+
+
+@dataclass(frozen=True)
+class Job:
+    """One session and what to do with it.
+
+    Parameters
+    ----------
+    session : str
+        Path below the fleet's folder, with `/`.
+    folder : str
+        The fleet's folder, as the workers see it.
+    diagnose : bool
+        Whether to seek missing effects, or to fit alone.
+    seed : int
+        The same for all: a session gives here what it gives alone.
+    """
+
+    session: str
+    folder: str
+    diagnose: bool
+    seed: int
+
+    def key(self) -> str:
+        """Ties a result to the measured data, the settings and the version: a result with the same key need not be computed again."""
+        digest = hashlib.sha256(f"{__version__} {catalogue_sha256()} {self.diagnose} {self.seed}".encode())
+        digest.update(_measured(Path(self.folder) / self.session / SESSION))
+        return digest.hexdigest()
+
+
+def _measured(log: Path) -> bytes:
+    """The recorded digests of sweeps and spectra: analyses that are added later change nothing."""
+    digest = hashlib.sha256()
+    try:
+        with open(log, "rb") as file:
+            for line in file:
+                if b'"kind":"sweep"' in line or b'"kind":"spectrum"' in line:
+                    digest.update(line)
+    except OSError as error:
+        digest.update(str(error.errno).encode())
+    return digest.digest()
+
+
+def work(job: Job) -> JsonDict:
+    """Fit and diagnose one session.
+
+    Returns
+    -------
+    dict
+        Plain data without times of computation, so that it is the same wherever it was computed; `status` is `done` or `bad`.
+    """
+    result: JsonDict = {"session": job.session, "key": job.key()}
+    try:
+        session = load(Path(job.folder) / job.session)
+        measurement = measurement_of(session)
+        # Not part of the result's identity, but what drift is plotted over.
+        result |= {
+            "time": str(session.start.get("time", "")),
+            "serial": serial_of(session.start, job.session),
+            "analyser": measurement.analyser.name,
+        }
+        base = fit(dc_motor(), measurement, seed=job.seed)
+        result |= {"status": "done", "base": _figures(base)}
+        best = base
+        if job.diagnose:
+            found = diagnose(base)
+            best = found.best if found.effects else base
+            result["diagnosis"] = {
+                "verdict": found.verdict,
+                "effects": list(found.effects),
+                "families": [list(family) for family in found.families],
+                "confidence": found.confidence,
+            }
+        result["best"] = _figures(best)
+    except MotoremiError as error:
+        result |= {"status": "bad", "trouble": clean_text(str(error), 500)}
+    except Exception as error:  # a defect of ours on one session must not stop the others; it is told in the report
+        result |= {"status": "bad", "trouble": clean_text(f"internal error ({type(error).__name__}: {error})", 500)}
+    # Through JSON once, so that a result that was just computed and one that was read back are the same.
+    return dict(json.loads(json.dumps(plain(result), allow_nan=False)))
+
+
+def _figures(fitted: Fit) -> JsonDict:
+    units = {parameter.name: parameter.unit for parameter in fitted.motor.parameters}
+    return {
+        "effects": list(fitted.effects),
+        "converged": fitted.converged,
+        "chi2_reduced": fitted.chi2_reduced,
+        "rms_error_percent": fitted.rms_error_percent,
+        "floor_percent": fitted.floor_percent,
+        "parameters": {
+            name: {"value": value, "sigma": fitted.sigma[name], "unit": units[name]}
+            for name, value in fitted.parameters.items()
+            if fitted.determined(name)
+        },
+    }
+
+
+def serial_of(start: JsonDict, session: str) -> str:
+    """The motor's serial number: as written at the start of the session, else a number at the end of the motor's or the folder's name."""
+    for key in ("serial", "serial_number"):
+        if start.get(key):
+            return clean_text(str(start[key]), 80)
+    for text in (str(start.get("motor") or ""), session):
+        number = re.search(r"(\d+)\D*$", text)
+        if number:
+            return number.group(1)
+    return ""
