@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import dct
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.fitting.fit import glance_at, settled
@@ -25,6 +26,8 @@ POLISHED_IN_THE_DARK = 4
 # From how many single effects a second one is looked for, and how many pairs are then searched through.
 BEAM = 4
 PAIRS_SEARCHED = 6
+# Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
+SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
 
@@ -85,8 +88,23 @@ def own_label(fit: Fit, effect: str) -> str:
 
 
 def is_good(fit: Fit) -> bool:
-    """Whether a fit's objective is what noise and analyser leave of a perfect model."""
-    return bool(fit.objective < good_enough(fit.problem))
+    """Whether what a fit leaves is what noise and analyser leave of a perfect model: no more, and without a shape along frequency."""
+    return bool(fit.objective < good_enough(fit.problem)) and not has_shape(fit)
+
+
+def has_shape(fit: Fit) -> bool:
+    """Whether the whitened residuals swing slowly along frequency, beyond chance.
+
+    A wrong model that nearly fits leaves a smooth misfit, which drowns in the chi-squared of all points but not in that of the slowest
+    cosines of each sweep.
+    """
+    white = fit.problem.whitened(fit.unknowns)
+    total, count = 0.0, 0
+    for where in fit.problem.observed.slices.values():
+        for part in (white[where].real, white[where].imag):
+            slowest = dct(part, norm="ortho")[: min(SLOWEST_COSINES, part.size // 4)]
+            total, count = total + float(np.sum(slowest**2)), count + slowest.size
+    return total > fit.measurement.doubt * (1.02 * count + 2 * np.sqrt(2 * count))
 
 
 def effective_share(fit: Fit) -> float:
