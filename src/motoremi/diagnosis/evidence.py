@@ -23,8 +23,9 @@ SEARCHED = 5
 SEARCHED_IN_THE_DARK = 8
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 4
-# From how many single effects a second one is looked for, and how many pairs are then searched through.
+# From how many of the best single effects a second one is looked for, and from how many in all; how many pairs are then searched through.
 BEAM = 4
+MOST_FIRST = 8
 PAIRS_SEARCHED = 6
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
 SLOWEST_COSINES = 16
@@ -227,15 +228,25 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
 
     What describes the data best alone need not be one of the two, so the search starts from several.
     """
-    looks: dict[tuple[int, str], Scouted] = {}
-    for first, single in enumerate(singles[:BEAM]):
-        looks.update({(first, name): look for name, look in glances(single.fit, progress).items()})
-        if any(look.right for look in looks.values()):
+    beside: dict[str, dict[str, Scouted]] = {}
+    waiting = [single.effect for single in singles[:BEAM]]
+    fits = {single.effect: single.fit for single in singles}
+    while waiting and len(beside) < MOST_FIRST:
+        first = waiting.pop(0)
+        beside[first] = glances(fits[first], progress)
+        if any(look.right for look in beside[first].values()):
             break
-    nearest = sorted(looks, key=lambda pair: looks[pair].objective)
-    for pair in nearest[:PAIRS_SEARCHED]:
-        if not looks[pair].right:
-            looks[pair] = searched_through(looks[pair])
-    leader = min(looks, key=lambda pair: looks[pair].objective)[0]
-    chosen = singles[leader]
-    return chosen, refitted(chosen.fit, {name: look for (first, name), look in looks.items() if first == leader})
+        if not waiting:
+            # What helps as a second effect, whatever the first, may be one of the two though it says little alone.
+            reached = {
+                name: min((looks[name].objective for looks in beside.values() if name in looks), default=np.inf)
+                for name in fits.keys() - beside.keys()
+            }
+            waiting = sorted(reached, key=lambda name: reached[name])[:1]
+    nearest = sorted(((first, name) for first, looks in beside.items() for name in looks), key=lambda pair: beside[pair[0]][pair[1]].objective)
+    for first, name in nearest[:PAIRS_SEARCHED]:
+        if not beside[first][name].right:
+            beside[first][name] = searched_through(beside[first][name])
+    leader = min(beside, key=lambda first: min(look.objective for look in beside[first].values()))
+    chosen = next(single for single in singles if single.effect == leader)
+    return chosen, refitted(chosen.fit, beside[leader])
