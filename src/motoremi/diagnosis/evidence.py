@@ -105,7 +105,7 @@ def has_shape(fit: Fit) -> bool:
         for part in (white[where].real, white[where].imag):
             slowest = dct(part, norm="ortho")[: min(SLOWEST_COSINES, part.size // 4)]
             total, count = total + float(np.sum(slowest**2)), count + slowest.size
-    return total > fit.measurement.doubt * (1.02 * count + 2 * np.sqrt(2 * count))
+    return bool(total > fit.measurement.doubt * (1.02 * count + 2 * np.sqrt(2 * count)))
 
 
 def effective_share(fit: Fit) -> float:
