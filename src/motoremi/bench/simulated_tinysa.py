@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 
@@ -138,13 +139,13 @@ class SimulatedTinySa(SimulatedShell):
 
     def _attenuate(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and arguments[0] != "?":
-            self._properties["attenuation"].set_value(str(0 if arguments[0] == "auto" else min(whole(arguments[0]), 31)))
+            self.set_within("attenuation", 0 if arguments[0] == "auto" else whole(arguments[0]))
             return ""
         return lines("usage: attenuate 0..31|auto", f"{self.value('attenuation'):4.2f}")
 
     def _sweep_time(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and (seconds := _number(arguments[0])) is not None:
-            self._properties["sweep_time"].set_value(str(min(seconds, 60.0)))
+            self.set_within("sweep_time", 0.0 if math.isnan(seconds) else seconds)
             return ""
         return lines("usage: sweeptime 0.003..60", f"{self.value('sweep_time'):5.3f}s")
 
@@ -156,7 +157,7 @@ class SimulatedTinySa(SimulatedShell):
 
     def _zero(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and arguments[0] != "?":
-            self._properties["zero_level"].set_value(str(min(whole(arguments[0]), self.limits("zero_level")[1])))
+            self.set_within("zero_level", whole(arguments[0]))
             return ""
         return lines("usage: zero {level}", f"{self.value('zero_level')}dBm")
 
