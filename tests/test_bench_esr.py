@@ -146,3 +146,18 @@ def test_binary_levels(raw: pyvisa.resources.MessageBasedResource) -> None:
     assert len(raw.query_binary_values("TRAC? TRACE1", datatype="f")) == 3
     raw.write("TRAC? TRACE9")
     assert raw.query("SYST:ERR?").startswith("-222")
+
+
+def test_an_analyser_looks_beyond_the_band(bench: SimulatedBench) -> None:
+    """As a spectrum analyser it may be set to any span; the simulated motor emits in band B."""
+    raw = bench.resource_manager.open_resource("GPIB0::20::INSTR", write_termination="\n", read_termination="\n")
+    raw.write("INST:SEL SAN;FREQ:STAR 0;FREQ:STOP 60MHZ;SWE:POIN 601;INIT;*WAI")
+    levels = np.array([float(field) for field in raw.query("TRAC? TRACE1").split(",")])
+    assert levels[:2].max() == levels[302:].max() == -200
+    assert levels[2:300].min() > -50
+
+
+def test_a_scan_of_too_many_points_is_refused(bench: SimulatedBench) -> None:
+    raw = bench.resource_manager.open_resource("GPIB0::20::INSTR", write_termination="\n", read_termination="\n")
+    raw.write("SCAN1:STOP 3GHZ;SCAN1:STEP 1HZ;INIT2;*WAI")
+    assert raw.query("SYST:ERR?").startswith("-222")

@@ -87,3 +87,8 @@ def test_a_stock_client_reads_every_format(bench: SimulatedBench, receiver: Keys
     np.testing.assert_allclose(thousandths * 1e-3 + 106.99, expected, atol=1e-3)
     raw.write(":INST:SEL SA;:INIT2")
     assert raw.query(":SYST:ERR?").startswith("-222")
+
+
+def test_a_scan_that_runs_backwards_is_refused(bench: SimulatedBench, receiver: KeysightMXE) -> None:
+    with pytest.raises(InstrumentError, match="-222"):
+        receiver.tell(":FSC:SCAN2:STAR 2 MHZ;:FSC:SCAN2:STOP 1 MHZ;:INIT2;*WAI")

@@ -11,6 +11,7 @@ from motoremi.bench.clock import Clock
 from motoremi.bench.simulated_device import SimulatedDevice, Wiring
 
 SWEEP_OVERHEAD_S = 0.04
+OVERFLOW_OHM = 9.9e37
 # An ordinary fixture: 30 mOhm and 15 nH in series, 4 pF and 10 nS across. Compensation has to take them out.
 FIXTURE_OHM, FIXTURE_HENRY, FIXTURE_FARAD, FIXTURE_SIEMENS = 0.03, 15e-9, 4e-12, 1e-8
 
@@ -80,7 +81,8 @@ class SimulatedBridge(SimulatedDevice):
 
     def measure_standard(self, standard: str) -> None:
         """Read what is left with a standard connected, and switch its compensation on."""
-        self._standards[standard] = self._raw() if standard != "load" else self._between_open_and_short(self._raw())
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._standards[standard] = self._raw() if standard != "load" else self._between_open_and_short(self._raw())
         self._enabled[standard] = True
         self.begin()
 
@@ -112,9 +114,12 @@ class SimulatedBridge(SimulatedDevice):
         return (*self.axis(), self.value("bandwidth_factor"))
 
     def _measure(self) -> None:
-        impedance = self._between_open_and_short(self._raw())
-        load = self._standard("load", impedance.size)
-        self._measured = impedance if load is None else impedance * self.value("load_ohm") / load
+        # Standards that were one and the same thing leave nothing to divide by; instruments show 9.9E37 then.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            impedance = self._between_open_and_short(self._raw())
+            load = self._standard("load", impedance.size)
+            impedance = impedance if load is None else impedance * self.value("load_ohm") / load
+        self._measured = np.where(np.isfinite(impedance), impedance, OVERFLOW_OHM)
         self._measured_with = self._sweep_settings()
         self._measured_until_s = self.clock.now()
 

@@ -199,9 +199,9 @@ class SimulatedDevice(Device):
         specs: Any = setting.specs
         number = _NUMBER.fullmatch(argument)
         text = argument
-        if specs.type is not str and number:
-            scale = _SCALE.get(number[2].upper())
-            if scale is None:
+        if specs.type is not str:
+            scale = _SCALE.get(number[2].upper()) if number else None
+            if number is None or scale is None:
                 self.error_response("execution_error")
                 return
             text = number[1] if scale == 1.0 else repr(float(number[1]) * scale)

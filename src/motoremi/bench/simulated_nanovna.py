@@ -84,8 +84,8 @@ class SimulatedNanoVna(SimulatedShell):
             "stop": (min(start, hertz), hertz),
             "cw": (hertz, hertz),
         }.get(edge, (max(middle - half, lowest), middle + half))
-        self._properties["start"].set_value(str(edges[0]))
-        self._properties["stop"].set_value(str(edges[1]))
+        self.set_within("start", edges[0])
+        self.set_within("stop", edges[1])
         return ""
 
     def _most_points(self) -> int:
@@ -102,7 +102,7 @@ class SimulatedNanoVna(SimulatedShell):
             return lines(f"sweep points exceeds range {self._most_points()}")
         mask |= extra_mask
         self._axis = integer_axis(start, stop, points)
-        self._properties["points"].set_value(str(max(2, points)))
+        self.set_within("points", points)
         if mask == 0 or mask & (S11 | S21):
             self.take_time(points * (PORTS * (int(self.value("bandwidth")) + 2) / MOST_BANDWIDTH_HZ + SETTLING_S))
             self._reflection = self._measure()
@@ -150,14 +150,14 @@ class SimulatedNanoVna(SimulatedShell):
 
     def _bandwidth(self, arguments: list[str]) -> str:
         if len(arguments) == 1:
-            self._properties["bandwidth"].set_value(str(min(whole(arguments[0]), 511)))
+            self.set_within("bandwidth", whole(arguments[0]))
         index = int(self.value("bandwidth"))
         return lines(f"bandwidth {index} ({MOST_BANDWIDTH_HZ // (index + 1)}Hz)")
 
     def _power(self, arguments: list[str]) -> str:
         if not arguments:
             return lines(f"power: {self.value('power')}")
-        self._properties["power"].set_value(str(min(whole(arguments[0]), 255)))
+        self.set_within("power", whole(arguments[0]))
         return ""
 
     def _cal(self, arguments: list[str]) -> str:

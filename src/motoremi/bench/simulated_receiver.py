@@ -14,6 +14,11 @@ DETECTORS = {"POS": "peak", "QPE": "quasi-peak", "AVER": "average", "EAV": "aver
 MIXER_LIMIT_DBUV = 97.0
 PREAMPLIFIER_DB = 20.0
 RF_OVERLOAD = 1
+BAND_B_HZ: FloatArray = 150e3 + 4.5e3 * np.arange(6634, dtype=np.float64)
+BAND_B_END_HZ = 30e6
+# More than any receiver stores for one trace, and more than a client should be able to ask of this machine.
+MOST_POINTS = 1_000_000
+NOTHING_DBUV = -200.0
 DBUV_OF_0_DBM = 106.98970004336019
 
 
@@ -33,8 +38,11 @@ class SimulatedReceiver(SimulatedScpi):
 
     def measure(self, frequency_hz: FloatArray, detector: str, attenuation_db: float, preamplifier: bool, duration_s: float) -> None:
         """Start a scan; `detector` is the instrument's word."""
-        # A sweep that begins at 0 Hz sees its own local oscillator there, not the motor.
-        arriving = self.wiring.level_dbuv(np.maximum(frequency_hz, 10.0), DETECTORS[detector])
+        upwards = frequency_hz.size == 1 or (frequency_hz.size > 1 and frequency_hz[-1] > frequency_hz[0])
+        if not upwards or frequency_hz.size > MOST_POINTS:
+            self.error_response("execution_error")
+            return
+        arriving = arriving_dbuv(self.wiring, frequency_hz, DETECTORS[detector])
         limit_dbuv = MIXER_LIMIT_DBUV + attenuation_db - (PREAMPLIFIER_DB if preamplifier else 0.0)
         if np.any(arriving > limit_dbuv):
             self._overload_event |= RF_OVERLOAD
@@ -60,8 +68,27 @@ class SimulatedReceiver(SimulatedScpi):
         self._overload_event = 0
 
 
+def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
+    """Level at the input in dBuV: what the stand says within band B, read off one scan of that band for any other frequencies.
+
+    The simulated stand has nothing outside of the band.
+    """
+    inside = BAND_B_HZ[0] <= frequency_hz[0] and frequency_hz[-1] <= BAND_B_END_HZ
+    if inside and frequency_hz.size <= 2 * BAND_B_HZ.size:
+        return wiring.level_dbuv(frequency_hz, detector)
+    return read_off_the_band(wiring, frequency_hz, detector)
+
+
+def read_off_the_band(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
+    """Level at any frequencies from one scan of band B, which takes the stand seconds to work out, but only once."""
+    level: FloatArray = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector), left=NOTHING_DBUV, right=NOTHING_DBUV)
+    return level
+
+
 def steps(start_hz: float, stop_hz: float, step_hz: float) -> FloatArray:
-    """Frequencies of a scan table; the small addition keeps a last step that rounding would lose."""
+    """Frequencies of a scan table, none if there are too many; the small addition keeps a last step that rounding would lose."""
+    if step_hz * MOST_POINTS < stop_hz - start_hz:
+        return np.zeros(0)
     axis: FloatArray = start_hz + step_hz * np.arange(int((stop_hz - start_hz) / step_hz + 1e-6) + 1, dtype=np.float64)
     return axis
 

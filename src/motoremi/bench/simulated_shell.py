@@ -71,6 +71,12 @@ class SimulatedShell(SimulatedDevice):
         self._busy_until_s = self.clock.now() + seconds
         self.clock.sleep(seconds)
 
+    def set_within(self, name: str, value: float) -> None:
+        """Set a setting of the profile to the nearest value within its limits, as the firmware does."""
+        low, high = self.limits(name)
+        kept = min(max(value, low), high)
+        self._properties[name].set_value(str(int(kept) if self._properties[name].specs.type is int else kept))  # type: ignore[union-attr]
+
     def _match(self, query: bytes) -> Any:
         self.clock.sleep(MESSAGE_S)
         name, *arguments = query.decode("latin-1").split() or [""]

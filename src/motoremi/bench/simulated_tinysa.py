@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ import numpy as np
 from motoremi.arrays import FloatArray
 from motoremi.bench.clock import Clock
 from motoremi.bench.simulated_device import Wiring
-from motoremi.bench.simulated_receiver import DBUV_OF_0_DBM
+from motoremi.bench.simulated_receiver import DBUV_OF_0_DBM, MOST_POINTS, read_off_the_band
 from motoremi.bench.simulated_shell import SimulatedShell, integer_axis, lines, whole
 
 FREQUENCY, ACTUAL, STORED, TEMPORARY = 1, 2, 4, 8
@@ -32,7 +33,7 @@ class SimulatedTinySa(SimulatedShell):
         self._paused = False
         self._averaging = "off"
         self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
-        self._levels_dbm = self._measure(np.array(self._axis, dtype=np.float64))
+        self._measured: FloatArray | None = None
 
     def shell_commands(self) -> dict[str, Callable[[list[str]], str | bytes]]:
         """What the shell knows."""
@@ -95,10 +96,11 @@ class SimulatedTinySa(SimulatedShell):
             return lines(f"sweep points exceeds range {most}")
         self._axis = integer_axis(start, stop, points)
         self._take_sweep_time(points)
-        self._levels_dbm = self._measure(np.array(self._axis, dtype=np.float64))
+        self._measured = None
+        levels_dbm = self._levels_dbm()
         self._paused = True
         rows = []
-        for hertz, level in zip(self._axis, self._levels_dbm, strict=True):
+        for hertz, level in zip(self._axis, levels_dbm, strict=True):
             row = [str(hertz)] if mask & FREQUENCY else []
             row += [f"{level:e} {DUMMY}" for bit in (ACTUAL, STORED, TEMPORARY) if mask & bit]
             rows.append(" ".join(row) + " ")
@@ -109,7 +111,7 @@ class SimulatedTinySa(SimulatedShell):
             return lines("usage: scanraw {start(Hz)} {stop(Hz)} [points] [options]")
         start, stop = whole(arguments[0]), whole(arguments[1])
         points = whole(arguments[2]) if len(arguments) > 2 else int(self.value("points"))
-        if start > stop or points == 0:
+        if start > stop or not 0 < points <= MOST_POINTS:
             return lines("frequency range is invalid")
         self._take_sweep_time(points)
         # The step is the span over the points here, not over the intervals.
@@ -120,7 +122,7 @@ class SimulatedTinySa(SimulatedShell):
     def _print_data(self, arguments: list[str]) -> str:
         if arguments and whole(arguments[0]) > 2:
             return lines("usage: data [array]")
-        return lines(*(f"{level:e}" for level in self._levels_dbm))
+        return lines(*(f"{level:e}" for level in self._levels_dbm()))
 
     def _bandwidth(self, arguments: list[str]) -> str:
         if arguments == ["auto"]:
@@ -138,13 +140,13 @@ class SimulatedTinySa(SimulatedShell):
 
     def _attenuate(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and arguments[0] != "?":
-            self._properties["attenuation"].set_value(str(0 if arguments[0] == "auto" else min(whole(arguments[0]), 31)))
+            self.set_within("attenuation", 0 if arguments[0] == "auto" else whole(arguments[0]))
             return ""
         return lines("usage: attenuate 0..31|auto", f"{self.value('attenuation'):4.2f}")
 
     def _sweep_time(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and (seconds := _number(arguments[0])) is not None:
-            self._properties["sweep_time"].set_value(str(min(seconds, 60.0)))
+            self.set_within("sweep_time", 0.0 if math.isnan(seconds) else seconds)
             return ""
         return lines("usage: sweeptime 0.003..60", f"{self.value('sweep_time'):5.3f}s")
 
@@ -156,28 +158,34 @@ class SimulatedTinySa(SimulatedShell):
 
     def _zero(self, arguments: list[str]) -> str:
         if len(arguments) == 1 and arguments[0] != "?":
-            self._properties["zero_level"].set_value(str(min(whole(arguments[0]), self.limits("zero_level")[1])))
+            self.set_within("zero_level", whole(arguments[0]))
             return ""
         return lines("usage: zero {level}", f"{self.value('zero_level')}dBm")
 
     def _trace(self, arguments: list[str]) -> str:
         if arguments == ["1", "value"]:
-            return lines(*(f"trace 1 value {index} {level:.2f}" for index, level in enumerate(self._levels_dbm)))
+            return lines(*(f"trace 1 value {index} {level:.2f}" for index, level in enumerate(self._levels_dbm())))
         return "" if arguments else lines("1: dBm 0.000000000 10.000000000")
 
     def _pause(self, paused: bool) -> str:
         self._paused = paused
         if not paused:
             self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
-            self._levels_dbm = self._measure(np.array(self._axis, dtype=np.float64))
+            self._measured = None
         return ""
 
     def _take_sweep_time(self, points: int) -> None:
         self.take_time(max(float(self.value("sweep_time")), points * SECONDS_PER_POINT))
 
+    def _levels_dbm(self) -> FloatArray:
+        """What the last sweep measured; one has always run, in the background."""
+        if self._measured is None:
+            self._measured = self._measure(np.array(self._axis, dtype=np.float64))
+        return self._measured
+
     def _measure(self, frequency_hz: FloatArray) -> FloatArray:
         """Levels in dBm: what arrives, the analyser's own noise, and its mixer's limit."""
-        arriving = self.wiring.level_dbuv(np.maximum(frequency_hz, 10.0), "peak") - DBUV_OF_0_DBM
+        arriving = read_off_the_band(self.wiring, frequency_hz, "peak") - DBUV_OF_0_DBM
         attenuation = float(self.value("attenuation"))
         noise = NOISE_DBM + attenuation + 10 * np.log10(self._filter_khz() / 10.0)
         total = np.minimum(10 * np.log10(10 ** (arriving / 10) + 10 ** (noise / 10)), MOST_DBM + attenuation)
