@@ -264,6 +264,14 @@ def test_receiver_export_that_is_refused(tmp_path: Path, old: str, new: str, say
         read_spectra(write(tmp_path, text.replace(old, new, 1)))
 
 
+@pytest.mark.parametrize("lost", range(3, 11))
+def test_receiver_export_cut_inside_the_last_number(tmp_path: Path, lost: int) -> None:
+    text = dat([("MAX PEAK", "dBuV", LEVEL)], GRID)
+    for whole in (text, text.replace(";\r\n", "\r\n")):
+        with pytest.raises(BadInput, match=r"cut off|needed"):
+            read_spectra(write(tmp_path, whole[:-lost]))
+
+
 # tinySA, and tables of receivers' programs
 
 

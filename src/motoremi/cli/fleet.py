@@ -49,11 +49,12 @@ def fleet_(
         if isinstance(maker, DaskCluster):
             maker.close()
     figures = together(settled(work, target / RESULTS), golden)
-    write_whole(target / "fleet.json", to_page(figures).encode())
+    # The columns behind the figures stand in the table.
+    shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
+    write_whole(target / "fleet.json", to_page(shown).encode())
     write_whole(target / "parameters.csv", _parameter_table(figures).encode())
     write_whole(target / "fleet.html", fleet_html(figures, folder.name).encode())
     if as_json:
-        shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
         emit_json({**shown, "computed_now": computed, "folder": str(target), "report": str(target / "fleet.html")})
         return
     counts = figures["counts"]
