@@ -97,7 +97,10 @@ def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict
         elif key == "values":
             values_left = _count(cells, f"{name}, line {number}")
             if current is head or current in scans.values():
-                raise BadInput(f"{name}, line {number}: values outside a trace")
+                # An export of a single trace may do without its heading.
+                if traces:
+                    raise BadInput(f"{name}, line {number}: values outside a trace")
+                current = traces["trace 1"] = _Section({**head.settings, **current.settings})
         elif looks_numeric(cells[0]):
             raise BadInput(f"{name}, line {number}: more rows than 'Values' announced")
         else:
