@@ -74,7 +74,7 @@ def _picture(effect) -> str:
     from motoremi.report.svg import to_svg
 
     figure = Figure(figsize=(8, 2.4), layout="constrained")
-    starts = effect.starts[:: max(1, len(effect.starts) // 2)][:2]
+    starts = (effect.starts[len(effect.starts) // 2], effect.starts[-1])
     for axes, termination in zip(figure.subplots(1, 2), ("short", "open"), strict=True):
         axes.loglog(FREQUENCY_HZ, np.abs(_impedance(None, {}, termination)), color="#999999", linewidth=3)
         for start, colour in zip(starts, ("#0072B2", "#D55E00"), strict=False):

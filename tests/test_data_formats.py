@@ -237,6 +237,12 @@ def test_receiver_export_over_two_bandwidths(tmp_path: Path) -> None:
     assert (low.frequency_hz[-1], high.frequency_hz[0]) == (150e3, 150e3)
 
 
+def test_receiver_export_of_a_single_trace_without_heading(tmp_path: Path) -> None:
+    text = dat([("QUASI PEAK", "dBuV", LEVEL)], GRID).replace("TRACE 1:\r\n", "")
+    spectrum = read_spectrum(write(tmp_path, text))
+    assert (spectrum.detector, len(spectrum), spectrum.resolution_bandwidth_hz) == ("quasi-peak", 20, 9e3)
+
+
 def test_final_list_is_left_out(tmp_path: Path) -> None:
     final = "TRACE 1 FINAL:\r\nFinal Detector;QUASI PEAK;\r\ny-Unit;dBuV;\r\nValues;1;\r\n1;159000.000000;44.0;-3.1;N;GND;\r\n"
     assert len(read_spectra(write(tmp_path, dat([("MAX PEAK", "dBuV", LEVEL)], GRID) + final))) == 1
@@ -262,6 +268,14 @@ def test_receiver_export_that_is_refused(tmp_path: Path, old: str, new: str, say
     assert old in text
     with pytest.raises(BadInput, match=says):
         read_spectra(write(tmp_path, text.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize("lost", range(3, 11))
+def test_receiver_export_cut_inside_the_last_number(tmp_path: Path, lost: int) -> None:
+    text = dat([("MAX PEAK", "dBuV", LEVEL)], GRID)
+    for whole in (text, text.replace(";\r\n", "\r\n")):
+        with pytest.raises(BadInput, match=r"cut off|needed"):
+            read_spectra(write(tmp_path, whole[:-lost]))
 
 
 # tinySA, and tables of receivers' programs

@@ -193,6 +193,14 @@ def test_the_command(folder, tmp_path):
         sessions_in(tmp_path / "out")
 
 
+def test_each_session_s_own_report(folder, tmp_path):
+    job = Job("golden/motor-1", str(folder), False, 1, str(tmp_path / "reports"))
+    result = work(job)
+    assert result["status"] == "done"
+    assert result["key"] != Job("golden/motor-1", str(folder), False, 1).key()
+    assert "Common-mode impedance test report" in (tmp_path / "reports" / "golden" / "motor-1.html").read_text()
+
+
 # The figures, on results with a known story
 
 

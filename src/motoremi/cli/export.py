@@ -18,6 +18,9 @@ def _file(name: str, text: str) -> Any:
 def export_(
     path: SessionPath,
     spice: Annotated[Path | None, _file("--spice", "The fitted motor as a subcircuit for ngspice and LTspice.")] = None,
+    spice_emission: Annotated[
+        Path | None, _file("--spice-emission", "The whole emission test: source, motor, stray capacitance, cable, LISNs.")
+    ] = None,
     touchstone: Annotated[Path | None, _file("--touchstone", "One termination: .s1p, or .z1p for impedance normalised to 50 Ohm.")] = None,
     csv: Annotated[Path | None, _file("--csv", "All sweeps in one table, the model beside them.")] = None,
     hdf5: Annotated[Path | None, _file("--hdf5", "Sweeps, spectra, model and analyses (extra hdf5).")] = None,
@@ -30,27 +33,33 @@ def export_(
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.data.storage import write_whole
+    from motoremi.export.emission_deck import emission_deck
     from motoremi.export.hdf5 import hdf5_bytes
     from motoremi.export.spice import SpiceModel, spice_model
     from motoremi.export.tables import csv_bytes, parquet_bytes
     from motoremi.export.touchstone import session_touchstone
     from motoremi.workflow import ladder_of
+    from motoremi.workflow_emission import setup_of
 
-    asked = [file for file in (spice, touchstone, csv, hdf5, parquet) if file is not None]
+    asked = [file for file in (spice, spice_emission, touchstone, csv, hdf5, parquet) if file is not None]
     if not asked:
-        raise BadInput("nothing to export: give --spice, --touchstone, --csv, --hdf5 or --parquet with a FILE")
+        raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
     session = load(path)
     fit = next(iter(ladder_of(session)[-1:]), None)
     written: list[tuple[Path, str, bytes]] = []
     netlist: SpiceModel | None = None
-    if spice is not None:
+    if spice is not None or spice_emission is not None:
         if fit is None:
             raise BadInput(f"{path} has no fit yet: motoremi fit {path}")
         netlist = spice_model(fit)
+    if spice is not None and netlist is not None:
         told = f"netlist within {netlist.error_db:.2g} dB and {netlist.error_deg:.2g} degree of the model"
         if netlist.left_out:
             told += f"; left out as errors of the meter: {', '.join(netlist.left_out)}"
         written.append((spice, told, netlist.text.encode()))
+    if spice_emission is not None and netlist is not None:
+        deck = emission_deck(netlist.text, setup_of(session))
+        written.append((spice_emission, "emission test, node receiver", deck.encode()))
     if touchstone is not None:
         if model and fit is None:
             raise BadInput(f"{path} has no fit yet: motoremi fit {path}")

@@ -25,6 +25,7 @@ def fleet_(
         str | None, typer.Option(metavar="PATTERN", help='Sessions of motors known to be good, such as "golden/*": limits for the rest.')
     ] = None,
     fit_only: Annotated[bool, typer.Option("--fit-only", help="Fit the paper's circuit and do not look for missing effects.")] = False,
+    reports: Annotated[bool, typer.Option("--reports", help="Write each session's own report as well, into reports/ of the results.")] = False,
     seed: Annotated[int, typer.Option(help="The search is deterministic for a seed.", min=0)] = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -40,7 +41,8 @@ def fleet_(
 
     root = folder.resolve()
     target = out if out is not None else root.with_name(f"{root.name}-fleet")
-    work = [Job(session, str(root), not fit_only, seed) for session in sessions_in(root)]
+    pages = str(target.resolve() / "reports") if reports else ""
+    work = [Job(session, str(root), not fit_only, seed, pages) for session in sessions_in(root)]
     maker = DaskCluster(scheduler) if scheduler is not None else LocalProcesses(jobs)
     try:
         with progress_bars(as_json) as bars:
@@ -49,11 +51,12 @@ def fleet_(
         if isinstance(maker, DaskCluster):
             maker.close()
     figures = together(settled(work, target / RESULTS), golden)
-    write_whole(target / "fleet.json", to_page(figures).encode())
+    # The columns behind the figures stand in the table.
+    shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
+    write_whole(target / "fleet.json", to_page(shown).encode())
     write_whole(target / "parameters.csv", _parameter_table(figures).encode())
     write_whole(target / "fleet.html", fleet_html(figures, folder.name).encode())
     if as_json:
-        shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
         emit_json({**shown, "computed_now": computed, "folder": str(target), "report": str(target / "fleet.html")})
         return
     counts = figures["counts"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
-from motoremi.data.numbers import looks_numeric, parse_number
+from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
 from motoremi.data.source import split_lines
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.text import clean_text
@@ -47,6 +47,7 @@ def parse_receiver_dat(text: str, name: str) -> list[Spectrum]:
         If a trace is cut off, or holds anything else than levels of a known detector against frequency.
     """
     head, scans, traces = _sections(text, name)
+    _check_end(text, traces, name)
     if not traces:
         raise BadInput(f"{name}: holds no trace; export the scan with its data")
     comma = _decimal_comma([*traces.values(), *scans.values(), head], name)
@@ -96,7 +97,10 @@ def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict
         elif key == "values":
             values_left = _count(cells, f"{name}, line {number}")
             if current is head or current in scans.values():
-                raise BadInput(f"{name}, line {number}: values outside a trace")
+                # An export of a single trace may do without its heading.
+                if traces:
+                    raise BadInput(f"{name}, line {number}: values outside a trace")
+                current = traces["trace 1"] = _Section({**head.settings, **current.settings})
         elif looks_numeric(cells[0]):
             raise BadInput(f"{name}, line {number}: more rows than 'Values' announced")
         else:
@@ -104,6 +108,17 @@ def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict
     if values_left:
         raise BadInput(f"{name}: {values_left} more rows were announced; the file is cut off")
     return head, scans, traces
+
+
+def _check_end(text: str, traces: dict[str, _Section], name: str) -> None:
+    """A last line without an end may have lost a part of its last number."""
+    *before, last = (line.strip() for line in split_lines(text))
+    if not last:
+        return
+    rows = [cells for trace in traces.values() for cells, _ in trace.rows]
+    lost_its_end = bool(before) and before[-1].endswith(";") and not last.endswith(";")
+    if lost_its_end or (rows and looks_cut(rows[-1][-1], [cells[-1] for cells in rows[:-1]])):
+        raise BadInput(f"{name}: the last line has no end and is shorter than those before; the file is cut off")
 
 
 def _count(cells: list[str], where: str) -> int:

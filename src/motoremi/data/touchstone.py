@@ -163,7 +163,7 @@ def _by_library(body: list[str], name: str, parameter: str) -> tuple[FloatArray,
     from skrf.network import Network
 
     file = io.StringIO("\n".join(body) + "\n")
-    file.name = f"data.{parameter.lower()}1p"
+    file.name = "data.s1p"
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")

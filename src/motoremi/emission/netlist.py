@@ -37,6 +37,12 @@ def _lines(motor: Motor, values: Mapping[str, float], path: Path) -> Iterator[st
     common = path.mode == "common"
     yield "Vsource emf 0 ac 1" if common else "Vsource emf back ac 1"
     yield from _part(motor.circuit("open" if common else "short"), "emf", "terminal", values, itertools.count(1))
+    yield from path_lines(path)
+
+
+def path_lines(path: Path) -> Iterator[str]:
+    """SPICE lines from the motor's node `terminal` to the receiver: stray capacitance, cable, both LISNs."""
+    common = path.mode == "common"
     home = "0" if common else "back"
     if path.stray_f:
         yield f"Cstray terminal {home} {path.stray_f:.12g}"

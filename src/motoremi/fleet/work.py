@@ -13,13 +13,17 @@ from motoremi.arrays import JsonDict
 from motoremi.data.paths import SESSION
 from motoremi.data.plain import plain
 from motoremi.data.session import load
+from motoremi.data.storage import write_whole
 from motoremi.data.text import clean_text
+from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.errors import MotoremiError
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import catalogue_sha256
 from motoremi.model.motor import dc_motor
+from motoremi.report.html import render_html
+from motoremi.report.model import Materials, build_report
 from motoremi.workflow import measurement_of
 
 
@@ -37,16 +41,19 @@ class Job:
         Whether to seek missing effects, or to fit alone.
     seed : int
         The same for all: a session gives here what it gives alone.
+    reports : str
+        Folder for each session's own report, as the workers see it; empty for none.
     """
 
     session: str
     folder: str
     diagnose: bool
     seed: int
+    reports: str = ""
 
     def key(self) -> str:
         """Ties a result to the measured data, the settings and the version: a result with the same key need not be computed again."""
-        digest = hashlib.sha256(f"{__version__} {catalogue_sha256()} {self.diagnose} {self.seed}".encode())
+        digest = hashlib.sha256(f"{__version__} {catalogue_sha256()} {self.diagnose} {self.seed} {bool(self.reports)}".encode())
         digest.update(_measured(Path(self.folder) / self.session / SESSION))
         return digest.hexdigest()
 
@@ -84,10 +91,12 @@ def work(job: Job) -> JsonDict:
         }
         base = fit(dc_motor(), measurement, seed=job.seed)
         result |= {"status": "done", "base": _figures(base)}
-        best = base
+        best, found = base, None
+        steps: tuple[Fit, ...] = (base,)
         if job.diagnose:
             found = diagnose(base)
-            best = found.best if found.effects else base
+            if found.effects:
+                best, steps = found.best, found.steps
             result["diagnosis"] = {
                 "verdict": found.verdict,
                 "effects": list(found.effects),
@@ -95,12 +104,20 @@ def work(job: Job) -> JsonDict:
                 "confidence": found.confidence,
             }
         result["best"] = _figures(best)
+        if job.reports:
+            _write_report(job, Materials(session, steps, compare(best), None if found is None else found.to_dict()))
     except MotoremiError as error:
         result |= {"status": "bad", "trouble": clean_text(str(error), 500)}
     except Exception as error:  # a defect of ours on one session must not stop the others; it is told in the report
         result |= {"status": "bad", "trouble": clean_text(f"internal error ({type(error).__name__}: {error})", 500)}
     # Through JSON once, so that a result that was just computed and one that was read back are the same.
     return dict(json.loads(json.dumps(plain(result), allow_nan=False)))
+
+
+def _write_report(job: Job, materials: Materials) -> None:
+    """The session's own report; the session itself is only read."""
+    page = render_html(build_report(materials))
+    write_whole(Path(job.reports) / f"{job.session}.html", page.encode())
 
 
 def _figures(fitted: Fit) -> JsonDict:
