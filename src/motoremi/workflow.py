@@ -17,11 +17,13 @@ from motoremi.data.session import Session, load, reopen
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.element import Inspection, inspect
+from motoremi.diagnosis.ladder import ladder_step
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
 from motoremi.model.motor import dc_motor
+from motoremi.quantities import parse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,13 +75,23 @@ def fit_session(store: Store, method: str = "ant-colony", seed: int = 1, bounds:
     return steps[-1]
 
 
-def save_ladder(store: Store, steps: Sequence[Fit]) -> None:
-    """Store the ladder: each model with its error per band."""
-    payload = {
-        "schema": "motoremi.ladder/1",
-        "steps": [{"fit": step.to_dict(), "bands": list(compare(step).bands)} for step in steps],
-    }
-    store.save_analysis("ladder", payload)
+def save_ladder(store: Store, steps: Sequence[Fit], kept: int = 0) -> None:
+    """Store the ladder: each model, its error per band, what changed; the first `kept` steps stay as they are stored."""
+    session = load(store.path)
+    dc_resistance_ohm = _dc_resistance_ohm(session)
+    new = [ladder_step(steps[index - 1] if index else None, steps[index], dc_resistance_ohm).to_dict() for index in range(kept, len(steps))]
+    store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": [*session.ladder[:kept], *new]})
+
+
+def _dc_resistance_ohm(session: Session) -> float | None:
+    """The winding's DC resistance, where a sweep's file says it: `# dc_resistance_ohm: 1.25`."""
+    stated = next((sweep.metadata["dc_resistance_ohm"] for sweep in session.sweeps if "dc_resistance_ohm" in sweep.metadata), None)
+    if stated is None:
+        return None
+    value = parse(str(stated), "Ohm")
+    if value <= 0:
+        raise BadInput(f"dc_resistance_ohm must be above 0, got {stated}")
+    return value
 
 
 def current_steps(store: Store) -> list[Fit]:
@@ -136,7 +148,7 @@ def add_to_session(store: Store, effect: str) -> tuple[Fit, Fit]:
     find_effect(effect)  # a wrong name is told before anything is fitted
     steps = current_steps(store)
     after = steps[-1].add(effect)
-    save_ladder(store, [*steps, after])
+    save_ladder(store, [*steps, after], kept=len(steps))
     return steps[-1], after
 
 
@@ -145,7 +157,7 @@ def drop_from_session(store: Store) -> tuple[Fit, Fit]:
     steps = current_steps(store)
     if len(steps) < 2:
         raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
-    save_ladder(store, steps[:-1])
+    save_ladder(store, steps[:-1], kept=len(steps) - 1)
     return steps[-1], steps[-2]
 
 

@@ -254,6 +254,7 @@ def add_(
 ) -> None:
     """Add an effect to the model, refit, and see the error fall; effects of source and path go into the model of the spectra."""
     from motoremi.cli.emission import show_emission_step
+    from motoremi.data.session import load
     from motoremi.emission.effects import is_source_effect
     from motoremi.workflow import add_to_session, opened
     from motoremi.workflow_emission import add_source_effect
@@ -265,7 +266,7 @@ def add_(
         return
     with opened(path) as store:
         before, after = add_to_session(store, effect)
-    _show_step(before, after, as_json)
+    _show_step(before, after, as_json, load(path).ladder[-1])
 
 
 def drop_(
@@ -288,12 +289,13 @@ def drop_(
     _show_step(before, after, as_json)
 
 
-def _show_step(before: Fit, after: Fit, as_json: bool) -> None:
+def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None = None) -> None:
     from motoremi.cli.output import emit_json, say
     from motoremi.quantities import show
 
     if as_json:
-        emit_json({"schema": "motoremi.step/1", "before": before.to_dict(), "after": after.to_dict()})
+        step = {} if details is None else {name: details[name] for name in ("bands", "changes", "unneeded", "notes")}
+        emit_json({"schema": "motoremi.step/1", "before": before.to_dict(), "after": after.to_dict(), **step})
         return
     say(
         f"error {before.rms_error_percent:.3g} % -> {after.rms_error_percent:.3g} % (noise floor {after.floor_percent:.2g} %), "
@@ -304,6 +306,21 @@ def _show_step(before: Fit, after: Fit, as_json: bool) -> None:
         old, new = before.parameters.get(name), after.parameters.get(name)
         texts = [show(value, units[name]) if value is not None else "-" for value in (old, new)]
         say(f"  {name:34s} {texts[0]:>14s} -> {texts[1]}")
+    if details is not None:
+        _say_details(details)
+
+
+def _say_details(step: JsonDict) -> None:
+    """Error per band and what a person should see at a step of the ladder."""
+    from motoremi.cli.output import say
+    from motoremi.quantities import show_band
+
+    for band in step["bands"]:
+        before = band["rms_error_percent_before"]
+        was = "" if before is None else f"{before:8.4g} % ->"
+        say(f"     {band['sweep']:5s} {show_band(*band['band_hz']):22s} {was:>13s} {band['rms_error_percent']:.4g} %")
+    for note in step["notes"]:
+        say(f"     {note}")
 
 
 def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
@@ -321,6 +338,7 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
         fit = step["fit"]
         model = "paper's circuit" + "".join(f" + {effect}" for effect in fit["effects"])
         say(f"{number}  error {fit['rms_error_percent']:8.4g} %  chi2_reduced {fit['chi2_reduced']:10.4g}  {model}")
+        _say_details(step)
     if steps:
         say(f"   noise floor {steps[-1]['fit']['floor_percent']:.2g} %")
 

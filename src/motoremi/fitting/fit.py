@@ -155,7 +155,7 @@ def _until_right(glanced: Scouted) -> Scouted:
     return glanced if glanced.right else searched_through(glanced)
 
 
-def refit_without(before: Fit, effect: str | None = None) -> Fit:
+def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
     """Take an effect (the last one by default) out of a fitted motor and fit again."""
     if not before.effects:
         raise BadInput("the model is the paper's circuit: there is no effect to drop")
@@ -178,7 +178,7 @@ def refit_without(before: Fit, effect: str | None = None) -> Fit:
         return dataclasses.replace(_by_ants(task, before.seed), elapsed_s=time.perf_counter() - started)
     own = {name: value for name, value in before.parameters.items() if name in names}
     starts = [{**own, **base} for base in base_starts(own, before.measurement, few=False)]
-    return settled(_until_right(glance(task, starts)), before, thorough=True)
+    return settled(_until_right(glance(task, starts)), before, thorough)
 
 
 def settled(scouted: Scouted, before: Fit, thorough: bool, polished: bool = True) -> Fit:

@@ -54,7 +54,7 @@ def _sections(materials: Materials, session_sha256: str) -> Iterator[Section]:
     yield _sweeps(materials)
     if materials.steps:
         yield _fit(materials.steps)
-        yield _ladder(materials.steps)
+        yield _ladder(materials.steps, materials.session.ladder)
     if materials.comparison is not None:
         yield _comparison(materials.comparison)
     if materials.diagnosis is not None:
@@ -177,7 +177,7 @@ def _residuals(fit: Fit) -> Table:
     )
 
 
-def _ladder(steps: tuple[Fit, ...]) -> Section:
+def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
     rows, marked = [], set()
     for index, step in enumerate(steps):
         if not is_result(step):
@@ -198,8 +198,20 @@ def _ladder(steps: tuple[Fit, ...]) -> Section:
     columns = ("model", "rms error before", "rms error after", "rms magnitude", "error over noise floor", "chi2_reduced")
     results = _results(steps)
     texts = (f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}.",) if is_result(steps[0]) else ()
+    notes = tuple(f"At {' + '.join(step['fit']['effects']) or 'the base'}: {note}." for step in stored for note in step.get("notes", ()))
     pictures = (_picture("ladder", plots.ladder_figure(results), "The error at each step of the ladder."),) if results else ()
-    return Section("Ladder", texts, (Table("Models", columns, tuple(rows), frozenset(marked)),), pictures)
+    tables = (Table("Models", columns, tuple(rows), frozenset(marked)), _bands_of_steps(results))
+    return Section("Ladder", texts + notes, tables, pictures)
+
+
+def _bands_of_steps(steps: Sequence[Fit]) -> Table:
+    """Error per band, a column for each step."""
+    by_step = [compare(step).bands for step in steps]
+    rows = [
+        (bands[0]["sweep"], show_band(*bands[0]["band_hz"]), *(f"{band['rms_error_percent']:.3g} %" for band in bands))
+        for bands in zip(*by_step, strict=True)
+    ]
+    return Table("Error by band at each step", ("sweep", "band", *(model_name(step) for step in steps)), tuple(rows))
 
 
 def _comparison(comparison: Comparison) -> Section:

@@ -1,0 +1,119 @@
+"""A step of the ladder in detail: error per band before and after, what the parameters did, which effects lost their support."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from motoremi.arrays import JsonDict
+from motoremi.diagnosis.compare import compare
+from motoremi.diagnosis.diagnosis import LEAST_GAIN
+from motoremi.diagnosis.evidence import effective_share
+from motoremi.fitting.fit import refit_without
+from motoremi.fitting.result import Fit
+from motoremi.quantities import show
+
+# A change is told if it exceeds this factor and so many standard deviations of the later value.
+TOLD_FACTOR = 1.2
+TOLD_SIGMA = 5.0
+# A resistance is back at its DC value within this share: copper changes by 0.4 % per kelvin, contacts by a little more.
+AT_DC = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class LadderStep:
+    """One model of the ladder against the one before. Immutable.
+
+    Parameters
+    ----------
+    before : Fit or None
+        None for the base.
+    fit : Fit
+    unneeded : tuple of str
+        Effects without which the data would be described as well.
+    dc_resistance_ohm : float or None
+        The winding's, if it was measured.
+    """
+
+    before: Fit | None
+    fit: Fit
+    unneeded: tuple[str, ...]
+    dc_resistance_ohm: float | None
+
+    @property
+    def added(self) -> str | None:
+        """The effect that this step added."""
+        return self.fit.effects[-1] if self.before is not None and self.fit.effects else None
+
+    @property
+    def changes(self) -> tuple[JsonDict, ...]:
+        """Each parameter before and after, SI units; None where the model had or has it not."""
+        old = {} if self.before is None else self.before.parameters
+        names = [p.name for p in self.fit.motor.parameters if p.name in self.fit.parameters]
+        units = {p.name: p.unit for p in self.fit.motor.parameters}
+        return tuple({"name": n, "unit": units[n], "before": old.get(n), "after": self.fit.parameters[n]} for n in names)
+
+    @property
+    def bands(self) -> tuple[JsonDict, ...]:
+        """Error per sweep and band, with the one before as `rms_error_percent_before`."""
+        old = {} if self.before is None else {(b["sweep"], *b["band_hz"]): b["rms_error_percent"] for b in compare(self.before).bands}
+        return tuple({**b, "rms_error_percent_before": old.get((b["sweep"], *b["band_hz"]))} for b in compare(self.fit).bands)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should see at this step."""
+        said = [note for change in self.changes if (note := self._told(change))]
+        for effect in self.unneeded:
+            alone = "the data do not ask for it" if effect == self.added else "it has lost its support: without it the data are described as well"
+            said.append(f"{effect} is unneeded: {alone}")
+        return tuple(said)
+
+    def _told(self, change: JsonDict) -> str | None:
+        """A parameter of the circuit that moved; for Ra, whether it went back to its DC value."""
+        name, before, after = change["name"], change["before"], change["after"]
+        if before is None or "." in name or name in self.fit.held:
+            return None
+        if max(before / after, after / before) < TOLD_FACTOR or abs(after - before) < TOLD_SIGMA * self.fit.sigma[name]:
+            return None
+        moved = f"{name} {'falls' if after < before else 'rises'} from {show(before, change['unit'])} to {show(after, change['unit'])}"
+        if name != "Ra":
+            return moved
+        dc = self.dc_resistance_ohm
+        if dc is not None and abs(after / dc - 1) < max(AT_DC, 3 * self.fit.sigma["Ra"] / dc):
+            return f"{moved}: back at its DC value ({show(dc, 'Ohm')}); what it carried beyond that were the losses of {self.added}"
+        if dc is not None:
+            return f"{moved}; its DC value is {show(dc, 'Ohm')}"
+        if after < before:
+            return f"{moved}: it no longer has to carry the losses of {self.added}; hold it against a DC measurement"
+        return moved
+
+    def to_dict(self) -> JsonDict:
+        """Plain data, SI units."""
+        return {
+            "fit": self.fit.to_dict(),
+            "added": self.added,
+            "bands": [dict(band) for band in self.bands],
+            "changes": [dict(change) for change in self.changes],
+            "unneeded": list(self.unneeded),
+            "notes": list(self.notes),
+        }
+
+
+def ladder_step(before: Fit | None, fit: Fit, dc_resistance_ohm: float | None = None) -> LadderStep:
+    """A step of the ladder, each effect in it tried without.
+
+    Parameters
+    ----------
+    before : Fit or None
+        The step below; None for the base.
+    fit : Fit
+    dc_resistance_ohm : float, optional
+        The winding's, measured at DC.
+    """
+    unneeded = tuple(effect for effect in dict.fromkeys(fit.effects) if not _supported(effect, before, fit))
+    return LadderStep(before, fit, unneeded, dc_resistance_ohm)
+
+
+def _supported(effect: str, before: Fit | None, fit: Fit) -> bool:
+    below = before is not None and before.effects == fit.effects[:-1] and effect == fit.effects[-1]
+    without = before if below and before is not None else refit_without(fit, effect, thorough=False)
+    return effective_share(fit) * (fit.log_evidence - without.log_evidence) >= LEAST_GAIN
