@@ -109,6 +109,11 @@ def test_an_element_is_inspected(files, tmp_path):
     assert plot.read_text().lstrip().startswith("<?xml")
     spoken = motoremi("inspect", session, "--element", "La")
     assert "constant" in spoken.stdout
+    shown = document(motoremi("effects", "dielectric-loss", "--session", session, "--plot", tmp_path / "loss.svg", "--json"))
+    assert len(shown["on_motor"]["sizes"]) == 2
+    assert (tmp_path / "loss.svg").exists()
+    assert "on this motor" in motoremi("effects", "core-loss", "--session", session).stdout
+    assert motoremi("effects", "core-loss", "--plot", tmp_path / "x.svg").returncode == 2
     for wrong in ("Lx", "skin-effect"):
         done = motoremi("inspect", session, "--element", wrong)
         assert done.returncode == 2

@@ -18,6 +18,7 @@ from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.diagnosis.ladder import ladder_step
+from motoremi.diagnosis.signature import Signature, signature
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit, restore
@@ -127,6 +128,11 @@ def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", 
 def inspect_session(store: Store, element: str) -> Inspection:
     """What an element of the model that the ladder stands at would have to be."""
     return inspect(current_steps(store)[-1], element)
+
+
+def signature_on(store: Store, effect: str) -> Signature:
+    """How an effect would show on the session's motor, beside what the model that the ladder stands at already has."""
+    return signature(current_steps(store)[-1], effect)
 
 
 def diagnosis_in(session: Session) -> JsonDict:
