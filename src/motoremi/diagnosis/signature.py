@@ -12,6 +12,7 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
+from motoremi.fitting.scaling import scaled_starts
 from motoremi.model.circuit import Tape, walk
 from motoremi.model.effects import find_effect
 from motoremi.model.parameter import Parameter
@@ -110,7 +111,11 @@ def signature(fit: Fit, effect: str) -> Signature:
     problem = Problem(motor, fit.measurement, fit.bounds, fit.held)
     if not {p.name for p in own} & {p.name for p in problem.everything}:
         raise BadInput(f"none of the sweeps would show {effect}: measure the other termination too")
-    sizes = [{p.name: fit.parameters[p.name] for p in own}] if inside else [_size(start, own, problem) for start in found.effect.starts]
+    sizes = (
+        [{p.name: fit.parameters[p.name] for p in own}]
+        if inside
+        else [_size(start, own, problem) for start in scaled_starts(found.effect, fit.measurement)]
+    )
     nothing = {p.name: found.effect.limit_values[p.short_name] for p in own}
     shown = sorted((_shown(fit, problem, size, nothing) for size in sizes), key=lambda one: one.rms)
     chosen = shown if len(shown) <= MOST_SIZES else [shown[0], shown[len(shown) // 2], shown[-1]]

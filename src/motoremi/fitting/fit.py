@@ -14,6 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
+from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import Scouted, Task, base_starts, glance, search_base, searched_through, settle
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
@@ -123,14 +124,16 @@ def glance_at(
     scanned = any(not p.vary for p in added.effect.parameters)
     if scanned and not any(name.startswith(f"{label}.") for name in fixed):
         fixed.update(_scanned_step(before, label))
-    bounds = {name: b for name, b in {**before.bounds, **(limits or {})}.items() if name in names}
+    wider = scaled_ranges(added.effect, label, before.measurement)
+    bounds = {name: b for name, b in {**wider, **before.bounds, **(limits or {})}.items() if name in names}
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
-    bases = base_starts(own, before.measurement, few=len(added.effect.starts) > 9)
+    tried = scaled_starts(added.effect, before.measurement)
+    bases = base_starts(own, before.measurement, few=len(tried) > 9)
     if before.effects:
         # With effects, the search's best and the likelihood's may lie in different valleys.
         bases.append({**own, **before.parameters})
-    starts = [_started(base, start, label) for start in added.effect.starts for base in bases]
+    starts = [_started(base, start, label) for start in tried for base in bases]
     return glance(task, starts, group=len(bases))
 
 

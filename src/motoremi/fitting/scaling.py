@@ -1,0 +1,87 @@
+"""The catalogue's start values and ranges, carried over to other bands and impedances.
+
+They are written for motors as the paper measures them, 150 kHz - 30 MHz at some hundred ohms. A circuit scaled in frequency by a and in
+impedance by b is again a circuit, with R b, L b/a and C / (a b); so a sweep is divided into bands as wide as that one, and each gets the
+catalogue's values scaled by its own a and b. Instrument effects keep theirs: an analyser's errors do not depend on the motor.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from motoremi.data.measurement import Measurement
+from motoremi.model.effects import Effect
+from motoremi.model.parameter import Parameter
+
+REFERENCE_BAND_HZ = (150e3, 30e6)
+REFERENCE_OHM = 300.0
+# Start values cover so much either way: a band that lies within is not scaled.
+COVERED_HZ = 1.5
+COVERED_OHM = 4.0
+# Exponents of a and of b by unit. A wire's radius goes with the skin depth, a delay with the period.
+EXPONENTS: Mapping[str, tuple[float, float]] = {
+    "Hz": (1, 0), "Ohm": (0, 1), "H": (-1, 1), "F": (-1, -1), "S": (0, -1), "s": (-1, 0), "m": (-0.5, 0), "": (0, 0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Band:
+    """A part of a sweep against the reference: frequency and impedance ratio."""
+
+    frequency: float
+    impedance: float
+
+    def factor(self, unit: str) -> float:
+        """By which a quantity of that unit is scaled."""
+        a, b = EXPONENTS[unit]
+        return float(self.frequency**a * self.impedance**b)
+
+
+@lru_cache(maxsize=8)
+def bands(measurement: Measurement) -> tuple[Band, ...]:
+    """The parts of a measurement's span, from low to high."""
+    frequency = np.concatenate([sweep.frequency_hz for sweep in measurement.sweeps])
+    magnitude = np.concatenate([np.abs(sweep.mean_ohm) for sweep in measurement.sweeps])
+    low, high = float(frequency.min()), float(frequency.max())
+    width = np.log(REFERENCE_BAND_HZ[1] / REFERENCE_BAND_HZ[0])
+    count = max(1, round(np.log(high / low) / width))
+    edges = np.geomspace(low, high, count + 1)
+    found = []
+    for first, last in itertools.pairwise(edges):
+        inside = (frequency >= first * (1 - 1e-9)) & (frequency <= last * (1 + 1e-9))
+        ratio_hz = np.sqrt(first * last / (REFERENCE_BAND_HZ[0] * REFERENCE_BAND_HZ[1]))
+        ratio_ohm = np.exp(np.mean(np.log(magnitude[inside]))) / REFERENCE_OHM if inside.any() else 1.0
+        found.append(Band(_beyond(float(ratio_hz), COVERED_HZ), _beyond(float(ratio_ohm), COVERED_OHM)))
+    return tuple(found)
+
+
+def _beyond(ratio: float, covered: float) -> float:
+    return 1.0 if 1 / covered <= ratio <= covered else ratio
+
+
+def _scales(parameter: Parameter) -> bool:
+    """Not the analyser's own errors, nor what is found by a scan."""
+    return parameter.scale == "log" and parameter.vary
+
+
+def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[str, float]]:
+    """An effect's start values for each band of a measurement, by short name, SI units."""
+    factors = [{p.name: band.factor(p.unit) if _scales(p) else 1.0 for p in effect.parameters} for band in bands(measurement)]
+    scaled = [{name: value * factor.get(name, 1.0) for name, value in start.items()} for factor in factors for start in effect.starts]
+    return [start for index, start in enumerate(scaled) if start not in scaled[:index]]
+
+
+def scaled_ranges(effect: Effect, label: str, measurement: Measurement) -> dict[str, tuple[float, float]]:
+    """Ranges of an effect's parameters that reach further than the catalogue's because the sweep does; none for a sweep like the paper's."""
+    found = {}
+    for parameter in effect.parameters:
+        factors = [band.factor(parameter.unit) for band in bands(measurement)] if _scales(parameter) else [1.0]
+        low, high = parameter.low * min(1.0, *factors, 1.0), parameter.high * max(1.0, *factors, 1.0)
+        if (low, high) != (parameter.low, parameter.high):
+            found[f"{label}.{parameter.name}"] = (low, high)
+    return found
