@@ -25,7 +25,7 @@ def effects_(
 ) -> None:
     """The catalogue of effects; one effect with formula, parameters, range, signature, look-alikes and source."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.emission.effects import is_source_effect, source_effects
+    from motoremi.emission.effects import source_effects
     from motoremi.errors import BadInput
     from motoremi.model.effects import catalogue, find_effect
     from motoremi.quantities import show
@@ -34,8 +34,6 @@ def effects_(
     file = None if plot is None else plot_file(plot)
     if plot is not None and session is None:
         raise BadInput("a signature is plotted on a motor: say --session SESSION")
-    if session is not None and identifier is not None and is_source_effect(identifier):
-        raise BadInput(f"{identifier} shows in spectra, not in impedance sweeps: motoremi diagnose SESSION --emission")
     if identifier is None:
         if session is not None:
             raise BadInput("say which effect to show: motoremi effects ID --session SESSION")
@@ -47,7 +45,7 @@ def effects_(
         return
     names = [one for one in known if one.name == identifier]
     effect = names[0] if names else find_effect(identifier).effect
-    own = None if session is None else _signature(session, identifier, effect, file)
+    own = None if session is None else _signature(session, identifier, file)
     if as_json:
         on_motor = {} if own is None else {"on_motor": own.to_dict()}
         emit_json({"schema": "motoremi.effect/1", **effect.to_dict(), **on_motor})
@@ -71,12 +69,18 @@ def effects_(
         say(str(file))
 
 
-def _signature(session: Path, identifier: str, effect: Effect | SourceEffect, file: Path | None) -> Signature:
+def _signature(session: Path, identifier: str, file: Path | None) -> Signature:
     """The effect on the session's motor; a name without its place stands for the first one."""
+    from motoremi.emission.effects import is_source_effect
+    from motoremi.errors import BadInput
+    from motoremi.model.effects import catalogue
     from motoremi.workflow import opened, signature_on
 
+    if is_source_effect(identifier):
+        raise BadInput(f"{identifier} shows in spectra, not in the impedance: motoremi diagnose {session} --emission")
+    first = {effect.name: effect.identifiers[0] for effect in catalogue()}
     with opened(session) as store:
-        found = signature_on(store, effect.identifiers[0] if identifier == effect.name else identifier)
+        found = signature_on(store, first.get(identifier, identifier))
     if file is not None:
         found.plot().savefig(file)
     return found

@@ -169,7 +169,7 @@ def _trouble(model: CausalModel) -> str:
         return f"the {model.termination} sweep has outliers at {where}: measure it again or take these points out"
     spans = ", ".join(show_band(*span) for span in model.remainder_hz[:3]) or "the whole sweep"
     return (
-        f"no fixed linear circuit, whatever its parts, gives the {model.termination} sweep (best causal model: error "
+        f"no fixed linear circuit of up to {2 * MOST_PAIRS + 1} poles gives the {model.termination} sweep (best causal model: error "
         f"{model.rms_error_percent:.2g} %, chi2_reduced {model.chi2_reduced:.3g}, worst in {spans}): look for drift during the sweep, "
         "a range switch, sweeps put together from several runs, or outliers before looking for physics"
     )

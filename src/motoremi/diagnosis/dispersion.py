@@ -45,7 +45,7 @@ class DispersiveLaw:
     starts : mapping
         Own parameter -> start values; `*span` stands for a few frequencies over the sweep.
     effects : tuple of str
-        Effects of the catalogue that have this law.
+        Effects of the catalogue that have this law; `one + other` where it takes both.
     """
 
     name: str
@@ -167,12 +167,14 @@ LEAKING_DEBYE = DispersiveLaw(
     "C (1 + d / (1 + s/w)) + G/s",
     _leaking_debye,
     {"leak_hz": (1e4,), "strength": (0.3, 3.0), "corner_hz": "*span"},
+    ("insulation-leakage + dielectric-relaxation",),
 )
 LEAKING_COLE_COLE = DispersiveLaw(
     "leakage and a Cole-Cole relaxation",
     "C (1 + d / (1 + (s/w)^a)) + G/s",
     _leaking_cole_cole,
     {"leak_hz": (1e4,), "strength": (0.3, 3.0), "corner_hz": "*span", "exponent": (0.8,)},
+    ("insulation-leakage + dielectric-relaxation",),
 )
 LEAKING_DIFFUSION = DispersiveLaw(
     "leakage and diffusion", "(C + G/s) tanh(x)/x, x = sqrt(s/(pi f))", _leaking_diffusion, {"leak_hz": (1e4,), "corner_hz": "*span"}

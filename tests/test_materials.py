@@ -1,0 +1,51 @@
+"""The dispersive laws against measured ferrite (TDK N87; Guillod, Roberts and Sullivan 2024, MIT licence)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from motoremi.diagnosis import dispersion as laws
+from motoremi.diagnosis.dispersion import fit_laws
+
+DATA = Path(__file__).parent / "data" / "n87_ferrite_material"
+
+
+def numbers(path: Path, kind: type = float) -> np.ndarray:
+    words = path.read_text().replace("i", "j").replace("\n", ",").split(",")
+    return np.array([kind(word) for word in words if word.strip()])
+
+
+def permittivity(temperature: int) -> tuple[np.ndarray, np.ndarray]:
+    folder = DATA / "N87_eps_temperature"
+    frequency = numbers(folder / "var_f_vec.csv")
+    relative, conductivity = (numbers(folder / f"var_{name}_{temperature}_vec.csv") for name in ("eps", "sigma"))
+    return frequency, relative - 1j * conductivity / (2 * np.pi * frequency * 8.8541878128e-12)
+
+
+def test_leakage_and_a_cole_cole_relaxation_describe_the_permittivity_at_all_temperatures():
+    found = {}
+    for temperature in (25, 55, 85):
+        frequency, value = permittivity(temperature)
+        thinned = slice(None, None, 4)
+        sigma = np.full(frequency[thinned].size, 0.01)
+        first, second = fit_laws((laws.LEAKING_COLE_COLE, laws.LEAKING_DEBYE), frequency[thinned], value[thinned], sigma)
+        assert first.law is laws.LEAKING_COLE_COLE
+        assert first.rms_error_percent < 1.0
+        assert second.rms_error_percent > 4.0  # one relaxation time is not enough
+        found[temperature] = first.parameters
+    corners = [found[t]["corner_hz"] for t in (25, 55, 85)]
+    assert corners[0] < corners[1] / 1.5 < corners[2] / 3  # warming moves the corner up
+    assert found[85]["strength"] == pytest.approx(found[25]["strength"], rel=0.2)  # and leaves the strength
+
+
+def test_a_damped_resonance_describes_the_permeability():
+    folder = DATA / "N87_mu_small"
+    frequency, value = numbers(folder / "var_f_vec.csv"), numbers(folder / "var_mu_vec.csv", complex)
+    fits = fit_laws((laws.LORENTZ, laws.RELAXATION, laws.DIFFUSION, laws.CONSTANT), frequency, value, np.full(frequency.size, 0.01))
+    assert fits[0].law is laws.LORENTZ
+    assert fits[0].rms_error_percent < 0.2
+    # Its permeability rises before it falls, which neither relaxation nor diffusion does.
+    assert min(fit.rms_error_percent for fit in fits[1:]) > 1.5
