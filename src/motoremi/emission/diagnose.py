@@ -18,7 +18,7 @@ from motoremi.emission.observe import find_comb, observations, sharpened
 LEAST_GAIN = 6.0
 FAMILY_GAP = 3.0
 LARGEST_FAMILY = 3
-# A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; a right one comes to 0.1 to 2, the noise model is a wide one.
+# A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; with the right effect it comes to 0.1 to 2.
 GOOD_CHI2 = 5.0
 BOUND_PENALTY = 3.0
 # How often the catalogue or the noise model is wrong in a way that no evidence shows.
