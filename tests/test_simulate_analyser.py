@@ -10,7 +10,6 @@ from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
 from motoremi.simulate.analyser import SimulatedAnalyser, behind_line, noise_sd_ohm, tolerance_percent
 from motoremi.simulate.effects import ANALYSER_FAULTS
-from motoremi.simulate.emission import CommutationPulses, spectrum, transfer
 from motoremi.simulate.motor import SimulatedMotor
 
 BAND = np.geomspace(150e3, 30e6, 401)
@@ -155,31 +154,3 @@ def test_bad_input() -> None:
         SimulatedAnalyser(1).measure("half", BAND, TRUE)  # type: ignore[arg-type]
     with pytest.raises(BadInput, match="impedances"):
         SimulatedAnalyser(1).measure("short", BAND, TRUE[1:])
-
-
-def test_transfer_of_the_notes() -> None:
-    """Section D.4 for Rr = 39.8 ohm; its -39 dB at 150 kHz is -40.1 with the LISN's 16.4 ohm there against 1.66 kohm."""
-    frequency = np.array([150e3, 1e6, 3e6, 5e6, 11e6, 30e6])
-    decibel = 20 * np.log10(transfer(SimulatedMotor(), frequency))
-    np.testing.assert_allclose(decibel, [-40.1, -17, -18, -26, -42, -21.5], atol=0.6)
-
-
-def test_levels_of_the_notes() -> None:
-    """Section D.4: a 12 V arc of 20 ns gives 65 dBuV peak at 150 kHz, 78 at 1.74 MHz, 48 at 5 MHz."""
-    frequency = np.array([150e3, 1.74e6, 5e6])
-    density = np.sqrt(2) * CommutationPulses(12.0, 2e-8, 1e3).density(frequency) * transfer(SimulatedMotor(), frequency)
-    np.testing.assert_allclose(20 * np.log10(density * 9.45e3 / 1e-6), [65, 78, 48], atol=1.0)
-
-
-def test_detectors() -> None:
-    motor = SimulatedMotor.random(2)
-    peak, quasi, average = (spectrum(motor, BAND, name, 3) for name in ("peak", "quasi-peak", "average"))
-    repetition = CommutationPulses.random(3).repetition_hz
-    strong = peak > 50
-    assert strong.any()
-    assert np.median((peak - average)[strong]) == pytest.approx(20 * np.log10(9.45e3 / repetition), abs=0.3)
-    assert np.all(np.median(peak - quasi) >= 0)
-    assert np.array_equal(peak, spectrum(motor, BAND, "peak", 3))
-    assert not np.array_equal(peak, spectrum(motor, BAND, "peak", 4))
-    with pytest.raises(BadInput, match="detector"):
-        spectrum(motor, BAND, "rms", 3)

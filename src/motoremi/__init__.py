@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from motoremi.diagnosis.compare import Comparison, Tolerance, compare
     from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
     from motoremi.diagnosis.element import Inspection, inspect
+    from motoremi.emission.predict import Prediction, predict
+    from motoremi.emission.setup import Setup
     from motoremi.errors import BadInput, InstrumentError, MotoremiError
     from motoremi.export.spice import spice_model
     from motoremi.export.tables import sweep_table, to_xarray
@@ -45,6 +47,9 @@ _HOMES = {
     "BadInput": "motoremi.errors",
     "InstrumentError": "motoremi.errors",
     "MotoremiError": "motoremi.errors",
+    "predict": "motoremi.emission.predict",
+    "Prediction": "motoremi.emission.predict",
+    "Setup": "motoremi.emission.setup",
     "Fit": "motoremi.fitting.result",
     "fit": "motoremi.fitting.fit",
     "Motor": "motoremi.model.motor",
@@ -66,7 +71,9 @@ __all__ = [
     "InstrumentError",
     "Motor",
     "MotoremiError",
+    "Prediction",
     "Session",
+    "Setup",
     "Spectrum",
     "Tolerance",
     "__version__",
@@ -77,6 +84,7 @@ __all__ = [
     "fit",
     "inspect",
     "load",
+    "predict",
     "read_impedance",
     "read_spectra",
     "spice_model",

@@ -8,22 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict, Progress
+from motoremi.arrays import BoolArray, FloatArray, JsonDict, Progress
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
 from motoremi.emission.fit import EmissionFit, Problem, fit_spectra
-from motoremi.emission.observe import find_comb, observations
+from motoremi.emission.observe import find_comb, observations, sharpened
 
 # Log evidence that an effect must bring to be believed, and within which two effects cannot be told apart.
 LEAST_GAIN = 6.0
 FAMILY_GAP = 3.0
 LARGEST_FAMILY = 3
-# A model whose robust chi2 is above this leaves something unexplained; the noise model is a rough one, so not 1.
-GOOD_CHI2 = 2.2
+# A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; with the right effect it comes to 0.1 to 2.
+GOOD_CHI2 = 5.0
 BOUND_PENALTY = 3.0
 # How often the catalogue or the noise model is wrong in a way that no evidence shows.
 DOUBT = 0.03
 PRIOR_OF_NONE = 0.5
+_COMB_HZ, _SLOW_HZ = (9e3, 60e3), (2.5e3, 9.5e3)
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))
 
 
@@ -130,12 +131,53 @@ def _comb_starts(problem: Problem) -> list[Mapping[str, float]]:
     low = frequency < 5e6
     if low.sum() < 100:
         return []
-    comb = find_comb(frequency[low], level[low], 9e3, 60e3)
+    comb = find_comb(frequency[low], level[low], *_COMB_HZ)
     if comb is None:
-        return []
-    return [
-        {"amplitude_v": volt, "frequency_hz": comb.spacing_hz, "duty": duty, "rise_s": 8e-8} for volt in (1.5, 10.0) for duty in (0.2, 0.4, 0.7)
+        return _unresolved_starts(frequency, level, low)
+    spacing = sharpened(frequency, level, comb)
+    gain_db = 20 * np.log10(np.abs(problem.setup.path.transfer(problem.grid_hz, problem.motor_ohm)))
+    line = spacing * np.arange(np.ceil(frequency[0] / spacing), frequency[-1] // spacing)
+    at = np.searchsorted(frequency, line - (frequency[1] - frequency[0]) / 2)
+    # The receiver is tuned beside the line: what the filter takes off is put back.
+    beside = 6.02 * ((frequency[at] - line) / (0.5 * problem.setup.receiver.band.bandwidth_hz)) ** 2
+    height_db = level[at] + beside - np.interp(line, problem.grid_hz, gain_db)
+    resolved: list[Mapping[str, float]] = [
+        {"amplitude_v": volt, "frequency_hz": spacing, "duty": duty, "rise_s": 6e-8} for duty, volt in _duties(line / spacing, height_db)
     ]
+    return [*resolved, *_unresolved_starts(frequency, level, low)]
+
+
+def _unresolved_starts(frequency: FloatArray, level: FloatArray, low: BoolArray) -> list[Mapping[str, float]]:
+    """For a chopper slower than the bandwidth: its lines run together, but the two edges of a pulse cancel at multiples of 1/(pulse width)."""
+    gaps = find_comb(frequency[low], -level[low], *_COMB_HZ)
+    if gaps is None:
+        return []
+    spacing = sharpened(frequency, -level, gaps)
+    return [
+        {"amplitude_v": volt, "frequency_hz": float(rate), "duty": float(rate / spacing), "rise_s": 8e-8}
+        for rate in np.geomspace(*_SLOW_HZ, 20)
+        for volt in (2.0, 10.0)
+        if 0.04 < rate / spacing < 0.96
+    ]
+
+
+def _duties(number: FloatArray, height_db: FloatArray) -> list[tuple[float, float]]:
+    """Duty cycles, and the amplitudes that go with them, whose |sin(pi k d)|/k looks like the lines k; more lines tell it more sharply."""
+    found = np.linspace(0.02, 0.5, 241)
+    width = 0.001
+    for most in (60, 240, 960):
+        used = number <= max(most, number[0] + 20)
+        tries = (found[:, None] + width * np.linspace(-1, 1, 9)).ravel()
+        shape = 20 * np.log10(np.maximum(np.abs(np.sin(np.pi * number[used] * tries[:, None])), 0.05) / number[used])
+        left = height_db[used] - shape
+        middle = np.median(left, axis=1)
+        scatter = np.mean(np.minimum(np.abs(left - middle[:, None]), 10.0), axis=1)
+        best = np.argsort(scatter)[:6]
+        found, amplitude = tries[best], middle[best]
+        width *= 60 / most * 0.5 if most > 60 else 0.5
+    # Effective value of a line: sqrt(2) A |sin(pi k d)|/(pi k).
+    volts = 1e-6 * 10 ** (amplitude / 20) * np.pi / np.sqrt(2)
+    return [(float(duty), float(np.clip(volt, 0.03, 70.0))) for duty, volt in zip(found[:4], volts[:4], strict=True)]
 
 
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:

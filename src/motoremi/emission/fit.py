@@ -237,10 +237,12 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
     points = [np.array([np.clip(_to_unit(p, start.get(p.name, p.middle)), 0.01, 0.99) for p, _ in unknowns], dtype=np.float64) for start in starts]
     ranked = sorted(points, key=lambda x: float(np.sum(residuals(x) ** 2)))
     best_x, best_cost = ranked[0], np.inf
+    # The formulas are smooth but not exact to the last digit: wider steps than usual for the slopes. Line 1000 of a comb moves by a
+    # bandwidth when the comb's frequency moves by a thousandth of it.
+    steps = [1e-7 if name == "chopper.frequency_hz" else 1e-4 for name in names]
     for start in ranked[:keep]:
-        # The formulas are smooth but not exact to the last digit: a wider step than usual for the slopes.
         found = least_squares(
-            residuals, start, bounds=(0.0, 1.0), diff_step=[1e-4] * len(names), x_scale=0.1, max_nfev=25, ftol=1e-4, xtol=1e-5, gtol=1e-6
+            residuals, start, bounds=(0.0, 1.0), diff_step=steps, x_scale=1e3 * np.array(steps), max_nfev=25, ftol=1e-4, xtol=1e-9, gtol=1e-6
         )
         if found.cost < best_cost:
             best_x, best_cost = found.x, float(found.cost)

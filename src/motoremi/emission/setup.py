@@ -141,6 +141,8 @@ class Setup:
 def _source(values: dict[str, Any], commutation: JsonDict | None) -> Source:
     speed = values.pop("speed_rpm", None)
     if speed is not None:
+        if "segments" not in values:
+            raise BadInput("the source has speed_rpm but not segments: both are needed for the repetition")
         values["repetition_hz"] = repetition_hz(float(speed), int(values.pop("segments")), bool(values.pop("interleaved", False)))
     if commutation is None:
         return Source.from_dict(values)

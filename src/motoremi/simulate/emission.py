@@ -58,7 +58,8 @@ class Stand:
         None for 0 V.
     broadband_dbuv, broadband_slope_db : float
         Ambient noise in 9 kHz at 1 MHz, and its fall in dB a decade; none below -40 dBuV.
-    stations : int
+    stations, stations_seed : int
+        How many broadcast stations, and which.
     lisn_factor : float
         Of the choke's inductance.
     cable_m, cable_ohm : float
@@ -81,6 +82,7 @@ class Stand:
     broadband_dbuv: float = -60.0
     broadband_slope_db: float = 0.0
     stations: int = 0
+    stations_seed: int = 0
     lisn_factor: float = 1.0
     cable_m: float = 0.0
     cable_ohm: float = 100.0
@@ -133,7 +135,12 @@ def _draw(name: str, rng: np.random.Generator) -> dict[str, float | int]:
             "chopper_rise_s": log_uniform(rng, 2e-8, 3e-7),
         }
     if name == "background-noise":
-        return {"broadband_dbuv": uniform(rng, 12.0, 35.0), "broadband_slope_db": uniform(rng, 0.0, 15.0), "stations": int(rng.integers(4, 16))}
+        return {
+            "broadband_dbuv": uniform(rng, 12.0, 35.0),
+            "broadband_slope_db": uniform(rng, 0.0, 15.0),
+            "stations": int(rng.integers(4, 16)),
+            "stations_seed": int(rng.integers(2**31)),
+        }
     if name == "lisn-deviation":
         return {"lisn_factor": log_uniform(rng, 0.15, 0.5) if rng.random() < 0.7 else log_uniform(rng, 2.5, 6.0)}
     return {"cable_m": uniform(rng, 2.5, 12.0), "cable_ohm": log_uniform(rng, 40.0, 200.0)}
@@ -227,6 +234,7 @@ def _ambient(stand: Stand, frequency: FloatArray, rng: np.random.Generator) -> C
         pairs = rng.standard_normal((frequency.size, 2)) @ np.array([1, 1j])
         total += density * pairs * np.sqrt(SAMPLE_RATE_HZ * size) / 2
     if stand.stations:
+        rng = np.random.default_rng(stand.stations_seed)
         time_s = np.arange(size) / SAMPLE_RATE_HZ
         air = np.zeros(size)
         for _ in range(stand.stations):
