@@ -11,8 +11,6 @@ from RsInstrument import RsInstrument, StatusException
 from serving import served
 from tsapython import tinySA
 
-from motoremi.bench.simulated_receiver import BAND_B_HZ
-
 
 def test_pymeasure_reads_a_4294a() -> None:
     with served("4294a") as (server, bench):
@@ -68,7 +66,7 @@ def test_rsinstrument_scans_with_an_esr() -> None:
 def test_pymeasure_sweeps_with_an_esr_as_analyser() -> None:
     with served("esr") as (server, bench):
         # The stand works its spectrum out once, in seconds; a client's deadline is for the instrument.
-        bench.level_dbuv(BAND_B_HZ, "peak")
+        bench.level_dbuv(np.linspace(150e3, 30e6, 691), "peak")
         client = FSL(server.resource, visa_library="@py", read_termination="\n", write_termination="\n")
         client.write("INST:SEL SAN")
         client.continuous_sweep_enabled = False
