@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -13,6 +13,7 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank, rank_pairs
 from motoremi.diagnosis.following import next_measurement
+from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
@@ -60,6 +61,8 @@ class Diagnosis:
         The next measurement: id and why.
     reasons : tuple of str
         The verdict in words.
+    validation : dict
+        How much better `best` predicts left-out data than `base`, in nats: `bands` and `short_to_open`; empty where they are the same.
     """
 
     verdict: Verdict
@@ -74,6 +77,7 @@ class Diagnosis:
     where: tuple[JsonDict, ...]
     following: JsonDict
     reasons: tuple[str, ...]
+    validation: JsonDict = field(default_factory=dict)
 
     def to_dict(self) -> JsonDict:
         """The contract's JSON."""
@@ -104,6 +108,7 @@ class Diagnosis:
             "floor_percent": self.base.floor_percent,
             "analyser": self.base.measurement.analyser.name,
             "reasons": list(self.reasons),
+            "cross_validation": dict(self.validation) or None,
             "caveats": self.base.measurement.caveats(),
         }
 
@@ -291,6 +296,7 @@ def _named(
 ) -> Diagnosis:
     best = explanation.best
     families, chance = _families(explanation)
+    validation = cross_validated(best).gain_over(cross_validated(fit))
     added = best.effects[len(fit.effects) :]
     groups = [{find_effect(n).effect.group for n in family} for family in families]
     all_instrument = all(find_effect(n).effect.group == "instrument" for n in added)
@@ -307,7 +313,9 @@ def _named(
     else:
         verdict = "missing-effect"
     reasons += [f"these sweeps cannot tell {', '.join(family[:-1])} and {family[-1]} apart" for family in families]
-    rivals = [c.fit for c in candidates if any(c.effect in family for family in families)]
+    if min(gain for gain in validation.values() if gain is not None) < 0:
+        reasons.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
+    rivals = [c.fit for family in families for c in explanation.rivals[family[0]] if c.effect in family]
     return Diagnosis(
         verdict=verdict,
         effects=tuple(added),
@@ -321,4 +329,5 @@ def _named(
         where=where,
         following=next_measurement(best, rivals),
         reasons=tuple(reasons),
+        validation=validation,
     )
