@@ -15,7 +15,7 @@ from motoremi.emission.fit import EmissionFit, Problem, fit_spectra
 from motoremi.emission.observe import find_comb, observations, sharpened
 
 # Log evidence that an effect must bring to be believed, and within which two effects cannot be told apart.
-LEAST_GAIN = 6.0
+LEAST_GAIN = 10.0
 FAMILY_GAP = 3.0
 LARGEST_FAMILY = 3
 # A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; with the right effect it comes to 0.1 to 2.
@@ -203,7 +203,7 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     names: tuple[str, ...] = (candidates[0].effect.name,)
     if best.chi2_reduced > GOOD_CHI2:
         second = _ranked(problem, best, progress)
-        if second and second[0].log_evidence - best.log_evidence > 2 * LEAST_GAIN:
+        if second and second[0].log_evidence - best.log_evidence > LEAST_GAIN:
             best, names, families = second[0].fit, (*names, second[0].effect.name), ()
     good = best.chi2_reduced <= GOOD_CHI2
     text = f"adding {' and '.join(names)} takes the error from {start.rms_error_db:.2f} dB to {best.rms_error_db:.2f} dB rms"

@@ -20,8 +20,8 @@ from motoremi.model.parameter import Parameter
 _ALL_BELOW_HZ = 1.2e6
 _ABOVE = 260
 # Ripple of the receiver and what the formulas leave (measured against the time domain): on the peak the luck of the highest event besides.
-_RIPPLE_DB = 0.5
-_MODEL_DB = {"peak": 0.7, "quasi-peak": 0.7, "average": 0.35, "rms-average": 0.35}
+_RIPPLE_DB = 0.4
+_MODEL_DB = {"peak": 0.45, "quasi-peak": 0.45, "average": 0.2, "rms-average": 0.2}
 # By how much the motor's resonances may lie elsewhere than the fitted circuit has them.
 _DETUNING = 0.004
 # Beyond so many standard deviations a point (a station, a glitch) counts in proportion only.

@@ -58,7 +58,8 @@ def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray, lowest_hz: float
     if top < LEAST_SCORE:
         return None
     # Sharp lines correlate with every fraction of their spacing as well: the largest is meant.
-    return max((comb for comb in best if comb.score > 0.8 * top), key=lambda comb: comb.spacing_hz)
+    largest = max(comb.spacing_hz for comb in best if comb.score > 0.8 * top)
+    return max((comb for comb in best if comb.spacing_hz > 0.93 * largest), key=lambda comb: comb.score)
 
 
 def _refined(frequency_hz: FloatArray, level_dbuv: FloatArray, spacing: float) -> Comb:
