@@ -1,11 +1,11 @@
-# make demo | test | lint | bench | docs | faults | kills | speed : each creates its environment first; nothing else is needed.
+# make demo | test | lint | bench | emission | docs | faults | kills | speed : each creates its environment first; nothing else is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
-.PHONY: demo test lint bench docs faults kills speed install clean
+.PHONY: demo test lint bench emission docs faults kills speed install clean
 
 install: $(STAMP)
 
@@ -32,6 +32,9 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy src instruments procedures sim_profiles
+
+emission: install
+	$(BIN)/python -m benchmarks.emission
 
 bench: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict -e '.[bench]'

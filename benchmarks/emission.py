@@ -116,8 +116,8 @@ def speed() -> None:
     blocks = (1e-5 * rng.standard_normal(1_200_000) for _ in range(50))
     started, cpu = time.perf_counter(), time.process_time()
     read_waveform(blocks, 60e6, frequency[:-1])
-    wall, used = time.perf_counter() - started, time.process_time() - cpu
-    print(f"| 1 s at 60 MS/s through all detectors, 6633 frequencies | {wall:.1f} s ({used:.1f} s CPU) |")
+    wall, own = time.perf_counter() - started, time.process_time() - cpu
+    print(f"| 1 s at 60 MS/s through all detectors, 6633 frequencies | {wall:.1f} s ({own:.1f} s of processor time) |")
 
 
 if __name__ == "__main__":
