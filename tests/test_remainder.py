@@ -66,3 +66,16 @@ def test_data_of_no_circuit_are_about_the_data():
     assert found.about_the_data
     assert found.together is None
     assert "no fixed linear circuit" in said
+
+
+def test_an_unexplained_diagnosis_carries_the_remainder():
+    """The findings are worked out when the diagnosis is told, not when it is made; what is wrong with the data comes first."""
+    one, other = simulated_sweeps(1)[0], simulated_sweeps(2)[0]
+    fit = me.fit(me.dc_motor(), [s for s in one if s.termination == "short"] + [s for s in other if s.termination == "open"])
+    told = {"id": "repeat", "why": "repeat"}
+    unexplained = me.Diagnosis("unexplained", (), (), 0.9, fit, fit, (), {}, (fit,), (), told, ("something is missing",))
+    plain = json.loads(json.dumps(unexplained.to_dict(), allow_nan=False))
+    assert "fit alone, not together" in plain["reasons"][0]
+    assert plain["reasons"][-1] == "something is missing"
+    assert plain["remainder"]["together"]["belong"] is False
+    assert "remainder" not in dataclasses.replace(unexplained, verdict="adequate").to_dict()

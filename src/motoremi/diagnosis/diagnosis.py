@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -13,6 +14,7 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank, rank_pairs
 from motoremi.diagnosis.following import next_measurement
+from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
@@ -79,6 +81,18 @@ class Diagnosis:
     reasons: tuple[str, ...]
     validation: JsonDict = field(default_factory=dict)
 
+    @cached_property
+    def left_over(self) -> Remainder | None:
+        """For `unexplained`: what any causal model would reach, where the rest is, where to look; worked out when first asked for."""
+        return remainder(self.base, self.best) if self.verdict == "unexplained" else None
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The reasons with what is left over; what is wrong with the data comes first."""
+        if self.left_over is None:
+            return self.reasons
+        return (*self.left_over.reasons, *self.reasons) if self.left_over.about_the_data else (*self.reasons, *self.left_over.reasons)
+
     def to_dict(self) -> JsonDict:
         """The contract's JSON."""
         top = self.candidates[0].log_evidence if self.candidates else 0.0
@@ -107,14 +121,15 @@ class Diagnosis:
             "next_measurement": dict(self.following),
             "floor_percent": self.base.floor_percent,
             "analyser": self.base.measurement.analyser.name,
-            "reasons": list(self.reasons),
+            "reasons": list(self.said),
+            **({} if self.left_over is None else {"remainder": self.left_over.to_dict()}),
             "cross_validation": dict(self.validation) or None,
             "caveats": self.base.measurement.caveats(),
         }
 
     def __repr__(self) -> str:
         lines = [f"Diagnosis: {self.verdict}" + (f" ({', '.join(self.effects)})" if self.effects else "")]
-        lines += [f"  {reason}" for reason in self.reasons]
+        lines += [f"  {reason}" for reason in self.said]
         lines.append(f"  confidence {self.confidence:.2f}; next: {self.following['why']}")
         return "\n".join(lines)
 
@@ -125,7 +140,7 @@ class Diagnosis:
             for c in self.candidates[:8]
         )
         head = "<tr><th>effect</th><th>probability</th><th>chi2</th><th>error</th><th>parameters</th></tr>"
-        return f"<b>{html.escape(self.verdict)}</b> {html.escape('; '.join(self.reasons))}<table>{head}{rows}</table>"
+        return f"<b>{html.escape(self.verdict)}</b> {html.escape('; '.join(self.said))}<table>{head}{rows}</table>"
 
 
 def _figures(fit: Fit) -> JsonDict:
