@@ -34,6 +34,10 @@ LEAST_GAIN = 4.0
 FAMILY_SHARE = 0.01
 # How often the catalogue or the noise model is wrong in a way that no evidence shows; keeps stated confidence below 1.
 DOUBT = 0.02
+# The same where two effects are named (something outside the catalogue may look like a pair) or none: set from blind cases of other seeds
+# than those that are reported.
+DOUBT_OF_PAIRS = 0.06
+DOUBT_OF_UNEXPLAINED = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +290,7 @@ def _unexplained(
         verdict="unexplained",
         effects=(),
         families=(),
-        confidence=1 - DOUBT,
+        confidence=1 - DOUBT_OF_UNEXPLAINED,
         base=fit,
         best=best,
         candidates=tuple(candidates),
@@ -335,7 +339,7 @@ def _named(
         verdict=verdict,
         effects=tuple(added),
         families=tuple(families),
-        confidence=(1 - DOUBT) * chance,
+        confidence=(1 - (DOUBT if len(added) == 1 else DOUBT_OF_PAIRS)) * chance,
         base=fit,
         best=best,
         candidates=tuple(candidates),

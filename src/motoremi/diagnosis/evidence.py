@@ -27,6 +27,8 @@ POLISHED_IN_THE_DARK = 4
 BEAM = 4
 MOST_FIRST = 8
 PAIRS_SEARCHED = 6
+# Groups of what lies between analyser and motor.
+OUTSIDE_THE_MOTOR = frozenset({"connection", "instrument"})
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
 SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
@@ -224,29 +226,38 @@ def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
 
 
 def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -> tuple[Candidate, list[Candidate]]:
-    """The most promising of the best single effects, and candidates for a second one beside it.
+    """The most promising of the single effects as the first of two, and candidates for the second one beside it.
 
     What describes the data best alone need not be one of the two, so the search starts from several.
     """
-    beside: dict[str, dict[str, Scouted]] = {}
-    waiting = [single.effect for single in singles[:BEAM]]
-    fits = {single.effect: single.fit for single in singles}
-    while waiting and len(beside) < MOST_FIRST:
+    by_name = {single.effect: single for single in singles}
+    looks: dict[tuple[str, str], Scouted] = {}
+    waiting, tried = [single.effect for single in singles[:BEAM]], list[str]()
+    while waiting and len(tried) < MOST_FIRST:
         first = waiting.pop(0)
-        beside[first] = glances(fits[first], progress)
-        if any(look.right for look in beside[first].values()):
-            break
+        tried.append(first)
+        seconds = glances(by_name[first].fit, progress)
+        looks.update({(first, name): look for name, look in seconds.items()})
+        if any(look.right for look in seconds.values()):
+            ranked = refitted(by_name[first].fit, seconds)
+            if ranked[0].good:
+                return by_name[first], ranked
+        looks.update(_other_way_round(by_name, first))
         if not waiting:
             # What helps as a second effect, whatever the first, may be one of the two though it says little alone.
-            reached = {
-                name: min((looks[name].objective for looks in beside.values() if name in looks), default=np.inf)
-                for name in fits.keys() - beside.keys()
-            }
+            reached = {name: min(looks[pair].objective for pair in looks if pair[1] == name) for _, name in looks if name not in tried}
             waiting = sorted(reached, key=lambda name: reached[name])[:1]
-    nearest = sorted(((first, name) for first, looks in beside.items() for name in looks), key=lambda pair: beside[pair[0]][pair[1]].objective)
-    for first, name in nearest[:PAIRS_SEARCHED]:
-        if not beside[first][name].right:
-            beside[first][name] = searched_through(beside[first][name])
-    leader = min(beside, key=lambda first: min(look.objective for look in beside[first].values()))
-    chosen = next(single for single in singles if single.effect == leader)
-    return chosen, refitted(chosen.fit, beside[leader])
+    for pair in sorted(looks, key=lambda pair: looks[pair].objective)[:PAIRS_SEARCHED]:
+        if not looks[pair].right:
+            looks[pair] = searched_through(looks[pair])
+    leader, _ = min(looks, key=lambda pair: looks[pair].objective)
+    others = {} if leader in tried else glances(by_name[leader].fit, progress)
+    return by_name[leader], refitted(by_name[leader].fit, others | {name: look for (first, name), look in looks.items() if first == leader})
+
+
+def _other_way_round(by_name: Mapping[str, Candidate], second: str) -> dict[tuple[str, str], Scouted]:
+    """Looks at `second` beside each other part that lies between analyser and motor: there, which of two comes first makes a difference."""
+    outside = [name for name in by_name if find_effect(name).effect.group in OUTSIDE_THE_MOTOR]
+    if second not in outside:
+        return {}
+    return {(first, second): glance_at(by_name[first].fit, second) for first in outside if first != second}
