@@ -21,8 +21,12 @@ LARGEST_FAMILY = 3
 # A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; with the right effect it comes to 0.1 to 2.
 GOOD_CHI2 = 5.0
 BOUND_PENALTY = 3.0
+# An effect that lowers the error by less than this share describes the receiver's ripple.
+LEAST_FALL = 0.1
+# An effect that takes away so much of the squared error, this far ahead of all others, is named even if it does not explain everything.
+MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
 # How often the catalogue or the noise model is wrong in a way that no evidence shows.
-DOUBT = 0.03
+DOUBT, DOUBT_OF_MOST = 0.03, 0.25
 PRIOR_OF_NONE = 0.5
 _COMB_HZ, _SLOW_HZ = (9e3, 60e3), (2.5e3, 9.5e3)
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))
@@ -197,15 +201,18 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     seen = tuple(observations([_as_spectrum(problem, detector) for detector in problem.detectors]))
     where = where_it_fails(start)
     gain = candidates[0].log_evidence - start.log_evidence if candidates else -np.inf
-    if gain < LEAST_GAIN:
+    if gain < LEAST_GAIN or candidates[0].fit.rms_error_db > (1 - LEAST_FALL) * start.rms_error_db:
         return _nothing_to_add(start, candidates, probabilities, where, seen)
     best, families = candidates[0].fit, _family(candidates)
     names: tuple[str, ...] = (candidates[0].effect.name,)
     if best.chi2_reduced > GOOD_CHI2:
         second = _ranked(problem, best, progress)
-        if second and second[0].log_evidence - best.log_evidence > LEAST_GAIN:
+        if second and second[0].log_evidence - best.log_evidence > LEAST_GAIN and second[0].fit.chi2_reduced <= GOOD_CHI2:
             best, names, families = second[0].fit, (*names, second[0].effect.name), ()
-    good = best.chi2_reduced <= GOOD_CHI2
+    explained = 1 - (best.rms_error_db / start.rms_error_db) ** 2
+    ahead = len(candidates) == 1 or candidates[0].log_evidence - candidates[1].log_evidence > FAR_AHEAD
+    whole = best.chi2_reduced <= GOOD_CHI2
+    good = whole or (explained > MOST_OF_IT and ahead)
     text = f"adding {' and '.join(names)} takes the error from {start.rms_error_db:.2f} dB to {best.rms_error_db:.2f} dB rms"
     if not good:
         return EmissionDiagnosis(
@@ -215,9 +222,13 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
         )  # fmt: skip
     verdict = "family" if families else "missing-effect"
     reasons = [text, *(f"these spectra cannot tell {', '.join(family)} apart" for family in families)]
+    doubt = DOUBT
+    if not whole:
+        doubt = DOUBT_OF_MOST
+        reasons.append(f"that is most of it, but not all: {best.rms_error_db:.1f} dB rms are left")
     chance = sum(probabilities[name] for name in {*names[:1], *(families[0] if families else ())})
     return EmissionDiagnosis(
-        verdict, names, families, (1 - DOUBT) * chance, start, best, tuple(candidates), probabilities, where,
+        verdict, names, families, (1 - doubt) * chance, start, best, tuple(candidates), probabilities, where,
         _following(names, families), tuple(reasons), seen,
     )  # fmt: skip
 
