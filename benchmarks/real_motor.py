@@ -1,6 +1,6 @@
 """`python -m benchmarks.real_motor FILE.csv [--out docs/real_motor.md]`: the ladder on the measured 1.5 HP motor, step by step.
 
-FILE is the winding's impedance between its terminals, 100 Hz - 100 MHz; `tests/data/motor_1p5hp_dm_cc_by` has it.
+Takes several minutes. FILE is the winding's impedance between its terminals, 100 Hz - 100 MHz; `tests/data/motor_1p5hp_dm_cc_by` has it.
 """
 
 from __future__ import annotations
@@ -189,14 +189,15 @@ def unexplained(fit: me.Fit, measurement: Measurement) -> Iterator[str]:
     yield ""
     yield (
         f"Left over: {np.sqrt(fit.chi2_reduced):.2g} times the 1 % asked. A free rational model with {check.order} poles leaves "
-        f"{check.rms_error_percent:.3g} % ({check.noise_multiple:.2g} times), so part of it is structure "
-        "between the points of this subset, which no model can follow. "
+        f"{check.rms_error_percent:.3g} % ({check.noise_multiple:.2g} times). "
         f"Worst points: {points}."
     )
     yield ""
     yield (
         "Resonances are what the evidence asks for again and again: a winding of many turns has many. Each is a local description, not a "
-        "cause; a resonance beyond the sweep's end stands for an inductance. What would tell more: the other 1419 points, a second "
+        "cause; a resonance beyond the sweep's end stands for an inductance. The circuit's own elements have given their part away to them "
+        f"(La ends at {show(fit.parameters['La'], 'H')}), so what this page shows is how far the catalogue describes such a sweep, not which "
+        "effects this motor has. What would tell more: the other 1419 points, a second "
         "termination (common mode), a second temperature, and a file with the instrument's name and calibration."
     )
 

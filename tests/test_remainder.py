@@ -79,3 +79,11 @@ def test_an_unexplained_diagnosis_carries_the_remainder():
     assert plain["reasons"][-1] == "something is missing"
     assert plain["remainder"]["together"]["belong"] is False
     assert "remainder" not in dataclasses.replace(unexplained, verdict="adequate").to_dict()
+
+
+def test_a_single_short_sweep_with_a_spread_capacitance_has_a_remainder():
+    """Spread along the winding, Cf shows in the short sweep while Cr does not."""
+    sweeps = [s for s in simulated_sweeps(3, ("distributed-winding",))[0] if s.termination == "short"]
+    fit = me.fit(me.dc_motor(), sweeps).add("distributed-winding")
+    assert "Cr" not in fit.parameters
+    assert set(remainder(fit, fit).inspect) <= {"Ra", "La", "Ca", "Cf"}

@@ -25,6 +25,7 @@ from motoremi.quantities import show_band
 
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
 MOST_PAIRS = 12
+MOST_POLES = 2 * MOST_PAIRS + 1
 # Orders that may fail to improve in a row before the search ends.
 PATIENCE = 2
 # Chi-squared per degree of freedom beyond which the data are not those of a fixed linear circuit. Noise from three repeats is known to
@@ -169,7 +170,7 @@ def _trouble(model: CausalModel) -> str:
         return f"the {model.termination} sweep has outliers at {where}: measure it again or take these points out"
     spans = ", ".join(show_band(*span) for span in model.remainder_hz[:3]) or "the whole sweep"
     return (
-        f"no fixed linear circuit of up to {2 * MOST_PAIRS + 1} poles gives the {model.termination} sweep (best causal model: error "
+        f"no fixed linear circuit of up to {MOST_POLES} poles gives the {model.termination} sweep (best causal model: error "
         f"{model.rms_error_percent:.2g} %, chi2_reduced {model.chi2_reduced:.3g}, worst in {spans}): look for drift during the sweep, "
         "a range switch, sweeps put together from several runs, or outliers before looking for physics"
     )

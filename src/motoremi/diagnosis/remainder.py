@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.diagnosis.causal import CausalCheck, check_causality, smoothed
+from motoremi.diagnosis.causal import MOST_POLES, CausalCheck, check_causality, smoothed
 from motoremi.diagnosis.compare import spans_of
 from motoremi.diagnosis.free import promise
 from motoremi.diagnosis.parts import ELEMENTS
@@ -59,7 +59,7 @@ class Remainder:
             f"{t} {model.noise_multiple:.2g} times the noise with {model.order} poles (the closest model: {self.noise_multiple[t]:.3g})"
             for t, model in self.causality.models.items()
         )
-        said.append(f"the best linear causal model of any kind reaches: {reached}")
+        said.append(f"the best linear causal model of up to {MOST_POLES} poles reaches: {reached}")
         for termination, spans in self.spans_hz.items():
             if spans:
                 said.append(f"left over in the {termination} sweep: {show_band(spans[0][0], spans[-1][1])}{_parts(spans)}")

@@ -274,7 +274,7 @@ def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: 
     if few:
         return bases
     bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]
-    if "Cf" in searched:
+    if searched.keys() >= {"Cr", "Cf"}:
         bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
     return bases
 
