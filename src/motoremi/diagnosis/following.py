@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.diagnosis.foresee import Parting, parting
+from motoremi.diagnosis.foresee import Parting, answering, parting
 from motoremi.diagnosis.menu import MENU, Option
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
@@ -41,8 +41,7 @@ def next_measurement(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
     if len(rivals) > 1:
         return _separating(rivals[:MOST_RIVALS])
     if fit.effects:
-        effect = find_effect(fit.effects[-1]).effect
-        return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}
+        return _confirming(fit)
     undetermined = fit.undetermined()
     if "Ra" in undetermined:
         return {"id": "dc-resistance", "why": "these sweeps do not determine Ra: measure it at DC with four wires and hold it in the fit"}
@@ -50,6 +49,23 @@ def next_measurement(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
         span = show_band(*fit.measurement.analyser.span_hz)
         return {"id": "wide-sweep", "why": f"these sweeps do not determine {', '.join(undetermined)}: sweep {span}"}
     return {"id": "repeat", "why": "nothing is missing; repeat after turning the shaft or warming up to see what changes"}
+
+
+def _confirming(fit: Fit) -> JsonDict:
+    """The change to which the effect that was added last would answer most."""
+    effect = find_effect(fit.effects[-1]).effect
+    foreseen = [(option, answering(option, fit)) for option in MENU if effect.name in option.effects]
+    option, answer = max(foreseen, key=lambda entry: entry[1].ratio, default=(None, Parting(0.0)))
+    if option is None or answer.ratio < CLEAR:
+        return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}
+    found: JsonDict = {
+        "id": option.name,
+        "why": f"to confirm {effect.name}: {option.action}; the {answer.place} sweep should change by {answer.ratio:.0f} times its "
+        f"repeatability near {show(answer.frequency_hz, 'Hz')}. Or: {effect.deciding}",
+    }
+    if option.procedure:
+        found["procedure"] = f"{option.procedure}.toml"
+    return found
 
 
 def _separating(rivals: Sequence[Fit]) -> JsonDict:

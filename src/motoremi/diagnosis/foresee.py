@@ -132,6 +132,17 @@ def _by_change(option: Option, one: Fit, other: Fit) -> Parting:
     return best
 
 
+def answering(option: Option, fit: Fit) -> Parting:
+    """How much a change would move a model's own impedance; nothing for what is not a change."""
+    best = Parting(0.0)
+    if option.kind == "change":
+        grid = np.geomspace(*_span(fit), POINTS)
+        sigma = np.hypot(fit.floor_percent / 100, REPEATABILITY)
+        for termination in fit.measurement.terminations:
+            best = max(best, _largest(np.abs(_response(option, fit, termination, grid)) / sigma, grid, termination), key=lambda p: p.ratio)
+    return best
+
+
 def _response(option: Option, fit: Fit, termination: str, grid: FloatArray) -> ComplexArray:
     """ln of the impedance after a change over that before."""
     before = fit.model_ohm(termination, grid)
