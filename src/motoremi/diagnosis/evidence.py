@@ -167,11 +167,18 @@ def simplest_form(fit: Fit, effect: str) -> float:
     return gained
 
 
+def looked_elsewhere(fit: Fit, effect: str) -> float:
+    """What the log evidence loses for a parameter that was found by a scan over all frequencies: it could have been any of them."""
+    scanned = sum(not parameter.vary for parameter in find_effect(effect).effect.parameters)
+    return float(scanned * np.log(np.unique(fit.problem.observed.frequency_hz).size))
+
+
 def evaluate(before: Fit, effect: str, scouted: Scouted, polished: bool) -> Candidate:
     """The candidate that a first look leads to."""
     fit = settled(scouted, before, thorough=False, polished=polished)
     bounds = at_bound(fit, effect)
-    return Candidate(effect, fit, fit.log_evidence + simplest_form(fit, effect) - BOUND_PENALTY * len(bounds), bounds)
+    prior = simplest_form(fit, effect) - looked_elsewhere(fit, effect) - BOUND_PENALTY * len(bounds)
+    return Candidate(effect, fit, fit.log_evidence + prior, bounds)
 
 
 def possible_effects(fit: Fit) -> list[str]:
