@@ -1,0 +1,242 @@
+"""The workbench as a web application: routes, and errors as sentences."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Awaitable, Callable, Collection
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.bench.procedure import BenchFile
+from motoremi.data.paths import inside
+from motoremi.data.plain import object_from_json, plain
+from motoremi.data.text import clean_text, clean_value
+from motoremi.diagnosis.compare import Tolerance
+from motoremi.errors import BadInput, MotoremiError
+from motoremi.workbench import challenge, emission, views
+from motoremi.workbench.bench import Asked, Workplace
+from motoremi.workbench.desk import Desk
+from motoremi.workbench.events import Events
+from motoremi.workbench.guard import REPORT_POLICY, Guard
+from motoremi.workbench.shelf import Shelf
+from motoremi.workbench.terms import TERMS
+
+STATIC = Path(str(resources.files("motoremi.workbench") / "static"))
+# What may be taken out of a session's report folder.
+REPORT_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".pdf": "application/pdf",
+    ".json": "application/json",
+    ".csv": "text/csv; charset=utf-8",
+    ".xml": "application/xml",
+}
+
+
+class Workbench:
+    """The application's state and its answers.
+
+    Parameters
+    ----------
+    shelf : Shelf
+    bench_file : BenchFile, optional
+    """
+
+    def __init__(self, shelf: Shelf, bench_file: BenchFile | None = None) -> None:
+        self.shelf = shelf
+        self.events = Events()
+        self.place = Workplace(shelf, self.events, bench_file)
+
+    def desk(self, request: Request) -> Desk:
+        """The session that an address names."""
+        return self.shelf.desk(request.path_params["id"])
+
+    def progress(self, identifier: str) -> Progress:
+        """Tell pages how far an analysis is."""
+
+        def tell(name: str, done: int, total: int) -> None:
+            self.events.publish("progress", {"session": identifier, "doing": name, "done": done, "total": total})
+
+        return tell
+
+    def changed(self, identifier: str) -> None:
+        """Tell pages to look again."""
+        self.events.publish("changed", {"session": identifier})
+
+
+def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
+    """The whole application behind its guard."""
+    w = workbench
+    session = "/api/sessions/{id}"
+    routes = [
+        Route("/", lambda request: FileResponse(STATIC / "index.html")),
+        Mount("/static", StaticFiles(directory=STATIC, follow_symlink=True)),
+        Route("/api/events", _stream(w)),
+        _get("/api/terms", lambda request: TERMS),
+        _get("/api/bench", lambda request: w.place.overview()),
+        _post("/api/bench/look", lambda request, body: w.place.look(Asked.of(body))),
+        _post("/api/run", lambda request, body: w.place.begin(Asked.of(body))),
+        _post("/api/run/stop", lambda request, body: w.place.stop()),
+        _post("/api/run/answer", lambda request, body: w.place.answer()),
+        _get("/api/run/trace/{seq:int}", lambda request: w.place.trace(request.path_params["seq"])),
+        _get("/api/sessions", lambda request: _sessions(w)),
+        _get(session, lambda request: views.head(w.desk(request), request.path_params["id"])),
+        _get(session + "/curves", lambda request: views.curves(w.desk(request))),
+        _get(session + "/fails", lambda request: views.fails(w.desk(request))),
+        _get(session + "/effects", lambda request: views.effects(w.desk(request))),
+        _get(session + "/signature", lambda request: views.signature(w.desk(request), request.query_params.get("effect", ""))),
+        _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""))),
+        _get(session + "/next", lambda request: views.following(w.desk(request))),
+        _get(session + "/emission", lambda request: {**views.spectra(w.desk(request)), "can_predict": emission.available()}),
+        _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
+        _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
+        _post(session + "/fit", _changing(w, lambda desk, body, progress: desk.fit())),
+        _post(session + "/diagnose", _changing(w, _diagnose)),
+        _post(session + "/add", _changing(w, _add)),
+        _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, *desk.drop()))),
+        _post(session + "/judge", _changing(w, _judge)),
+        _post(session + "/predict", _changing(w, lambda desk, body, progress: emission.predict(desk, _text(body, "limit")))),
+        _post(session + "/report", _changing(w, lambda desk, body, progress: {"files": desk.report()})),
+        _post(session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body), progress))),
+        _post("/api/challenge", lambda request, body: _new_challenge(w)),
+        Route(session + "/report/{name}", _report_file(w)),
+    ]
+    return Guard(Starlette(routes=routes, exception_handlers={HTTPException: _no_such_page}), token, hosts)
+
+
+def _get(path: str, answer: Callable[[Request], Any]) -> Route:
+    async def endpoint(request: Request) -> Response:
+        return await _in_words(lambda: _json(answer(request)))
+
+    return Route(path, endpoint)
+
+
+def _post(path: str, answer: Callable[[Request, JsonDict], Any]) -> Route:
+    async def endpoint(request: Request) -> Response:
+        try:
+            body = object_from_json(await request.body() or b"{}")
+        except ValueError as error:
+            return _sentence(f"the request is not a JSON object: {error}", 400)
+        return await _in_words(lambda: _json(answer(request, body)))
+
+    return Route(path, endpoint, methods=["POST"])
+
+
+def _json(told: Any) -> Response:
+    return JSONResponse(clean_value(plain({} if told is None else told)))
+
+
+def _sentence(text: str, status: int) -> Response:
+    return JSONResponse({"error": clean_text(" ".join(text.split()))}, status_code=status)
+
+
+async def _in_words(answer: Callable[[], Response]) -> Response:
+    """An answer worked out beside the event loop; whatever goes wrong is told in a sentence."""
+    try:
+        return await run_in_threadpool(answer)
+    except MotoremiError as error:
+        return _sentence(str(error), 502 if error.exit_status == 3 else 400)
+    except OSError as error:
+        return _sentence(error.strerror or str(error), 400)
+    except Exception as error:
+        return _sentence(f"internal error ({type(error).__name__}: {error}); report it", 500)
+
+
+async def _no_such_page(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return _sentence(f"{error.detail}: {request.url.path}", error.status_code)
+
+
+def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any]) -> Callable[[Request, JsonDict], Any]:
+    """An action on a session, after which every page looks again."""
+
+    def act(request: Request, body: JsonDict) -> Any:
+        identifier = request.path_params["id"]
+        told = change(w.desk(request), body, w.progress(identifier))
+        w.changed(identifier)
+        return told
+
+    return act
+
+
+def _stream(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
+    async def endpoint(request: Request) -> Response:
+        return StreamingResponse(w.events.stream(w.place.state), media_type="text/event-stream")
+
+    return endpoint
+
+
+def _sessions(w: Workbench) -> JsonDict:
+    return {"first": w.shelf.first, "sessions": [{"id": key, "name": path.name} for key, path in w.shelf.offered().items()]}
+
+
+def _text(body: JsonDict, key: str) -> str:
+    value = body.get(key, "")
+    if not isinstance(value, str):
+        raise BadInput(f"{key} must be text")
+    return value
+
+
+def _names(body: JsonDict) -> list[str]:
+    names = body.get("answer", [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise BadInput("answer must be a list of names")
+    return names
+
+
+def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
+    if challenge.is_open_challenge(desk.session):
+        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+    desk.diagnose(progress)
+
+
+def _add(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
+    return _step(desk, *desk.add(_text(body, "effect")))
+
+
+def _step(desk: Desk, before: Any, after: Any) -> JsonDict:
+    return {"before": views.step_of(before), "after": views.step_of(after)}
+
+
+def _judge(desk: Desk, body: JsonDict, progress: Progress) -> None:
+    limits = {}
+    for key in ("error_percent", "magnitude_db", "phase_deg"):
+        value = body.get(key)
+        if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
+            raise BadInput(f"{key} must be a number")
+        limits[key] = value
+    desk.judge(Tolerance(**limits))
+
+
+def _new_challenge(w: Workbench) -> JsonDict:
+    folder = challenge.new_challenge(w.shelf.fresh("challenge"), secrets.randbelow(2**31))
+    return {"session": w.shelf.place(folder)}
+
+
+def _report_file(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
+    async def endpoint(request: Request) -> Response:
+        return await _in_words(lambda: _file_of(w, request))
+
+    return endpoint
+
+
+def _file_of(w: Workbench, request: Request) -> Response:
+    name = request.path_params["name"]
+    kind = REPORT_TYPES.get(os.path.splitext(name)[1])
+    if kind is None:
+        raise BadInput("a report has no such file")
+    path = inside(w.desk(request).path, f"report/{name}")
+    if not path.is_file():
+        raise BadInput("this session has no such report file yet: write the report first")
+    shown = "inline" if request.query_params.get("show") else "attachment"
+    return FileResponse(path, media_type=kind, filename=name, content_disposition_type=shown, headers={"Content-Security-Policy": REPORT_POLICY})

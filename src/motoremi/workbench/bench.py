@@ -1,0 +1,208 @@
+"""What the bench view can do: say what answers, and start, answer and stop a run."""
+
+from __future__ import annotations
+
+import secrets
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.connect import driver_class, driver_names
+from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, ready_procedures
+from motoremi.bench.runner import make_bench, resumable, start_document
+from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
+from motoremi.data.paths import inside
+from motoremi.data.session import SessionWriter, load, reopen
+from motoremi.data.source import decode, read_bytes
+from motoremi.errors import BadInput, InstrumentError
+from motoremi.simulate.effects import DEMO_EFFECTS
+from motoremi.workbench.events import Events
+from motoremi.workbench.runs import Run
+from motoremi.workbench.shelf import Shelf
+from motoremi.workbench.views import glossary, rounded
+
+SIMULATED, REAL = "simulated", "real"
+LONGEST_NAME = 200
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the page asks of a run.
+
+    Parameters
+    ----------
+    procedure : str
+        Of those that come along.
+    bench : {"simulated", "real"}
+    motor, operator : str
+    seed : int
+        Simulated bench: which motor.
+    hides : str
+        Simulated bench: an effect, "nothing", or "something" that nobody is told.
+    ask : bool
+        Whether the operator is asked before each connection; always so on a real bench.
+    """
+
+    procedure: str
+    bench: str
+    motor: str
+    operator: str
+    seed: int
+    hides: str
+    ask: bool
+
+    @classmethod
+    def of(cls, body: Mapping[str, Any]) -> Asked:
+        """Check what a page sent."""
+        texts = {key: body.get(key, "") for key in ("procedure", "bench", "motor", "operator", "hides")}
+        for key, text in texts.items():
+            if not isinstance(text, str) or len(text) > LONGEST_NAME:
+                raise BadInput(f"{key} must be text of at most {LONGEST_NAME} characters")
+        seed = body.get("seed", 1)
+        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**31:
+            raise BadInput("the seed must be a whole number from 0 on")
+        if texts["procedure"] not in ready_procedures():
+            raise BadInput(f"there is no procedure of that name; choose one of {', '.join(ready_procedures())}")
+        return cls(**texts, seed=seed, ask=bool(body.get("ask", False)))
+
+
+class Workplace:
+    """The bench of one workbench: at most one run at a time.
+
+    Parameters
+    ----------
+    shelf : Shelf
+    events : Events
+    bench_file : BenchFile, optional
+        The real bench, named at the start; a page cannot name one.
+    """
+
+    def __init__(self, shelf: Shelf, events: Events, bench_file: BenchFile | None = None) -> None:
+        self._shelf = shelf
+        self._events = events
+        self._bench_file = bench_file
+        self._turn = threading.Lock()
+        self.run: Run | None = None
+
+    def overview(self) -> JsonDict:
+        """Procedures, benches and drivers."""
+        titles = glossary()
+        return {
+            "procedures": [_procedure(name) for name in ready_procedures()],
+            "drivers": {name: (driver_class(name).__doc__ or "").strip().splitlines()[0] for name in driver_names()},
+            "real": None if self._bench_file is None else {str(role): name for role, name in self._bench_file.resources.items()},
+            "operator": "" if self._bench_file is None else self._bench_file.operator,
+            "hideable": {name: titles[name] for name in DEMO_EFFECTS},
+        }
+
+    def state(self) -> JsonDict:
+        """The run that is going on or was the last, for a page that opens now."""
+        return {"run": None if self.run is None else self.run.state()}
+
+    def look(self, asked: Asked) -> JsonDict:
+        """Ask each instrument of a procedure who it is."""
+        self._refuse_while_running()
+        procedure, bench_file = load_procedure(asked.procedure), self._bench(asked)
+        bench = make_bench(bench_file)
+        found = []
+        try:
+            for role, spec in procedure.instruments.items():
+                resource = bench_file.resource(role, spec.resource)
+                entry: JsonDict = {"role": role, "driver": spec.driver, "resource": resource}
+                try:
+                    driver = bench.open(role, spec.driver, resource, lambda record: None)
+                    try:
+                        entry["identity"] = driver.identify().to_dict()
+                    finally:
+                        driver.close()
+                except InstrumentError as error:
+                    entry["trouble"] = str(error)
+                found.append(entry)
+        finally:
+            bench.close()
+        return {"found": found}
+
+    def begin(self, asked: Asked) -> JsonDict:
+        """Start a run; returns its session's identifier."""
+        procedure, bench_file = load_procedure(asked.procedure), self._bench(asked)
+        folder = self._shelf.fresh("run")
+        start = start_document(procedure, bench_file)
+        if asked.motor:
+            start["motor"] = asked.motor
+        return self._start(procedure, bench_file, folder, lambda: SessionWriter.create(folder, start), asked.ask, None)
+
+    def resume(self, identifier: str, asked: Asked) -> JsonDict:
+        """Go on with an interrupted session."""
+        folder, bench_file = self._shelf.desk(identifier).path, self._bench(asked)
+        procedure, done = resumable(load(folder), bench_file)
+        return self._start(procedure, bench_file, folder, lambda: reopen(folder), asked.ask, done)
+
+    def trace(self, seq: int) -> JsonDict:
+        """What one document of the run says was measured."""
+        if self.run is None:
+            raise BadInput("there is no run")
+        document = self.run.document(seq)
+        kind, file = document["kind"], document.get("file")
+        text = decode(read_bytes(inside(self.run.folder, file)), str(file))
+        if kind == "spectrum":
+            spectrum = parse_spectrum_csv(text, str(file))
+            return {"kind": kind, "frequency_hz": rounded(spectrum.frequency_hz), "level_dbuv": rounded(spectrum.level_dbuv)}
+        if kind not in ("sweep", "standard"):
+            raise BadInput(f"document {seq} is no measurement")
+        sweep = parse_impedance_csv(text, str(file), str(document.get("termination", "open")))
+        told = {"frequency_hz": rounded(sweep.frequency_hz), "real": rounded(sweep.impedance_ohm.real), "imag": rounded(sweep.impedance_ohm.imag)}
+        return {"kind": kind, **told}
+
+    def answer(self) -> None:
+        """The operator has connected what was asked for."""
+        if self.run is not None:
+            self.run.answer()
+
+    def stop(self) -> None:
+        """Stop the run at its next exchange."""
+        if self.run is not None:
+            self.run.stop()
+
+    def leave(self) -> None:
+        """The workbench ends: instruments first."""
+        if self.run is not None and self.run.active:
+            self.run.stop()
+            self.run.wait()
+
+    def _start(self, procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Any, ask: bool, done: Any) -> JsonDict:
+        with self._turn:
+            self._refuse_while_running()
+            identifier = self._shelf.place(folder)
+            ask = ask or bench_file.backend != "sim"
+            self.run = Run(identifier, procedure, bench_file, begin, folder, self._events, ask, done)
+            self._events.publish("state", self.state())
+            self.run.start()
+        return {"session": identifier}
+
+    def _refuse_while_running(self) -> None:
+        if self.run is not None and self.run.active:
+            raise BadInput("a run is going on: wait for its end or stop it first")
+
+    def _bench(self, asked: Asked) -> BenchFile:
+        if asked.bench == REAL:
+            if self._bench_file is None:
+                raise BadInput("no bench file was named at the start: motoremi workbench --bench bench.toml")
+            return self._bench_file.model_copy(update={"operator": asked.operator or self._bench_file.operator})
+        if asked.bench != SIMULATED:
+            raise BadInput("choose the simulated or the real bench")
+        hidden = {"nothing": (), "something": (secrets.choice(DEMO_EFFECTS),)}.get(asked.hides)
+        if hidden is None:
+            if asked.hides not in DEMO_EFFECTS:
+                raise BadInput(f"the simulated motor can hide one of {', '.join(DEMO_EFFECTS)}")
+            hidden = (asked.hides,)
+        return BenchFile(backend="sim", operator=asked.operator, seed=asked.seed, effects=hidden)
+
+
+def _procedure(name: str) -> JsonDict:
+    procedure = load_procedure(name)
+    steps = [{"do": planned.step.do, "parameters": planned.step.parameters()} for planned in procedure.plan]
+    instruments = {str(role): spec.driver for role, spec in procedure.instruments.items()}
+    return {"name": name, "title": procedure.title, "steps": steps, "instruments": instruments}

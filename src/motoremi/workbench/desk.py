@@ -1,0 +1,211 @@
+"""One opened session: its models kept in memory as long as nobody else changes the folder, and fits prepared before they are asked for."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.data.measurement import Measurement
+from motoremi.data.paths import SESSION, inside
+from motoremi.data.session import Session, load
+from motoremi.diagnosis.compare import Comparison, Tolerance, compare
+from motoremi.diagnosis.element import Inspection, inspect
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit, restore
+from motoremi.model.effects import find_effect
+from motoremi.workflow import (
+    Store,
+    compare_session,
+    diagnose_session,
+    fit_session,
+    measurement_of,
+    opened,
+    report_session,
+    save_ladder,
+)
+
+LADDER = "analysis/ladder.json"
+# Fits that are kept in case somebody clicks on them; each holds its problem's arrays.
+MOST_PREPARED = 60
+Stamp: TypeAlias = tuple[int, int] | None
+
+
+class Desk:
+    """An opened session.
+
+    A page, a command line and a bench run may take turns on one session: everything kept here is dropped when its files have changed.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._turn = threading.RLock()
+        self._stamp: Stamp = None
+        self._ladder_stamp: Stamp = None
+        self._session: Session | None = None
+        self._measurement: Measurement | None = None
+        self._steps: tuple[Fit, ...] = ()
+        self._prepared: dict[tuple[object, ...], Fit] = {}
+        self._looking: object = None
+
+    @property
+    def session(self) -> Session:
+        """The session as it is on disk now."""
+        with self._turn:
+            self._refresh()
+            assert self._session is not None
+            return self._session
+
+    @property
+    def steps(self) -> tuple[Fit, ...]:
+        """The ladder, base first; empty before the first fit."""
+        with self._turn:
+            self._refresh()
+            return self._steps
+
+    @property
+    def top(self) -> Fit:
+        """The model that stands.
+
+        Raises
+        ------
+        BadInput
+            Before the first fit.
+        """
+        steps = self.steps
+        if not steps:
+            raise BadInput("there is no model yet: fit this session first")
+        return steps[-1]
+
+    def fit(self) -> None:
+        """Fit the model that the ladder stands at, from the bottom."""
+        self.change(fit_session)
+
+    def diagnose(self, progress: Progress | None = None) -> None:
+        """Which effect is missing from the model that stands."""
+        self.change(lambda store: diagnose_session(store, progress=progress))
+
+    def judge(self, tolerance: Tolerance) -> None:
+        """Hold the model that stands against the measurement, by this tolerance from now on."""
+        self.change(lambda store: compare_session(store, tolerance))
+
+    def report(self) -> list[str]:
+        """Write the report; returns the names of its files."""
+        files: list[Path] = []
+        self.change(lambda store: files.extend(report_session(store)))
+        return [file.name for file in files]
+
+    def save(self, name: str, payload: JsonDict) -> None:
+        """Store an analysis of the page's own."""
+        self.change(lambda store: store.save_analysis(name, payload))
+
+    def change(self, action: Callable[[Store], object]) -> None:
+        """Do something with the session open for writing."""
+        with self._turn:
+            with opened(self.path) as store:
+                action(store)
+            self._stamp = None
+
+    def prepared(self, effect: str) -> Fit:
+        """The model that stands with one more effect, fitted; kept, so that adding it afterwards takes no time."""
+        find_effect(effect)
+        with self._turn:
+            before = self.top
+            key = (before.objective, before.effects, effect)
+            if key not in self._prepared:
+                if len(self._prepared) >= MOST_PREPARED:
+                    self._prepared.pop(next(iter(self._prepared)))
+                self._prepared[key] = before.add(effect)
+            return self._prepared[key]
+
+    def glance(self, effect: str) -> tuple[Fit, Fit] | None:
+        """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
+        self._looking = asked = object()
+        with self._turn:
+            return (self.top, self.prepared(effect)) if self._looking is asked else None
+
+    def add(self, effect: str) -> tuple[Fit, Fit]:
+        """Put an effect on top of the ladder; returns the model before and after."""
+        self._looking = None
+        with self._turn:
+            before, after = self.top, self.prepared(effect)
+            self._store_ladder((*self._steps, after))
+            return before, after
+
+    def drop(self) -> tuple[Fit, Fit]:
+        """Step back on the ladder; returns the model before and after."""
+        with self._turn:
+            steps = self.steps
+            if len(steps) < 2:
+                raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
+            self._store_ladder(steps[:-1])
+            return steps[-1], steps[-2]
+
+    def comparison(self, step: Fit) -> Comparison:
+        """A model against the measurement, by the tolerance used last."""
+        stored = self.session.analysis("comparison")
+        return compare(step, None if stored is None else _tolerance(stored))
+
+    def inspection(self, element: str) -> Inspection:
+        """What an element would have to be."""
+        return inspect(self.top, element)
+
+    def _store_ladder(self, steps: Sequence[Fit]) -> None:
+        with opened(self.path) as store:
+            # Under the lock of an open session: from here on nobody else writes.
+            if self._file_stamp(LADDER) != self._ladder_stamp:
+                raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
+            save_ladder(store, steps)
+        self._stamp = None
+
+    def _refresh(self) -> None:
+        stamp = self._file_stamp(SESSION)
+        if stamp == self._stamp and self._session is not None:
+            return
+        ladder_stamp = self._file_stamp(LADDER)
+        session = load(self.path)
+        if self._session is None or _measured(session) != _measured(self._session):
+            self._measurement = measurement_of(session) if session.sweeps else None
+            self._prepared.clear()
+        measurement = self._measurement
+        self._steps = () if measurement is None else tuple(restore(step["fit"], measurement) for step in _ladder(session))
+        self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
+
+    def _file_stamp(self, name: str) -> Stamp:
+        try:
+            found = inside(self.path, name).stat()
+        except OSError:
+            return None
+        return found.st_mtime_ns, found.st_size
+
+
+def _ladder(session: Session) -> list[JsonDict]:
+    """The stored steps.
+
+    Raises
+    ------
+    BadInput
+        If the file was written by something else than this software.
+    """
+    steps = session.ladder
+    if not all(isinstance(step, dict) and isinstance(step.get("fit"), dict) for step in steps):
+        raise BadInput("the stored ladder cannot be read: fit this session again")
+    return steps
+
+
+def _measured(session: Session) -> list[object]:
+    """What the measured files are: analyses come and go without changing it."""
+    return [document.get("sha256") for document in session.documents if document["kind"] == "sweep"]
+
+
+def _tolerance(stored: JsonDict) -> Tolerance:
+    try:
+        return Tolerance(**stored["tolerance"])
+    except (KeyError, TypeError) as error:
+        raise BadInput("the stored comparison cannot be read: judge this session again") from error

@@ -1,0 +1,61 @@
+"""What happens, told to every open page as server-sent events."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.data.plain import plain
+from motoremi.data.text import clean_value
+
+# Shorter than what proxies and browsers take for a dead connection.
+HEARTBEAT_S = 15.0
+
+
+class Events:
+    """Tells pages; may be told from any thread. A page that goes away changes nothing for anybody else."""
+
+    def __init__(self) -> None:
+        self._pages: set[asyncio.Queue[str]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def publish(self, kind: str, data: JsonDict) -> None:
+        """Tell every page that is open now."""
+        loop = self._loop
+        if loop is None or loop.is_closed():
+            return
+        text = _event(kind, data)
+        loop.call_soon_threadsafe(self._put, text)
+
+    def _put(self, text: str) -> None:
+        for page in self._pages:
+            page.put_nowait(text)
+
+    async def stream(self, state: Callable[[], JsonDict]) -> AsyncIterator[str]:
+        """One page's stream: first the state, so that a page opened in mid-run catches up, then everything that happens.
+
+        Parameters
+        ----------
+        state : callable
+            What there is to catch up with; asked after the page listens, so that nothing falls in between.
+        """
+        self._loop = asyncio.get_running_loop()
+        page: asyncio.Queue[str] = asyncio.Queue()
+        self._pages.add(page)
+        try:
+            yield _event("state", state())
+            while True:
+                try:
+                    yield await asyncio.wait_for(page.get(), HEARTBEAT_S)
+                except TimeoutError:
+                    yield ": still here\n\n"
+        finally:
+            self._pages.discard(page)
+
+
+def _event(kind: str, data: Any) -> str:
+    # JSON has no bare line ends, so one data line is enough.
+    return f"event: {kind}\ndata: {json.dumps(clean_value(plain(data)), allow_nan=False)}\n\n"

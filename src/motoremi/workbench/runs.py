@@ -1,0 +1,197 @@
+"""A procedure that runs in a thread of its own while pages come and go."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.procedure import BenchFile, Procedure
+from motoremi.bench.progress import RunProgress
+from motoremi.bench.rehearsal import rehearse
+from motoremi.bench.resume import Done
+from motoremi.bench.runner import make_bench, run
+from motoremi.data.session import SessionWriter
+from motoremi.errors import BadInput, MotoremiError
+from motoremi.workbench.events import Events
+from motoremi.workflow import analyse
+
+# Pages are told of progress no more often than this.
+TELL_EVERY_S = 0.1
+
+
+class Stopped(KeyboardInterrupt):
+    """The operator pressed Stop: to a run this is Ctrl-C."""
+
+
+class Run:
+    """One run of a procedure.
+
+    Parameters
+    ----------
+    session : str
+        Identifier of the session that it fills.
+    procedure, bench_file
+        What to do, and where.
+    begin : callable
+        Opens the session for writing.
+    folder : Path
+    events : Events
+    ask : bool
+        Whether the operator is asked to connect things, and the run waits for the answer.
+    done : Done, optional
+        What an earlier run of this session has finished.
+    """
+
+    def __init__(
+        self,
+        session: str,
+        procedure: Procedure,
+        bench_file: BenchFile,
+        begin: Callable[[], SessionWriter],
+        folder: Path,
+        events: Events,
+        ask: bool,
+        done: Done | None = None,
+    ) -> None:
+        self.session = session
+        self.folder = folder
+        self._procedure = procedure
+        self._bench_file = bench_file
+        self._begin = begin
+        self._events = events
+        self._ask = ask
+        self._done = done
+        self._documents: list[JsonDict] = []
+        self._status = "running"
+        self._message = ""
+        self._prompt = ""
+        self._progress: JsonDict = {}
+        self._told_s = 0.0
+        self._stop = threading.Event()
+        self._answered = threading.Event()
+        self._thread = threading.Thread(target=self._work, name=f"run {folder.name}")
+
+    @property
+    def active(self) -> bool:
+        """Whether instruments may still be in use."""
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop at the next exchange; the instruments are made safe and the data kept."""
+        self._stop.set()
+        self._answered.set()
+
+    def answer(self) -> None:
+        """The operator has connected what was asked for."""
+        self._answered.set()
+
+    def wait(self) -> None:
+        """Until the instruments are safe and the session is closed."""
+        self._thread.join()
+
+    def state(self) -> JsonDict:
+        """Everything so far, for a page that comes in the middle."""
+        return {**self._now(), "documents": list(self._documents)}
+
+    def document(self, seq: int) -> JsonDict:
+        """A document of this run by its number."""
+        for document in list(self._documents):
+            if document["seq"] == seq:
+                return document
+        raise BadInput(f"this run has no document {seq}")
+
+    def _now(self) -> JsonDict:
+        return {
+            "session": self.session,
+            "name": self.folder.name,
+            "title": self._procedure.title,
+            "steps": len(self._procedure.plan),
+            "status": self._status,
+            "message": self._message,
+            "prompt": self._prompt,
+            "progress": self._progress,
+        }
+
+    def _tell(self) -> None:
+        self._events.publish("run", self._now())
+
+    def _work(self) -> None:
+        try:
+            self._measure()
+            self._status, self._message = "done", "the run is complete"
+        except Stopped:
+            self._status, self._message = "stopped", "stopped by the operator; the instruments are safe and what was measured is kept"
+        except MotoremiError as error:
+            self._status, self._message = "failed", str(error)
+        except Exception as error:
+            # A run must end in words on every page, whatever happened.
+            self._status, self._message = "failed", f"internal error ({type(error).__name__}: {error}); report it"
+        self._tell()
+
+    def _measure(self) -> None:
+        bench = make_bench(self._bench_file)
+        try:
+            with self._begin() as writer:
+                writer.subscribe(self._document)
+                ticks = [self._tick]
+                try:
+                    rehearsed = rehearse(self._procedure, self._bench_file)
+                except BadInput:
+                    # A driver of somebody else has no simulated instrument: the run is as good without its remaining time.
+                    pass
+                else:
+                    progress = RunProgress(rehearsed, bench.clock, self._show)
+                    writer.subscribe(progress.document)
+                    ticks.append(progress.tick)
+
+                def tick() -> None:
+                    for one in ticks:
+                        one()
+
+                run(self._procedure, bench, writer, analyse=self._analyse, prompt=self._wait_for_operator, tick=tick, done=self._done)
+        finally:
+            bench.close()
+
+    def _analyse(self, kind: str, store: Any, parameters: JsonDict) -> JsonDict | None:
+        self._tick()
+        return analyse(self._diagnosing)(kind, store, parameters)
+
+    def _diagnosing(self, name: str, done: int, total: int) -> None:
+        self._tick()
+        self._show(name, done, total, "effects")
+
+    def _document(self, document: JsonDict) -> None:
+        self._documents.append(document)
+        self._events.publish("document", {"session": self.session, "document": document})
+
+    def _show(self, doing: str, done: int, total: int, unit: str = "s") -> None:
+        self._progress = {"doing": doing, "done": done, "total": total, "unit": unit}
+        if time.monotonic() - self._told_s > TELL_EVERY_S:
+            self._told_s = time.monotonic()
+            self._tell()
+
+    def _tick(self) -> None:
+        if self._stop.is_set():
+            raise Stopped
+
+    def _wait_for_operator(self, text: str) -> None:
+        self._tick()
+        if not self._ask:
+            return
+        self._answered.clear()
+        self._prompt = text
+        self._tell()
+        # Stop may have been pressed between the look at it and the clearing.
+        while not self._stop.is_set() and not self._answered.wait(1.0):
+            pass
+        self._prompt = ""
+        self._tell()
+        self._tick()

@@ -1,0 +1,76 @@
+"""Serve the workbench on the loopback address until it is stopped."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from motoremi.bench.procedure import BenchFile
+from motoremi.errors import BadInput
+from motoremi.workbench.app import Workbench, make_app
+from motoremi.workbench.shelf import Shelf
+
+LOOPBACK = "127.0.0.1"
+# Streams of open pages are cut after this long when the workbench ends.
+FAREWELL_S = 1
+
+
+def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port: int, ready: Callable[[str], None]) -> None:
+    """Serve until Ctrl-C.
+
+    Parameters
+    ----------
+    folder : Path
+        Where new sessions are made.
+    sessions : list of Path
+        Sessions to open at once.
+    bench_file : BenchFile or None
+        The real bench.
+    port : int
+        0 takes a free one.
+    ready : callable
+        Told the address, token and all, as soon as it answers.
+
+    Raises
+    ------
+    BadInput
+        If the port is taken, or the folder is none.
+    """
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder")
+    workbench = Workbench(Shelf(folder, sessions), bench_file)
+    token = secrets.token_urlsafe(32)
+    with _listening(port) as listener:
+        actual = listener.getsockname()[1]
+        app = make_app(workbench, token, {f"{LOOPBACK}:{actual}", f"localhost:{actual}"})
+        config = uvicorn.Config(
+            app,
+            log_level="warning",
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            server_header=False,
+            timeout_graceful_shutdown=FAREWELL_S,
+        )
+        # The socket listens already: whoever reads the address may come at once.
+        ready(f"http://{LOOPBACK}:{actual}/?token={token}")
+        try:
+            uvicorn.Server(config).run(sockets=[listener])
+        finally:
+            workbench.place.leave()
+
+
+def _listening(port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((LOOPBACK, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise BadInput(f"port {port}: {error.strerror}; another workbench may be using it (--port 0 takes a free one)") from error
+    return listener

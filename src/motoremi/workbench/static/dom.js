@@ -1,0 +1,36 @@
+// Elements are made from text, never from markup: nothing that a file or an instrument says can become one.
+
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name === "value") element.value = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+export function svg(tag, attributes = {}, ...children) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...children);
+  return element;
+}
+
+export function table(head, rows, attributes = {}) {
+  const cells = (kind, row) => row.map((cell) => (cell instanceof HTMLTableCellElement ? cell : h(kind, {}, cell)));
+  return h("div", { class: "scroll" },
+    h("table", attributes,
+      h("thead", {}, h("tr", {}, cells("th", head))),
+      h("tbody", {}, rows.map((row) => (row instanceof HTMLTableRowElement ? row : h("tr", {}, cells("td", row)))))));
+}
+
+export function card(title, ...children) {
+  return h("section", { class: "card" }, h("h2", {}, title), ...children);
+}
+
+export function button(text, action, attributes = {}) {
+  return h("button", { type: "button", onclick: action, ...attributes }, text);
+}

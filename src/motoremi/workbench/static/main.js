@@ -1,0 +1,221 @@
+// The frame of the page: which session, which view, keys, theme, and what the workbench tells by itself.
+
+import { get, sessionPath, Trouble } from "./api.js";
+import { button, h, table } from "./dom.js";
+import { leaveAll, repaint } from "./plot.js";
+import { hideTip, loadTerms } from "./terms.js";
+import { percent } from "./units.js";
+import { bench } from "./views/bench.js";
+import { challenge } from "./views/challenge.js";
+import { effects } from "./views/effects.js";
+import { emission } from "./views/emission.js";
+import { fails } from "./views/fails.js";
+import { inspect } from "./views/inspect.js";
+import { next } from "./views/next.js";
+import { report } from "./views/report.js";
+import { session } from "./views/session.js";
+
+const VIEWS = { bench, session, fails, effects, inspect, next, emission, report, challenge };
+const WITHOUT_SESSION = new Set(["bench", "challenge"]);
+const KEYS = [
+  ["1 - 9", "views, from Bench to Challenge"], ["T", "light or dark"], ["?", "this list"], ["Esc", "closes this list, a hint or a message"],
+  ["Arrow keys", "in plots: cursor (with Shift in larger steps); in the list of effects: up and down"], ["+ - 0", "in plots: zoom in, out, show all"],
+  ["A B", "in plots: set marks"], ["Enter", "in the list of effects: add"], ["D", "in the list of effects: drop the last one added"], ["U", "in Session: units"],
+];
+const main = document.getElementById("main");
+const element = (id) => document.getElementById(id);
+
+// What the views share.
+export const page = {
+  session: "", head: null, run: null, view: null, listeners: new Set(),
+
+  async choose(id) {
+    page.session = id;
+    await refreshSessions();
+    await page.refresh();
+  },
+
+  async refresh() {
+    page.head = page.session ? await get(sessionPath(page.session)) : null;
+    tellStand();
+  },
+
+  go(view) {
+    location.hash = `#${view}`;
+  },
+
+  // Does something that may take a while or go wrong; says so either way.
+  async work(doing, action) {
+    quiet();
+    const waiting = setTimeout(() => busy(doing), 150);
+    main.setAttribute("aria-busy", "true");
+    try {
+      return await action();
+    } catch (trouble) {
+      if (!(trouble instanceof Trouble)) throw trouble;
+      complain(trouble.message);
+      return undefined;
+    } finally {
+      clearTimeout(waiting);
+      main.removeAttribute("aria-busy");
+      busy("");
+    }
+  },
+
+  redraw,
+  complain,
+};
+
+function tellStand() {
+  const head = page.head;
+  element("stands").textContent = "";
+  if (!head) return;
+  const top = head.ladder.at(-1);
+  element("stands").textContent = top ? `model: ${["paper's circuit", ...top.effects].join(" + ")}, error ${percent(top.rms_error_percent)}` : "no model yet";
+}
+
+function complain(text) {
+  const place = element("trouble");
+  place.replaceChildren(h("span", {}, text), button("Close", quiet));
+  place.hidden = false;
+}
+
+function quiet() {
+  element("trouble").hidden = true;
+}
+
+function busy(text) {
+  element("busy").textContent = text;
+  element("busy").hidden = !text;
+}
+
+async function refreshSessions() {
+  const told = await get("/api/sessions");
+  if (!page.session) page.session = told.first || told.sessions[0]?.id || "";
+  const choice = element("session");
+  choice.replaceChildren(...told.sessions.map((one) => h("option", { value: one.id }, one.name)));
+  if (!told.sessions.length) choice.append(h("option", { value: "" }, "none yet"));
+  choice.value = page.session;
+}
+
+const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "session" : "bench");
+let drawing = 0;
+
+// The view is built beside the page and put in at once when it is complete.
+async function redraw(keep = false) {
+  const name = wanted(), turn = ++drawing;
+  for (const link of document.querySelectorAll("#views a")) link.toggleAttribute("aria-current", link.hash === `#${name}`);
+  hideTip();
+  await page.work("reading", async () => {
+    if (!WITHOUT_SESSION.has(name) && !page.session) {
+      leaveAll();
+      main.replaceChildren(h("p", { class: "empty" }, "There is no session yet: run a procedure (view Bench), take a challenge (view Challenge), or import your files with 'motoremi import'."));
+      return;
+    }
+    const told = await VIEWS[name].load?.(page);
+    if (turn !== drawing) return;
+    leaveAll();
+    page.listeners.clear();
+    page.view = name;
+    main.replaceChildren();
+    VIEWS[name].draw(main, told, page);
+    main.dataset.view = name;
+    if (!keep) scrollTo(0, 0);
+  });
+  if (turn === drawing && main.dataset.view !== name && page.view !== name) {
+    // The view could not be read; the sentence that says why stands above.
+    leaveAll();
+    main.replaceChildren(h("p", { class: "empty" }, VIEWS[name].without ?? "Nothing to show yet."), ...(VIEWS[name].remedy?.(page) ?? []));
+    main.dataset.view = name;
+    page.view = name;
+  }
+}
+
+function theme(next) {
+  document.documentElement.dataset.theme = next;
+  localStorage.setItem("motoremi-theme", next);
+  repaint();
+}
+
+function otherTheme() {
+  const dark = getComputedStyle(document.documentElement).colorScheme.includes("dark");
+  theme(dark ? "light" : "dark");
+}
+
+function keys() {
+  const list = element("keys");
+  list.replaceChildren(h("h2", {}, "Keys"), table(["key", "does"], KEYS), button("Close", () => list.close()));
+  list.showModal();
+}
+
+function keydown(event) {
+  if (event.key === "Escape") {
+    hideTip();
+    quiet();
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
+  const name = Object.keys(VIEWS)[Number(event.key) - 1];
+  if (name) {
+    page.go(name);
+    main.focus();
+  } else if (event.key === "?") keys();
+  else if (event.key === "t" || event.key === "T") otherTheme();
+  else page.viewKey?.(event);
+}
+
+function listen() {
+  const stream = new EventSource("/api/events");
+  const told = (event) => JSON.parse(event.data);
+  const tell = (kind, data) => [...page.listeners].forEach((listener) => listener(kind, data));
+  stream.addEventListener("state", (event) => {
+    page.run = told(event).run;
+    tell("run", page.run);
+  });
+  stream.addEventListener("run", (event) => {
+    const now = told(event);
+    const ended = page.run?.status === "running" && now.status !== "running";
+    page.run = { ...page.run, ...now };
+    tell("run", page.run);
+    if (ended) tell("ended", page.run);
+  });
+  stream.addEventListener("document", (event) => {
+    const { session, document } = told(event);
+    // After a reconnection the state and the stream may overlap.
+    if (page.run?.session !== session || page.run.documents.some((one) => one.seq === document.seq)) return;
+    page.run.documents.push(document);
+    tell("document", document);
+  });
+  stream.addEventListener("progress", (event) => {
+    const { doing, done, total } = told(event);
+    if (!element("busy").hidden) busy(`trying ${doing} (${done} of ${total})`);
+  });
+  stream.addEventListener("changed", (event) => {
+    if (told(event).session === page.session) tell("changed");
+  });
+}
+
+async function start() {
+  const kept = localStorage.getItem("motoremi-theme");
+  if (kept) document.documentElement.dataset.theme = kept;
+  element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}` }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
+  element("theme").addEventListener("click", otherTheme);
+  element("help").addEventListener("click", keys);
+  element("session").addEventListener("change", async (event) => {
+    await page.work("reading", () => page.choose(event.target.value));
+    await redraw();
+  });
+  addEventListener("hashchange", () => {
+    page.viewKey = null;
+    page.view = null;
+    redraw();
+  });
+  document.addEventListener("keydown", keydown);
+  listen();
+  await page.work("reading", async () => {
+    await Promise.all([loadTerms(), refreshSessions()]);
+    await page.refresh();
+  });
+  await redraw();
+}
+
+start();

@@ -1,0 +1,243 @@
+// A sweep over log frequency: drag to zoom, a cursor with units, two marks, and all of it by keyboard.
+
+import { button, h } from "./dom.js";
+import { show } from "./units.js";
+
+/* global uPlot */
+
+const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const live = new Set();
+
+// Frame of one view: its plots share the frequency axis, the cursor and the marks.
+export class Plots {
+  constructor(where) {
+    this.where = where;
+    this.plots = [];
+    this.marks = { A: null, B: null };
+    this.key = `plots${Math.random()}`;
+    this.readout = h("p", { class: "readout", role: "status" }, "");
+    this.host = h("div", { class: "plots", tabindex: 0, role: "group", "aria-label": "Plots: arrow keys move the cursor, + and - zoom, 0 shows all, A and B set marks", onkeydown: (event) => this.keydown(event) });
+    this.tools = h("div", { class: "tools" },
+      button("Zoom in", () => this.zoom(0.5), { title: "+" }), button("Zoom out", () => this.zoom(2), { title: "-" }), button("Show all", () => this.all(), { title: "0" }),
+      button("Mark A", () => this.mark("A"), { title: "A" }), button("Mark B", () => this.mark("B"), { title: "B" }));
+    where.append(this.tools, this.host, this.readout);
+    live.add(this);
+    this.watch = new ResizeObserver(() => this.resize());
+    this.watch.observe(this.host);
+  }
+
+  // series: [{label, values, color, unit, width, dash, points, band}]; x in hertz.
+  add(title, x, series, { log = false, unit = "", height = 230, digits = 4 } = {}) {
+    const holder = h("figure", {}, h("figcaption", {}, title, ...series.filter((one) => one.label).map((one) => legend(one))));
+    this.host.append(holder);
+    const frame = { holder, x, series, unit, digits, log, height };
+    frame.plot = new uPlot(this.options(frame), [x, ...series.map((one) => one.values)], holder);
+    this.plots.push(frame);
+    return frame;
+  }
+
+  options(frame) {
+    const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--grid"), width: 1 }, font: "12px system-ui, sans-serif" };
+    return {
+      width: Math.max(240, this.host.clientWidth - 2), height: frame.height, legend: { show: false }, focus: { alpha: 1 },
+      cursor: { sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
+      scales: {
+        x: { distr: 3, time: false, range: (plot, low, high) => [low, high] },
+        y: frame.log ? { distr: 3, range: logRange } : { range: (plot, low, high) => padded(low, high) },
+      },
+      series: [{}, ...frame.series.map((one) => ({
+        label: one.label, stroke: color(one.color), width: one.width ?? 1.5, dash: one.dash, spanGaps: false,
+        points: { show: one.points ?? false, size: 4, stroke: color(one.color), fill: color(one.color) },
+        paths: one.points ? () => null : undefined,
+      }))],
+      bands: frame.series.flatMap((one, index) => (one.band ? [{ series: [index + 1, index + 2], fill: color("--band") }] : [])),
+      axes: [
+        { ...axis, splits: (plot, index, low, high) => logTicks(low, high, plot.width / 70), filter: (plot, splits) => splits, values: (plot, splits) => splits.map((value) => show(value, "Hz", 5)) },
+        { ...axis, size: 72, values: (plot, splits) => splits.map((value) => show(value, frame.unit, 5)),
+          ...(frame.log ? { splits: (plot, index, low, high) => logTicks(low, high, plot.height / 30), filter: (plot, splits) => splits } : {}) },
+      ],
+      hooks: {
+        setCursor: [(plot) => this.moved(plot)],
+        setScale: [(plot, name) => name === "x" && this.follow(plot)],
+        draw: [(plot) => this.drawMarks(plot)],
+      },
+    };
+  }
+
+  moved(plot) {
+    const index = plot.cursor.idx;
+    if (index === null || index === undefined || this.moving) return;
+    this.at = plot.data[0][index];
+    this.tell();
+  }
+
+  tell() {
+    if (this.at === undefined) return;
+    const lines = [`${show(this.at, "Hz", 6)}: ${this.valuesAt(this.at)}`];
+    const { A, B } = this.marks;
+    if (A) lines.push(`A ${show(A, "Hz", 6)}: ${this.valuesAt(A)}`);
+    if (B) lines.push(`B ${show(B, "Hz", 6)}: ${this.valuesAt(B)}`);
+    if (A && B) lines.push(`B - A: ${show(B - A, "Hz", 5)}, ratio ${show(B / A, "", 5)}`);
+    this.readout.textContent = lines.join("\n");
+  }
+
+  valuesAt(hertz) {
+    return this.plots.flatMap((frame) => {
+      const index = nearest(frame.x, hertz);
+      return frame.series.filter((one) => one.label).map((one) => `${one.label} ${show(one.values[index], frame.unit, frame.digits)}`);
+    }).join(", ");
+  }
+
+  // All plots of the view show the same span.
+  follow(plot) {
+    if (this.following || plot.scales.x.min === null) return;
+    this.following = true;
+    for (const frame of this.plots) if (frame.plot !== plot) frame.plot.setScale("x", { min: plot.scales.x.min, max: plot.scales.x.max });
+    this.following = false;
+    this.onspan?.(plot.scales.x.min, plot.scales.x.max);
+  }
+
+  span(low, high) {
+    this.plots[0]?.plot.setScale("x", { min: low, max: high });
+  }
+
+  zoom(factor) {
+    const scale = this.plots[0]?.plot.scales.x;
+    if (!scale) return;
+    const [low, high] = this.whole(), middle = Math.log(this.at && this.at > scale.min && this.at < scale.max ? this.at : Math.sqrt(scale.min * scale.max));
+    this.span(Math.max(low, Math.exp(middle + factor * (Math.log(scale.min) - middle))), Math.min(high, Math.exp(middle + factor * (Math.log(scale.max) - middle))));
+  }
+
+  whole() {
+    return [Math.min(...this.plots.map((frame) => frame.x[0])), Math.max(...this.plots.map((frame) => frame.x.at(-1)))];
+  }
+
+  all() {
+    this.span(...this.whole());
+  }
+
+  mark(name) {
+    this.marks[name] = this.at ?? Math.sqrt(this.whole()[0] * this.whole()[1]);
+    this.at ??= this.marks[name];
+    this.tell();
+    for (const frame of this.plots) frame.plot.redraw(false);
+  }
+
+  drawMarks(plot) {
+    const { ctx, bbox } = plot;
+    for (const [name, hertz] of Object.entries(this.marks)) {
+      if (hertz === null || hertz < plot.scales.x.min || hertz > plot.scales.x.max) continue;
+      const x = plot.valToPos(hertz, "x", true);
+      ctx.save();
+      ctx.strokeStyle = ctx.fillStyle = color("--mark");
+      ctx.lineWidth = 1;
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+      ctx.textAlign = "left";
+      ctx.fillText(name, x + 4, bbox.top + 12);
+      ctx.restore();
+    }
+  }
+
+  move(by) {
+    const frame = this.plots[0];
+    if (!frame) return;
+    const at = this.at === undefined ? Math.floor(frame.x.length / 2) : nearest(frame.x, this.at);
+    const index = Math.min(frame.x.length - 1, Math.max(0, at + by));
+    this.at = frame.x[index];
+    this.moving = true;
+    for (const one of this.plots) one.plot.setCursor({ left: one.plot.valToPos(this.at, "x"), top: 10 });
+    this.moving = false;
+    this.tell();
+  }
+
+  keydown(event) {
+    const wide = event.shiftKey ? 20 : 1;
+    const keys = {
+      ArrowLeft: () => this.move(-wide), ArrowRight: () => this.move(wide), "+": () => this.zoom(0.5), "=": () => this.zoom(0.5), "-": () => this.zoom(2),
+      0: () => this.all(), a: () => this.mark("A"), b: () => this.mark("B"),
+    };
+    const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    action();
+  }
+
+  resize() {
+    const width = Math.max(240, this.host.clientWidth - 2);
+    for (const frame of this.plots) if (frame.plot.width !== width) frame.plot.setSize({ width, height: frame.height });
+  }
+
+  destroy() {
+    live.delete(this);
+    this.watch.disconnect();
+    for (const frame of this.plots) frame.plot.destroy();
+    this.plots = [];
+    this.tools.remove();
+    this.host.remove();
+    this.readout.remove();
+  }
+}
+
+// Colours are read when a plot is made.
+export function repaint() {
+  for (const group of live) {
+    for (const frame of group.plots) {
+      const { min, max } = frame.plot.scales.x;
+      const data = frame.plot.data;
+      frame.plot.destroy();
+      frame.plot = new uPlot(group.options(frame), data, frame.holder);
+      frame.plot.setScale("x", { min, max });
+    }
+  }
+}
+
+export function leaveAll() {
+  for (const group of [...live]) group.destroy();
+}
+
+function legend(one) {
+  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? "dashes" : "line"} c${one.color.slice(2)}` }, one.label);
+}
+
+function nearest(x, value) {
+  let low = 0, high = x.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (x[middle] < value) low = middle;
+    else high = middle;
+  }
+  return value - x[low] < x[high] - value ? low : high;
+}
+
+function padded(low, high) {
+  if (low === null || high === null) return [0, 1];
+  const margin = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
+  return [low - margin, high + margin];
+}
+
+function logRange(plot, low, high) {
+  if (!(low > 0) || !(high > 0)) return [0.1, 10];
+  const margin = Math.max((high / low) ** 0.06, 1.05);
+  return [low / margin, high * margin];
+}
+
+// 1-2-5 ticks over decades, even steps within less than one.
+function logTicks(low, high, most) {
+  const ticks = [];
+  if (high / low > 8) {
+    const decades = Math.log10(high / low);
+    const leads = decades * 3 <= most ? [1, 2, 5] : [1];
+    const every = Math.max(1, Math.ceil(decades / most));
+    for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += every)
+      for (const lead of leads) ticks.push(Number(`${lead}e${power}`));
+  } else {
+    const rough = (high - low) / Math.max(2, Math.min(6, most)), unit = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 5, 10].map((lead) => lead * unit).find((one) => one >= rough);
+    for (let count = Math.ceil(low / step); count * step <= high; count++) ticks.push(Number((count * step).toPrecision(12)));
+  }
+  return ticks.filter((value) => value >= low && value <= high);
+}

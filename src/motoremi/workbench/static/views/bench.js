@@ -1,0 +1,159 @@
+// The bench: what answers, run a procedure, watch the sweeps arrive, answer prompts, stop.
+
+import { get, post, sessionPath } from "../api.js";
+import { button, card, h, table } from "../dom.js";
+import { Plots } from "../plot.js";
+import { term } from "../terms.js";
+import { band, show } from "../units.js";
+
+const MEASURED = new Set(["sweep", "spectrum", "standard"]);
+
+export const bench = {
+  title: "Bench",
+  load: () => get("/api/bench"),
+
+  draw(where, told, page) {
+    const place = { told, page, traces: [] };
+    place.live = h("div", {});
+    where.append(h("div", { class: "columns" }, h("div", {}, form(place)), place.live));
+    if (page.run) drawRun(place);
+    page.listeners.add((kind, data) => {
+      if (kind === "run") drawState(place);
+      else if (kind === "document") arrived(place, data);
+      else if (kind === "ended") page.work("reading", () => page.choose(data.session));
+    });
+  },
+};
+
+function form(place) {
+  const { told, page } = place;
+  const kept = page.benchForm ?? { procedure: page.procedure ?? "full_motor_test", bench: told.real ? "real" : "simulated", motor: "", operator: told.operator, seed: 1, hides: "something", ask: false };
+  page.benchForm = kept;
+  if (page.procedure) kept.procedure = page.procedure;
+  page.procedure = null;
+  const resume = page.resume;
+  page.resume = null;
+  const field = (name, input) => { input.id = `bench-${name}`; input.addEventListener("change", () => { kept[name] = input.type === "checkbox" ? input.checked : input.type === "number" ? Number(input.value) : input.value; update(); }); return input; };
+  const select = (name, options) => field(name, h("select", {}, Object.entries(options).map(([value, text]) => h("option", { value, selected: value === kept[name] }, text))));
+  const label = (text, id) => h("label", { for: `bench-${id}` }, text);
+  const steps = h("div", { class: "wide" }), found = h("div", { class: "wide", id: "found" }), simulated = [];
+  const only = (element) => { simulated.push(element); return element; };
+  const update = () => {
+    for (const element of simulated) element.hidden = kept.bench !== "simulated";
+    const procedure = told.procedures.find((one) => one.name === kept.procedure);
+    steps.replaceChildren(h("details", {}, h("summary", {}, `${procedure.steps.length} steps with ${Object.entries(procedure.instruments).map(([role, driver]) => `${role} ${driver}`).join(", ")}`),
+      h("ol", {}, procedure.steps.map((step) => h("li", {}, `${step.do} ${Object.entries(step.parameters).map(([key, value]) => `${key} ${value}`).join(", ")}`)))));
+  };
+  const submit = (event) => {
+    event.preventDefault();
+    page.work("starting", () => post("/api/run", kept));
+  };
+  const look = async () => {
+    const answers = await page.work("asking the instruments who they are", () => post("/api/bench/look", kept));
+    if (!answers) return;
+    found.replaceChildren(table(["role", "where", "who answers"], answers.found.map((one) => [one.role, one.resource, one.identity ? h("span", {}, Object.values(one.identity).join(" ")) : h("span", { class: "bad" }, one.trouble)])));
+  };
+  const hidden = { something: "something, nobody is told what", nothing: "nothing", ...Object.fromEntries(Object.entries(told.hideable).map(([id, title]) => [id, `${id}: ${title}`])) };
+  const box = card("Run a procedure",
+    h("form", { class: "fields", onsubmit: submit },
+      h("span", {}, label("Procedure", "procedure"), " ", term("procedure", "?")), select("procedure", Object.fromEntries(told.procedures.map((one) => [one.name, `${one.name}: ${one.title}`]))),
+      steps,
+      h("span", {}, label("Bench", "bench"), " ", term("bench", "?")), select("bench", { simulated: "simulated instruments and motor", ...(told.real ? { real: "the instruments of the bench file" } : {}) }),
+      label("Motor", "motor"), field("motor", h("input", { type: "text", maxlength: 200, value: kept.motor, placeholder: "type and serial number" })),
+      h("span", {}, label("Operator", "operator"), " ", term("operator", "?")), field("operator", h("input", { type: "text", maxlength: 200, value: kept.operator })),
+      only(h("span", {}, label("Number of the motor", "seed"), " ", term("seed", "?"))), only(field("seed", h("input", { type: "number", min: 0, step: 1, value: kept.seed }))),
+      only(label("The motor hides", "hides")), only(select("hides", hidden)),
+      only(h("label", { class: "wide" }, field("ask", h("input", { type: "checkbox", checked: kept.ask })), " ask me before each connection, as on a real bench")),
+      h("div", { class: "row wide" }, h("button", { type: "submit", class: "main", id: "run" }, "Run"), button("What answers?", look, { id: "look" }),
+        resume && button("Go on with the interrupted run", () => page.work("going on", () => post(sessionPath(resume.session, "/resume"), { ...kept, bench: resume.bench })), { class: "main", id: "resume" }))),
+    found);
+  update();
+  return box;
+}
+
+function drawRun(place) {
+  const { page } = place;
+  place.session = page.run.session;
+  place.heading = h("p", {});
+  place.bar = h("progress", { max: 1 });
+  place.status = h("p", { role: "status", id: "run-status" });
+  place.prompt = h("div", { role: "alert", id: "prompt" });
+  place.controls = h("div", { class: "row" });
+  place.log = h("pre", { class: "log", id: "run-log", tabindex: 0, "aria-label": "What the run did" });
+  place.plots?.destroy();
+  place.plots = null;
+  place.trace = card("What arrives", h("p", { class: "note", id: "arriving" }, "nothing measured yet"));
+  place.live.replaceChildren(card("Run", place.heading, place.bar, place.status, place.prompt, place.controls, place.log), place.trace);
+  for (const document of page.run.documents) note(place, document);
+  const last = page.run.documents.filter((one) => MEASURED.has(one.kind)).at(-1);
+  if (last) trace(place, last);
+  drawState(place);
+}
+
+function drawState(place) {
+  const { page } = place, run = page.run;
+  if (!run) return;
+  if (place.session !== run.session) {
+    drawRun(place);
+    return;
+  }
+  const progress = run.progress ?? {}, running = run.status === "running";
+  place.heading.textContent = `${run.title} (${run.name})`;
+  place.bar.hidden = !running;
+  if (progress.total) place.bar.value = progress.done / progress.total;
+  const left = progress.unit === "s" ? `about ${show(progress.total - progress.done, "s", 3)} of measuring left` : `${progress.done} of ${progress.total}`;
+  place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.total ? `: ${left}` : ""}` : run.message;
+  place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
+  place.prompt.replaceChildren(...(run.prompt ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt), button("Connected", () => page.work("going on", () => post("/api/run/answer")), { class: "main", id: "connected" }))] : []));
+  if (place.shown === `${run.session} ${run.status}`) return;
+  place.shown = `${run.session} ${run.status}`;
+  place.controls.replaceChildren(running
+    ? button("Stop", () => page.work("stopping: the instruments are made safe", () => post("/api/run/stop")), { id: "stop" })
+    : button("Show the session", async () => { await page.choose(run.session); page.go("session"); }, { class: "main", id: "show-session" }));
+}
+
+function arrived(place, document) {
+  if (!place.log) return;
+  note(place, document);
+  if (MEASURED.has(document.kind)) trace(place, document);
+}
+
+async function trace(place, document) {
+  const label = [document.termination, document.detector, document.standard, document.condition].filter(Boolean).join(" ");
+  place.latest = document.seq;
+  let told;
+  try {
+    told = await get(`/api/run/trace/${document.seq}`);
+  } catch (trouble) {
+    place.page.complain(trouble.message);
+    return;
+  }
+  // A later sweep may have arrived while this one was read.
+  if (place.latest !== document.seq || !place.trace.isConnected) return;
+  place.plots?.destroy();
+  place.plots = new Plots(place.trace);
+  const [values, unit] = told.kind === "spectrum" ? [told.level_dbuv, "dBµV"] : [told.real.map((value, index) => Math.hypot(value, told.imag[index])), "Ω"];
+  place.trace.querySelector("#arriving").textContent = `${label} ${document.kind}, ${document.points} points, ${band(...document.span_hz)} → ${document.file}`;
+  place.plots.add(told.kind === "spectrum" ? "level" : "magnitude |Z|", told.frequency_hz, [{ label, values, color: "--measured" }], { unit, log: told.kind !== "spectrum", height: 260 });
+}
+
+function note(place, document) {
+  const text = words(document);
+  if (!text) return;
+  place.log.append(`${document.time.slice(11, 19)} ${text}\n`);
+  place.log.scrollTop = place.log.scrollHeight;
+}
+
+function words(document) {
+  switch (document.kind) {
+    case "start": return `session begun: ${document.title}`;
+    case "step-start": return `[${document.step}/${document.of}] ${document.do} ${Object.values(document.parameters).join(" ")}`;
+    case "instrument": return `  ${document.role}: ${Object.values(document.identity).join(" ")} at ${document.resource}`;
+    case "sweep": case "spectrum": case "standard": return `  ${[document.termination, document.detector, document.standard, document.condition].filter(Boolean).join(" ")} ${document.kind}: ${document.points} points`;
+    case "verdict": return `  ${document.do}: ${document.result.verdict ?? document.result.next_measurement?.id ?? ""} ${(document.result.effects ?? []).join(", ")}`;
+    case "safe": return document.safe ? `  ${document.role} is in its safe state` : `  ${document.role} could NOT be brought into its safe state: ${document.problem}`;
+    case "resume": return `going on at step ${document.step}`;
+    case "stop": return `session closed: ${document.status} ${document.reason ?? ""}`;
+    default: return "";
+  }
+}

@@ -1,0 +1,58 @@
+// Play against a sealed motor: your answer first, then what it hid and what the tool says.
+
+import { get, post, sessionPath } from "../api.js";
+import { button, card, h, table } from "../dom.js";
+import { term } from "../terms.js";
+import { share } from "../units.js";
+
+export const challenge = {
+  title: "Challenge",
+
+  async load(page) {
+    if (!page.session) return {};
+    await page.refresh();
+    if (!page.head.challenge) return {};
+    if (page.head.sealed) {
+      if (!page.head.ladder.length) await post(sessionPath(page.session, "/fit"));
+      return { sealed: await get(sessionPath(page.session, "/effects")) };
+    }
+    return { revealed: await get(sessionPath(page.session, "/challenge")) };
+  },
+
+  draw(where, told, page) {
+    where.append(card("A sealed motor", h("p", {}, term("challenge", "How this works"), ": a simulated motor may hide one effect, two, one that is in no catalogue, or nothing. Look at the sweeps, try effects, then answer."),
+      button("New challenge", () => begin(page), { id: "new-challenge", class: told.sealed ? "" : "main" })));
+    if (told.sealed) where.append(answer(told.sealed, page));
+    if (told.revealed) where.append(score(told.revealed));
+  },
+};
+
+async function begin(page) {
+  const made = await page.work("making a sealed motor", () => post("/api/challenge"));
+  if (!made) return;
+  await page.work("reading", () => page.choose(made.session));
+  await page.redraw();
+}
+
+function answer(told, page) {
+  const chosen = new Set();
+  const box = (value, text) => h("label", { class: "row" }, h("input", { type: "checkbox", value, onchange: (event) => (event.target.checked ? chosen.add(value) : chosen.delete(value)) }), text);
+  const give = (names) => async () => {
+    const done = await page.work("the tool diagnoses the same motor", () => post(sessionPath(page.session, "/challenge"), { answer: names ?? [...chosen] }));
+    if (done) await page.redraw();
+  };
+  return card("Your answer",
+    h("p", {}, "What does this motor hide? The views Session, Fails, Effects and Inspect work on it as on any other."),
+    h("div", { class: "row" }, button("Nothing is missing", give(["adequate"]), { id: "say-adequate" }), button("Something that is in no catalogue", give(["unexplained"]))),
+    h("fieldset", { class: "choices" }, h("legend", {}, "or one or two effects"), told.catalogue.map((one) => box(one.id, `${one.id}: ${one.title}`))),
+    button("Answer with the chosen effects", give(null), { class: "main", id: "say-effects" }));
+}
+
+function score(told) {
+  const tool = told.tool.answer;
+  const toolSaid = tool.effects.length ? `${tool.effects.join(" + ")}${tool.families.length ? ` (not told apart: ${tool.families.map((one) => one.join(", ")).join("; ")})` : ""}` : tool.verdict;
+  const mood = (outcome) => h("span", { class: outcome === "right" || outcome === "family" ? "good" : "bad" }, outcome);
+  return card("The seal is open",
+    h("p", { class: "large", id: "hidden" }, told.hidden.length ? told.hidden.join(" + ") : "it hid nothing"),
+    table(["", "answer", ""], [["you", told.yours.answer.join(" + "), mood(told.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(told.tool.outcome)]], { id: "score" }));
+}

@@ -1,0 +1,144 @@
+// Which effect is missing: the ranking with its evidence. Pointing at an effect shows its signature on this motor, a click adds it.
+
+import { get, post, sessionPath } from "../api.js";
+import { button, card, h, table } from "../dom.js";
+import { ladderDrawing } from "../ladder.js";
+import { Plots } from "../plot.js";
+import { term } from "../terms.js";
+import { percent, share, show } from "../units.js";
+
+// A pointer that only passes over a row asks for nothing.
+const REST_MS = 120;
+let resting = 0, shownFor = "";
+
+export const effects = {
+  title: "Effects",
+  without: "Effects are added to a fitted model: fit this session first (view Session).",
+
+  load: (page) => get(sessionPath(page.session, "/effects")),
+
+  draw(where, told, page) {
+    const place = { told, page };
+    place.outcome = h("p", { id: "outcome", role: "status", class: "large" }, "");
+    place.ladder = h("div", {});
+    place.signature = card("Signature");
+    place.list = h("div", {});
+    const sealed = told.sealed && h("p", { class: "note" }, "This motor is sealed: there is no ranking until you have given your answer (view Challenge). You can try effects by hand.");
+    where.append(h("div", { class: "columns" },
+      h("div", {},
+        card("Which effect is missing",
+          sealed || h("div", { class: "row" }, button(told.diagnosis ? "Diagnose again" : "Diagnose", () => diagnose(page), { class: told.diagnosis ? "" : "main", id: "diagnose" }), h("span", { class: "note" }, "refits the model with every effect of the catalogue")),
+          told.diagnosis && verdict(told), place.list)),
+      h("div", {}, card("Ladder", place.outcome, place.ladder, h("div", { class: "row" }, button("Drop the last effect", () => drop(place), { id: "drop" }))), place.signature)));
+    drawList(place);
+    drawLadder(place, told.ladder);
+    const first = rows(told)[0]?.effect;
+    if (first) look(place, first);
+    page.viewKey = (event) => {
+      if (event.key === "ArrowDown" || event.key === "ArrowUp") {
+        const all = [...place.list.querySelectorAll("button.effect")], at = all.indexOf(document.activeElement);
+        all[Math.min(all.length - 1, Math.max(0, at + (event.key === "ArrowDown" ? 1 : -1)))]?.focus();
+        event.preventDefault();
+      } else if (event.key.toLowerCase() === "d") drop(place);
+    };
+  },
+};
+
+const rows = (told) => told.diagnosis?.candidates ?? told.catalogue.map((one) => ({ effect: one.id, family: one.family }));
+
+function verdict(told) {
+  const found = told.diagnosis;
+  const good = found.verdict === "adequate";
+  return h("div", { id: "verdict" },
+    h("p", { class: good ? "good" : "" }, h("strong", {}, found.verdict), found.effects.length ? `: ${found.effects.join(" and ")}` : "", "; ", term("confidence"), ` ${share(found.confidence)}`),
+    found.reasons.map((text) => h("p", {}, text)),
+    found.families.length > 0 && h("p", {}, term("family", "not told apart"), `: ${found.families.map((one) => one.join(", ")).join("; ")}`),
+    found.caveats.map((text) => h("p", { class: "note" }, text)),
+    !told.current && h("p", { class: "bad" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since. Diagnose again to rank what is left.`));
+}
+
+function drawList(place) {
+  const { told } = place;
+  const titles = Object.fromEntries(told.catalogue.map((one) => [one.id, one]));
+  const row = (one) => {
+    const inModel = told.in_model.includes(one.effect);
+    const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${inModel ? "in the model:" : "add"} ${one.effect}`, onclick: () => add(place, one.effect), onfocus: () => rest(place, one.effect) }, one.effect);
+    const cells = [h("div", {}, name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect]?.title ?? one.family))];
+    if (told.diagnosis) cells.push(share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent), h("div", {}, one.parameters, !one.plausible && h("span", { class: "bad" }, " beyond its physical range")));
+    else cells.push(one.family);
+    return h("tr", { onmouseenter: () => rest(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
+  };
+  const head = told.diagnosis ? [term("effect"), term("probability"), term("delta BIC", "Δ BIC"), term("rms error"), "parameters"] : [term("effect"), "family"];
+  place.list.replaceChildren(table(head, rows(told).map(row), { id: "ranking" }));
+}
+
+function drawLadder(place, steps) {
+  place.ladder.replaceChildren(ladderDrawing(steps));
+  document.getElementById("drop").disabled = steps.length < 2;
+}
+
+function rest(place, effect) {
+  clearTimeout(resting);
+  resting = setTimeout(() => look(place, effect), REST_MS);
+}
+
+async function look(place, effect) {
+  shownFor = effect;
+  let told;
+  try {
+    told = await get(sessionPath(place.page.session, `/signature?effect=${encodeURIComponent(effect)}`));
+  } catch (trouble) {
+    if (shownFor === effect && place.signature.isConnected) place.signature.replaceChildren(h("h2", {}, `Signature: ${effect}`), h("p", {}, trouble.message));
+    return;
+  }
+  if (told.superseded || shownFor !== effect || !place.signature.isConnected) return;
+  place.plots?.forEach((one) => one.destroy());
+  place.plots = [];
+  place.signature.replaceChildren(
+    h("h2", {}, "Signature: ", h("span", { id: "signature-of" }, effect)),
+    h("p", {}, `With it the error is ${percent(told.after.rms_error_percent)}, now ${percent(told.before.rms_error_percent)}. `, term("signature", "How to read this")));
+  for (const sweep of told.sweeps) {
+    const box = h("div", {}, h("h3", {}, `${sweep.termination}-circuit sweep`));
+    place.signature.append(box);
+    const plots = new Plots(box);
+    place.plots.push(plots);
+    const pair = (unit) => [{ label: "wanted", values: sweep[`wanted_${unit}`], color: "--measured", points: sweep.frequency_hz.length <= 1000 }, { label: "given", values: sweep[`given_${unit}`], color: "--model" }];
+    plots.add("magnitude over the model's", sweep.frequency_hz, pair("db"), { unit: "dB", height: 150 });
+    plots.add("phase against the model's", sweep.frequency_hz, pair("deg"), { unit: "°", height: 130 });
+  }
+  const entry = told.entry;
+  place.signature.append(table(["", ""], [["what it is", entry.title], ["law", entry.formula], ["signature", entry.signature], ["look-alikes", entry.look_alikes.join(", ")], ["decided by", entry.deciding], ["source", entry.source]]));
+}
+
+async function add(place, effect) {
+  clearTimeout(resting);
+  const told = await place.page.work(`adding ${effect}`, () => post(sessionPath(place.page.session, "/add"), { effect }));
+  if (told) await stepped(place, told);
+}
+
+async function drop(place) {
+  const told = await place.page.work("going back one step", () => post(sessionPath(place.page.session, "/drop")));
+  if (told) await stepped(place, told);
+}
+
+// The new error first; the rest of the view follows.
+async function stepped(place, told) {
+  place.outcome.textContent = `error ${percent(told.before.rms_error_percent)} → ${percent(told.after.rms_error_percent)}`;
+  const { page } = place;
+  await page.work("reading", async () => {
+    const fresh = await get(sessionPath(page.session, "/effects"));
+    const focused = document.activeElement?.dataset?.effect;
+    Object.assign(place.told, fresh);
+    const box = document.getElementById("verdict");
+    if (box && fresh.diagnosis) box.replaceWith(verdict(fresh));
+    drawList(place);
+    drawLadder(place, fresh.ladder);
+    if (focused) place.list.querySelector(`[data-effect="${CSS.escape(focused)}"]`)?.focus();
+    await page.refresh();
+  });
+}
+
+async function diagnose(page) {
+  const done = await page.work("diagnosing: every effect of the catalogue is refitted", () => post(sessionPath(page.session, "/diagnose")));
+  if (done) await page.redraw();
+}

@@ -1,0 +1,41 @@
+// Emission spectra: measured, background, and prediction and limit where there are any.
+
+import { get, post, sessionPath } from "../api.js";
+import { button, card, h } from "../dom.js";
+import { Plots } from "../plot.js";
+import { term } from "../terms.js";
+
+/* global uPlot */
+
+export const emission = {
+  title: "Emission",
+  load: (page) => get(sessionPath(page.session, "/emission")),
+
+  draw(where, told, page) {
+    const { spectra, prediction } = told;
+    if (told.can_predict && spectra.length) where.append(h("div", { class: "row" }, button(prediction ? "Predict again" : "Predict from the fitted motor", () => predict(page), { class: "main", id: "predict" })));
+    if (prediction) where.append(card("Verdict", h("p", { class: prediction.verdict === "pass" ? "large good" : "large bad" }, String(prediction.verdict).toUpperCase()), h("p", { class: "note" }, term("prediction"), " against ", term("limit"))));
+    if (!spectra.length) where.append(h("p", { class: "empty" }, "No spectrum in this session: run 'emission only' or the full motor test (view Bench)."));
+    const columns = h("div", { class: "columns" });
+    where.append(columns);
+    for (const detector of [...new Set(spectra.map((one) => one.detector))]) {
+      const own = spectra.filter((one) => one.detector === detector);
+      const box = card("", ...own.map((one) => h("p", { class: "note" }, `${one.condition}: ${one.summary}`, one.overload > 0 && h("span", { class: "bad" }, ` ${one.overload} points overloaded`))));
+      box.firstChild.append(term(detector, `${detector} detector`));
+      columns.append(box);
+      const lines = own.map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
+      for (const [key, label, color, dash] of [["predicted_dbuv", "predicted", "--model", undefined], ["limit_dbuv", "limit", "--bad", [8, 4]]]) {
+        const values = prediction?.[key]?.[detector];
+        if (values) lines.push({ x: prediction.frequency_hz, values, label, color, dash });
+      }
+      // Spectra may stand on different frequencies.
+      const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
+      new Plots(box).add("level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 });
+    }
+    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
+  },
+};
+
+async function predict(page) {
+  await page.work("predicting the spectrum", () => post(sessionPath(page.session, "/predict")));
+}

@@ -1,0 +1,65 @@
+// Where the model fails: error per band, and the spans that hold most of it; a click zooms there.
+
+import { get, post, sessionPath } from "../api.js";
+import { card, h, table } from "../dom.js";
+import { Plots } from "../plot.js";
+import { term } from "../terms.js";
+import { percent, share, show } from "../units.js";
+import { errorSeries } from "./session.js";
+
+export const fails = {
+  title: "Fails",
+  without: "There is no model to hold against the measurement yet: fit this session first (view Session).",
+
+  async load(page) {
+    const told = await get(sessionPath(page.session, "/fails"));
+    return { told, curves: await get(sessionPath(page.session, "/curves")) };
+  },
+
+  draw(where, { told, curves }, page) {
+    const plots = {};
+    const zoom = (entry) => {
+      plots[entry.sweep].span(...entry.band_hz);
+      plots[entry.sweep].host.scrollIntoView({ block: "nearest" });
+    };
+    const row = (entry, cells) => {
+      const act = () => zoom(entry);
+      return h("tr", { class: "choice", tabindex: 0, onclick: act, onkeydown: (event) => { if (event.key === "Enter") act(); } },
+        cells.map((cell) => (cell instanceof HTMLElement ? h("td", {}, cell) : h("td", {}, cell))));
+    };
+    const verdict = (text) => h("span", { class: text === "pass" ? "good" : "bad" }, text === "pass" ? "PASS" : "FAIL");
+    const columns = h("div", { class: "columns" });
+    where.append(
+      h("div", { class: "columns" },
+        card("Where it fails most", h("p", { class: "note" }, "A click shows the span in the plot below."),
+          told.where.length
+            ? table(["sweep", "span", term("share", "share of the squared error"), term("rms error")], told.where.map((one) => row(one, [one.sweep, one.band, share(one.share), percent(one.rms_error_percent)])), { id: "where" })
+            : h("p", { class: "good" }, "Nowhere beyond the measurement's uncertainty.")),
+        card("Error per band", h("p", {}, verdict(told.verdict), ` within the `, term("tolerance"), ` of ${tolerance(told.tolerance)} at every point`),
+          table(["sweep", "band", "rms", "largest", "dB", "degrees", ""], told.bands.map((one) => row(one, [one.sweep, one.band, percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3), verdict(one.verdict)])), { id: "bands" }),
+          judge(told, page))),
+      columns);
+    for (const sweep of curves.sweeps) {
+      const box = card(`${sweep.termination}-circuit sweep`);
+      columns.append(box);
+      plots[sweep.termination] = new Plots(box);
+      const failing = sweep.error_percent.map((value, index) => (sweep.fails[index] ? value : null));
+      plots[sweep.termination].add("error", sweep.frequency_hz, [...errorSeries(sweep), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 });
+    }
+    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
+  },
+};
+
+function tolerance(limits) {
+  const told = [[limits.error_percent, "% error"], [limits.magnitude_db, "dB"], [limits.phase_deg, "degrees"]];
+  return told.filter(([value]) => value !== null).map(([value, unit]) => `${value} ${unit}`).join(", ");
+}
+
+function judge(told, page) {
+  const input = h("input", { type: "number", min: "0", step: "any", id: "tolerance", value: told.tolerance.error_percent ?? "" });
+  const submit = (event) => {
+    event.preventDefault();
+    page.work("judging", () => post(sessionPath(page.session, "/judge"), { error_percent: Number(input.value) }));
+  };
+  return h("form", { class: "row", onsubmit: submit }, h("label", {}, "Tolerance in % ", input), h("button", { type: "submit" }, "Judge"));
+}

@@ -1,0 +1,25 @@
+// The measurement that would best separate the candidates that still stand.
+
+import { get, sessionPath } from "../api.js";
+import { button, card, h, table } from "../dom.js";
+import { term } from "../terms.js";
+import { share, show } from "../units.js";
+
+export const next = {
+  title: "Next",
+  without: "What to measure next follows from a diagnosis: diagnose this session first (view Effects).",
+
+  load: (page) => get(sessionPath(page.session, "/next")),
+
+  draw(where, told, page) {
+    const procedure = told.procedure?.replace(/\.toml$/, "");
+    where.append(card("Measure next",
+      h("p", { class: "large", id: "next-id" }, told.id), h("p", {}, told.why), h("p", {}, term("next measurement", "How it was found")),
+      procedure && button(`Set up ${procedure} on the bench`, () => { page.procedure = procedure; page.go("bench"); }, { class: "main" })));
+    if (told.menu?.length) {
+      where.append(card("What else could be measured",
+        table(["measurement", "what to do", "pairs told apart", "smallest difference, in uncertainties"], told.menu.map((one) => [one.id, one.action, share(one.separates), show(one.ratio, "", 3)]))));
+    }
+    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
+  },
+};

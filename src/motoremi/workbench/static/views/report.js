@@ -1,0 +1,27 @@
+// The report: write it, look at it, take its files.
+
+import { post, sessionPath } from "../api.js";
+import { button, card, h } from "../dom.js";
+
+const KINDS = { html: "the report as a page", pdf: "the report on paper", json: "all data, for machines", csv: "parameters and bands, for a spreadsheet", xml: "verdicts as JUnit, for CI" };
+
+export const report = {
+  title: "Report",
+
+  draw(where, told, page) {
+    const files = h("ul", { id: "report-files" });
+    const write = async () => {
+      const made = await page.work("writing the report", () => post(sessionPath(page.session, "/report")));
+      if (made) files.replaceChildren(...made.files.map((name) => entry(page, name)));
+    };
+    where.append(card("Report",
+      h("p", {}, "Identity, sweeps, model, where it fails, ladder, ranking, spectra, what was not done, and the next measurement, as they stand now."),
+      button("Write the report", write, { class: "main", id: "write-report" }), files));
+  },
+};
+
+function entry(page, name) {
+  const address = sessionPath(page.session, `/report/${encodeURIComponent(name)}`);
+  const look = name.endsWith(".html") && [" ", h("a", { href: `${address}?show=1`, target: "_blank", rel: "noopener" }, "look at it")];
+  return h("li", {}, h("a", { href: address, download: name }, name), `: ${KINDS[name.split(".").at(-1)] ?? ""}`, look);
+}

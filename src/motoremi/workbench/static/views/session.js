@@ -1,0 +1,113 @@
+// Measured against model, for each termination: magnitude and phase (or R and X), and the error.
+
+import { get, post, sessionPath } from "../api.js";
+import { button, card, h, table } from "../dom.js";
+import { ladderDrawing } from "../ladder.js";
+import { Plots } from "../plot.js";
+import { term } from "../terms.js";
+import { percent, show } from "../units.js";
+
+const UNITS = { ohm: "|Z| in Ω and phase", decibel: "|Z| in dBΩ and phase", cartesian: "R and X in Ω" };
+let units = "ohm";
+
+export const session = {
+  title: "Session",
+
+  async load(page) {
+    await page.refresh();
+    const curves = page.head.sweeps.length ? await get(sessionPath(page.session, "/curves")) : { model: false, sweeps: [] };
+    return { head: page.head, curves };
+  },
+
+  draw(where, { head, curves }, page) {
+    const choice = h("select", { id: "units", value: units, onchange: (event) => { units = event.target.value; page.redraw(true); } },
+      Object.entries(UNITS).map(([key, text]) => h("option", { value: key, selected: key === units }, text)));
+    const resume = head.resumable && button("Go on with this run", () => goOn(page), { class: "main" });
+    where.append(h("div", { class: "row" },
+      h("label", {}, "Units ", choice), button(curves.model ? "Fit again" : "Fit the paper's circuit", () => fit(page), { class: curves.model ? "" : "main", id: "fit" }), resume));
+    const columns = h("div", { class: "columns" });
+    where.append(columns);
+    for (const sweep of curves.sweeps) {
+      const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.frequency_hz.length} points`));
+      columns.append(box);
+      drawSweep(box, sweep, curves.model);
+    }
+    if (!curves.sweeps.length) columns.append(h("p", { class: "empty" }, "No impedance sweep in this session."));
+    const facts = h("div", { class: "columns" });
+    where.append(facts);
+    if (head.ladder.length) facts.append(model(head));
+    facts.append(identity(head));
+    page.viewKey = (event) => {
+      if (event.key.toLowerCase() !== "u") return;
+      const names = Object.keys(UNITS);
+      units = names[(names.indexOf(units) + 1) % names.length];
+      page.redraw(true);
+    };
+    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
+  },
+};
+
+async function fit(page) {
+  await page.work("fitting: ants, then the likelihood on all points", () => post(sessionPath(page.session, "/fit")));
+}
+
+function goOn(page) {
+  page.resume = { session: page.session, bench: page.head.start.backend === "sim" ? "simulated" : "real" };
+  page.go("bench");
+}
+
+export function drawSweep(box, sweep, hasModel) {
+  const plots = new Plots(box), x = sweep.frequency_hz;
+  const measured = complexParts(sweep.real, sweep.imag);
+  const model = hasModel ? complexParts(sweep.model_real, sweep.model_imag) : null;
+  const pair = (label, key) => [
+    { label: `measured ${label}`, values: measured[key], color: "--measured", points: x.length <= 1000 },
+    ...(model ? [{ label: `model ${label}`, values: model[key], color: "--model" }] : []),
+  ];
+  if (units === "cartesian") {
+    plots.add("resistance R", x, pair("R", "real"), { unit: "Ω" });
+    plots.add("reactance X", x, pair("X", "imag"), { unit: "Ω" });
+  } else {
+    if (units === "ohm") plots.add("magnitude |Z|", x, pair("|Z|", "magnitude"), { unit: "Ω", log: true });
+    else plots.add("magnitude |Z| in dBΩ", x, pair("|Z|", "decibel"), { unit: "dBΩ" });
+    plots.add("phase", x, pair("phase", "phase"), { unit: "°", height: 180 });
+  }
+  if (hasModel) plots.add("error against the uncertainty", x, errorSeries(sweep), { unit: "%", log: true, height: 170, digits: 3 });
+  return plots;
+}
+
+export function errorSeries(sweep) {
+  return [
+    { label: "error", values: sweep.error_percent.map((value) => Math.max(value, 1e-6)), color: "--model" },
+    { label: "uncertainty", values: sweep.uncertainty_percent, color: "--other", dash: [6, 4] },
+  ];
+}
+
+function complexParts(real, imag) {
+  const magnitude = real.map((value, index) => Math.hypot(value, imag[index]));
+  return {
+    real, imag, magnitude, decibel: magnitude.map((value) => 20 * Math.log10(value)),
+    phase: real.map((value, index) => (Math.atan2(imag[index], value) * 180) / Math.PI),
+  };
+}
+
+function model(head) {
+  const top = head.ladder.at(-1);
+  return card("Model",
+    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " ", term("noise floor"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 4)}`),
+    !top.converged && h("p", { class: "bad" }, "The fit did not converge: do not use its values."),
+    ladderDrawing(head.ladder),
+    table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, one.value, one.bar])),
+    top.warnings.map((text) => h("p", { class: "note" }, text)));
+}
+
+function identity(head) {
+  const rows = [["motor", head.start.motor || "not named"], ["title", head.start.title], ["operator", head.start.operator], ["began", head.start.time.slice(0, 19).replace("T", " ")],
+    ["status", head.interrupted && head.status !== "interrupted" ? `${head.status}, not closed` : head.status], ["software", head.start.software]];
+  return card("Session",
+    table(["", ""], rows.filter(([, value]) => value)),
+    head.instruments.length > 0 && h("h3", {}, "Instruments"),
+    head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
+    h("h3", {}, "Measured"),
+    table(["what", ""], [...head.sweeps.map((one) => [`${one.termination} sweep`, one.summary]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, one.summary])]));
+}

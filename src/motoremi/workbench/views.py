@@ -1,0 +1,266 @@
+"""What each view shows, as plain data; nothing is computed here that another room does not compute."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.session import Session
+from motoremi.diagnosis.compare import Comparison
+from motoremi.diagnosis.evidence import possible_effects
+from motoremi.diagnosis.parts import ELEMENTS
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit
+from motoremi.model.effects import catalogue, find_effect
+from motoremi.quantities import show, show_band
+from motoremi.workbench.challenge import is_open_challenge
+from motoremi.workbench.desk import Desk
+
+# More digits than any instrument here resolves; they make the page's data half as long.
+DIGITS = 8
+
+
+def rounded(values: FloatArray) -> list[float | None]:
+    """Numbers for a plot; None where there is none."""
+    array = np.asarray(values, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 10.0 ** (DIGITS - 1 - np.floor(np.log10(np.abs(array))))
+        short = np.where(np.isfinite(scale), np.round(array * scale) / scale, array)
+    return [value if ok else None for value, ok in zip(short.tolist(), np.isfinite(short).tolist(), strict=True)]
+
+
+def head(desk: Desk, identifier: str) -> JsonDict:
+    """What the session is, and where its analysis stands."""
+    session = desk.session
+    start = session.start
+    return {
+        "id": identifier,
+        "name": desk.path.name,
+        "status": session.status,
+        "interrupted": session.interrupted,
+        "resumable": "procedure" in start and (session.status != "done" or session.interrupted),
+        "start": {key: str(start.get(key, "")) for key in ("motor", "title", "operator", "time", "software", "backend")},
+        "instruments": [
+            {"role": str(document.get("role", "")), "resource": str(document.get("resource", "")), "identity": _texts(document.get("identity"))}
+            for document in session.documents
+            if document["kind"] == "instrument"
+        ],
+        "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
+        "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.spectra],
+        "challenge": "sealed_sha256" in start,
+        "sealed": is_open_challenge(session),
+        "diagnosed": session.analysis("diagnosis") is not None,
+        "ladder": ladder(desk),
+        "elements": [*ELEMENTS, *(desk.steps[-1].effects if desk.steps else ())],
+    }
+
+
+def _texts(value: object) -> dict[str, str]:
+    return {str(key): str(text) for key, text in value.items()} if isinstance(value, dict) else {}
+
+
+def ladder(desk: Desk) -> list[JsonDict]:
+    """The steps with their errors and parameters."""
+    return [step_of(step) for step in desk.steps]
+
+
+def step_of(step: Fit) -> JsonDict:
+    """One model."""
+    return {
+        "effects": list(step.effects),
+        "added": step.effects[-1] if step.effects else "",
+        "rms_error_percent": step.rms_error_percent,
+        "rms_error_db": step.rms_error_db,
+        "chi2_reduced": step.chi2_reduced,
+        "floor_percent": step.floor_percent,
+        "converged": step.converged,
+        "warnings": list(step.warnings),
+        "parameters": [{"name": name, "value": value, "bar": bar} for name, value, bar in step.rows()],
+    }
+
+
+def curves(desk: Desk) -> JsonDict:
+    """Measured sweeps, and the model that stands if there is one, with error and uncertainty."""
+    session, steps = desk.session, desk.steps
+    if not session.sweeps:
+        raise BadInput("this session holds no impedance sweep")
+    if not steps:
+        return {"model": False, "sweeps": [_measured(sweep.termination, sweep.frequency_hz, sweep.impedance_ohm) for sweep in _first(session)]}
+    top = steps[-1]
+    errors, comparison = top.errors(), desk.comparison(top)
+    told = []
+    for sweep in top.measurement.sweeps:
+        model, curve = sweep.mean_ohm * (1 + errors[sweep.termination]), comparison.curves[sweep.termination]
+        told.append(
+            {
+                **_measured(sweep.termination, sweep.frequency_hz, sweep.mean_ohm),
+                "repeats": sweep.repeats,
+                "model_real": rounded(model.real),
+                "model_imag": rounded(model.imag),
+                "error_percent": rounded(curve.error_percent),
+                "uncertainty_percent": rounded(curve.uncertainty_percent),
+                "fails": curve.fails.tolist(),
+            }
+        )
+    return {"model": True, "sweeps": told}
+
+
+def _first(session: Session) -> list[Any]:
+    """One sweep of each termination."""
+    return list({sweep.termination: sweep for sweep in reversed(session.sweeps)}.values())[::-1]
+
+
+def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: Any) -> JsonDict:
+    return {
+        "termination": termination,
+        "frequency_hz": rounded(frequency_hz),
+        "real": rounded(impedance_ohm.real),
+        "imag": rounded(impedance_ohm.imag),
+    }
+
+
+def fails(desk: Desk) -> JsonDict:
+    """Error per sweep and band, and the spans that hold most of it."""
+    comparison: Comparison = desk.comparison(desk.top)
+    told = comparison.to_dict()
+    for entry in (*told["bands"], *told["where"]):
+        entry["band"] = show_band(*entry["band_hz"])
+    return told
+
+
+def effects(desk: Desk) -> JsonDict:
+    """The ranking if there is a diagnosis, and everything in the catalogue that these sweeps could show."""
+    session, top = desk.session, desk.top
+    sealed = is_open_challenge(session)
+    stored = None if sealed else session.analysis("diagnosis")
+    return {
+        "sealed": sealed,
+        "diagnosis": None if stored is None else diagnosis(stored),
+        "current": stored is not None and _of_model(stored) == list(top.effects),
+        "in_model": list(top.effects),
+        "catalogue": [_entry(name) for name in possible_effects(top)],
+        "ladder": ladder(desk),
+    }
+
+
+def _of_model(stored: JsonDict) -> object:
+    base = stored.get("base")
+    return base.get("effects") if isinstance(base, dict) else None
+
+
+def _entry(name: str) -> JsonDict:
+    effect = find_effect(name).effect
+    return {"id": name, **{key: getattr(effect, key) for key in ("title", "group", "family", "formula", "signature", "deciding", "source")}} | {
+        "look_alikes": list(effect.look_alikes)
+    }
+
+
+def diagnosis(stored: JsonDict) -> JsonDict:
+    """A stored diagnosis with its parameters written out.
+
+    Raises
+    ------
+    BadInput
+        If it is not one of this software.
+    """
+    return _readable(lambda: _diagnosis(stored))
+
+
+def _diagnosis(stored: JsonDict) -> JsonDict:
+    told = {key: stored[key] for key in ("verdict", "effects", "families", "confidence", "base", "best", "reasons", "next_measurement")}
+    told["where"] = [{**span, "band": show_band(*span["band_hz"])} for span in stored["where"]]
+    told["caveats"] = list(stored.get("caveats", []))
+    told["candidates"] = [
+        {
+            **{key: one[key] for key in ("effect", "family", "probability", "chi2_reduced", "rms_error_percent", "delta_bic", "plausible")},
+            "parameters": ", ".join(f"{name} = {show(float(p['value']), str(p.get('unit', '')))}" for name, p in one["parameters"].items()),
+        }
+        for one in stored["candidates"]
+    ]
+    return told
+
+
+def following(desk: Desk) -> JsonDict:
+    """The next measurement."""
+    session = desk.session
+    if is_open_challenge(session):
+        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+    stored = session.analysis("diagnosis")
+    if stored is None:
+        raise BadInput("there is no diagnosis yet: diagnose this session first (view Effects)")
+    return _readable(lambda: {**stored["next_measurement"], "verdict": stored["verdict"]})
+
+
+def _readable(read: Callable[[], JsonDict]) -> JsonDict:
+    """A stored analysis is a file: anybody may have written it."""
+    try:
+        return read()
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise BadInput("the stored diagnosis cannot be read: diagnose this session again") from error
+
+
+def signature(desk: Desk, effect: str) -> JsonDict:
+    """What an effect would do on this motor: measured over model now, and model with the effect over model now, in dB and degrees."""
+    glanced = desk.glance(effect)
+    if glanced is None:
+        return {"superseded": True}
+    now, after = glanced
+    before_error, after_error = now.errors(), after.errors()
+    sweeps = []
+    for sweep in now.measurement.sweeps:
+        wanted = 1 / (1 + before_error[sweep.termination])
+        given = (1 + after_error[sweep.termination]) * wanted
+        sweeps.append(
+            {
+                "termination": sweep.termination,
+                "frequency_hz": rounded(sweep.frequency_hz),
+                "wanted_db": rounded(20 * np.log10(np.abs(wanted))),
+                "given_db": rounded(20 * np.log10(np.abs(given))),
+                "wanted_deg": rounded(np.degrees(np.angle(wanted))),
+                "given_deg": rounded(np.degrees(np.angle(given))),
+            }
+        )
+    return {"effect": effect, "entry": _entry(effect), "before": step_of(now), "after": step_of(after), "sweeps": sweeps}
+
+
+def inspection(desk: Desk, element: str) -> JsonDict:
+    """What an element would have to be."""
+    if element not in (*ELEMENTS, *desk.top.effects):
+        raise BadInput(f"{element!r} is no element of this model; choose one of {', '.join((*ELEMENTS, *desk.top.effects))}")
+    found = desk.inspection(element)
+    told = found.to_dict()
+    for sweep, curve in zip(told["sweeps"], found.curves, strict=True):
+        tried = found.laws.get(curve.termination)
+        if tried and curve.known.any():
+            law = tried[0].value(curve.frequency_hz)
+            sweep["law_name"], sweep["law_real"], sweep["law_imag"] = tried[0].law.name, rounded(law.real), rounded(law.imag)
+    told["text"] = repr(found)
+    return told
+
+
+def spectra(desk: Desk) -> JsonDict:
+    """Measured spectra, and the prediction with its limit if one was made."""
+    session = desk.session
+    return {
+        "spectra": [
+            {
+                "detector": one.detector,
+                "condition": one.condition,
+                "background": one.is_background,
+                "frequency_hz": rounded(one.frequency_hz),
+                "level_dbuv": rounded(one.level_dbuv),
+                "overload": int(np.count_nonzero(one.overload)),
+                "summary": one.summary(),
+            }
+            for one in session.spectra
+        ],
+        "prediction": session.analysis("prediction"),
+    }
+
+
+def glossary() -> JsonDict:
+    """The catalogue for the bench's list of hidden effects."""
+    return {identifier: effect.title for effect in catalogue() for identifier in effect.identifiers}
