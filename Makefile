@@ -1,11 +1,11 @@
-# make demo | test | lint | bench | emission | docs | faults | kills | speed : each creates its environment first; nothing else is needed.
+# make demo | test | lint | bench | emission | docs | faults | kills | speed | page | screenshots : each creates its environment first; nothing else is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
-.PHONY: demo test lint bench emission docs faults kills speed install clean
+.PHONY: demo test lint bench emission docs faults kills speed page screenshots install clean
 
 install: $(STAMP)
 
@@ -55,6 +55,14 @@ kills: install
 # How fast simulation and replay are, and what recording costs.
 speed: install
 	$(BIN)/python -m benchmarks.recording
+
+# How quick the workbench is in a browser (needs chromium).
+page: install
+	$(BIN)/python -m benchmarks.workbench
+
+# The pictures of the documentation, from the browser tests' own story (needs chromium).
+screenshots: install
+	MOTOREMI_SCREENSHOTS=$(CURDIR)/docs/screenshots $(BIN)/python -m pytest -q tests/test_workbench_browser.py
 
 clean:
 	rm -rf $(VENV) build site .files .mypy_cache .pytest_cache .ruff_cache

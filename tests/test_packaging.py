@@ -29,11 +29,12 @@ def test_data_files_are_declared():
         ("motoremi.procedures", ROOT / "procedures"),
         ("motoremi.sim_profiles", ROOT / "sim_profiles"),
         ("motoremi.report", ROOT / "src" / "motoremi" / "report"),
+        ("motoremi.workbench", ROOT / "src" / "motoremi" / "workbench"),
     ):
-        data = [p for p in folder.iterdir() if p.is_file() and p.suffix not in (".py", ".pyc")]
+        data = [p.relative_to(folder) for p in folder.rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc")]
         assert data
         for file in data:
-            assert any(file.match(pattern) for pattern in declared[package]), file
+            assert any(file.parent == Path(pattern).parent and file.match(pattern) for pattern in declared[package]), file
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,9 @@ def test_wheel_holds_drivers_procedures_and_profiles(wheel):
                 assert f"motoremi/{top}/{file.name}" in names
     assert "motoremi/py.typed" in names
     assert "motoremi/report/template.html.j2" in names
+    assert "motoremi/workbench/static/index.html" in names
+    # Its licence goes where it goes.
+    assert "motoremi/workbench/static/vendor/uPlot.LICENSE" in names
     # The bare name belongs to InstrumentKit.
     assert not any(name.startswith("instruments/") for name in names)
 

@@ -31,6 +31,8 @@ LADDER = "analysis/ladder.json"
 # Fits that are kept in case somebody clicks on them; each holds its problem's arrays.
 MOST_PREPARED = 60
 Stamp: TypeAlias = tuple[int, int] | None
+# Objective and effects of the model below, and the effect on top.
+Key: TypeAlias = tuple[float, tuple[str, ...], str]
 
 
 class Desk:
@@ -51,7 +53,10 @@ class Desk:
         self._session: Session | None = None
         self._measurement: Measurement | None = None
         self._steps: tuple[Fit, ...] = ()
-        self._prepared: dict[tuple[object, ...], Fit] = {}
+        self._prepared: dict[Key, Fit] = {}
+        self._making: dict[Key, threading.Lock] = {}
+        self._keeping = threading.Lock()
+        self._glancing = threading.Lock()
         self._looking: object = None
 
     @property
@@ -115,19 +120,27 @@ class Desk:
     def prepared(self, effect: str) -> Fit:
         """The model that stands with one more effect, fitted; kept, so that adding it afterwards takes no time."""
         find_effect(effect)
-        with self._turn:
-            before = self.top
-            key = (before.objective, before.effects, effect)
-            if key not in self._prepared:
-                if len(self._prepared) >= MOST_PREPARED:
-                    self._prepared.pop(next(iter(self._prepared)))
-                self._prepared[key] = before.add(effect)
-            return self._prepared[key]
+        before = self.top
+        key = (before.objective, before.effects, effect)
+        with self._keeping:
+            making = self._making.setdefault(key, threading.Lock())
+        # A lock for each: whoever asks for the same waits for it, a click on another effect does not.
+        with making:
+            fit = self._prepared.get(key)
+            if fit is None:
+                fit = before.add(effect)
+                with self._keeping:
+                    while len(self._prepared) >= MOST_PREPARED:
+                        oldest = next(iter(self._prepared))
+                        del self._prepared[oldest]
+                        self._making.pop(oldest, None)
+                    self._prepared[key] = fit
+            return fit
 
     def glance(self, effect: str) -> tuple[Fit, Fit] | None:
         """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
         self._looking = asked = object()
-        with self._turn:
+        with self._glancing:
             return (self.top, self.prepared(effect)) if self._looking is asked else None
 
     def add(self, effect: str) -> tuple[Fit, Fit]:
@@ -172,7 +185,9 @@ class Desk:
         session = load(self.path)
         if self._session is None or _measured(session) != _measured(self._session):
             self._measurement = measurement_of(session) if session.sweeps else None
-            self._prepared.clear()
+            with self._keeping:
+                self._prepared.clear()
+                self._making.clear()
         measurement = self._measurement
         self._steps = () if measurement is None else tuple(restore(step["fit"], measurement) for step in _ladder(session))
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp

@@ -19,7 +19,8 @@ class Events:
     """Tells pages; may be told from any thread. A page that goes away changes nothing for anybody else."""
 
     def __init__(self) -> None:
-        self._pages: set[asyncio.Queue[str]] = set()
+        # None ends a stream.
+        self._pages: set[asyncio.Queue[str | None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def publish(self, kind: str, data: JsonDict) -> None:
@@ -30,7 +31,12 @@ class Events:
         text = _event(kind, data)
         loop.call_soon_threadsafe(self._put, text)
 
-    def _put(self, text: str) -> None:
+    def close(self) -> None:
+        """End every stream: the workbench ends."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._put, None)
+
+    def _put(self, text: str | None) -> None:
         for page in self._pages:
             page.put_nowait(text)
 
@@ -43,15 +49,18 @@ class Events:
             What there is to catch up with; asked after the page listens, so that nothing falls in between.
         """
         self._loop = asyncio.get_running_loop()
-        page: asyncio.Queue[str] = asyncio.Queue()
+        page: asyncio.Queue[str | None] = asyncio.Queue()
         self._pages.add(page)
         try:
             yield _event("state", state())
             while True:
                 try:
-                    yield await asyncio.wait_for(page.get(), HEARTBEAT_S)
+                    text = await asyncio.wait_for(page.get(), HEARTBEAT_S)
                 except TimeoutError:
-                    yield ": still here\n\n"
+                    text = ": still here\n\n"
+                if text is None:
+                    return
+                yield text
         finally:
             self._pages.discard(page)
 

@@ -19,6 +19,19 @@ LOOPBACK = "127.0.0.1"
 FAREWELL_S = 1
 
 
+class Server(uvicorn.Server):
+    """Ends the streams of open pages before it waits for their connections."""
+
+    def __init__(self, config: uvicorn.Config, workbench: Workbench) -> None:
+        super().__init__(config)
+        self._workbench = workbench
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Stop serving."""
+        self._workbench.events.close()
+        await super().shutdown(sockets)
+
+
 def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port: int, ready: Callable[[str], None]) -> None:
     """Serve until Ctrl-C.
 
@@ -59,7 +72,7 @@ def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port
         # The socket listens already: whoever reads the address may come at once.
         ready(f"http://{LOOPBACK}:{actual}/?token={token}")
         try:
-            uvicorn.Server(config).run(sockets=[listener])
+            Server(config, workbench).run(sockets=[listener])
         finally:
             workbench.place.leave()
 

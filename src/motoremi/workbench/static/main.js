@@ -22,12 +22,13 @@ const KEYS = [
   ["Arrow keys", "in plots: cursor (with Shift in larger steps); in the list of effects: up and down"], ["+ - 0", "in plots: zoom in, out, show all"],
   ["A B", "in plots: set marks"], ["Enter", "in the list of effects: add"], ["D", "in the list of effects: drop the last one added"], ["U", "in Session: units"],
 ];
+const NO_SESSION = "There is no session yet: run a procedure (view Bench), take a challenge (view Challenge), or import your files with 'motoremi import'.";
 const main = document.getElementById("main");
 const element = (id) => document.getElementById(id);
 
 // What the views share.
 export const page = {
-  session: "", head: null, run: null, view: null, listeners: new Set(),
+  session: "", head: null, run: null, listeners: new Set(), viewKey: null,
 
   async choose(id) {
     page.session = id;
@@ -92,7 +93,7 @@ function busy(text) {
 async function refreshSessions() {
   const told = await get("/api/sessions");
   if (!page.session) page.session = told.first || told.sessions[0]?.id || "";
-  const choice = element("session");
+  const choice = element("session-choice");
   choice.replaceChildren(...told.sessions.map((one) => h("option", { value: one.id }, one.name)));
   if (!told.sessions.length) choice.append(h("option", { value: "" }, "none yet"));
   choice.value = page.session;
@@ -107,28 +108,30 @@ async function redraw(keep = false) {
   for (const link of document.querySelectorAll("#views a")) link.toggleAttribute("aria-current", link.hash === `#${name}`);
   hideTip();
   await page.work("reading", async () => {
-    if (!WITHOUT_SESSION.has(name) && !page.session) {
-      leaveAll();
-      main.replaceChildren(h("p", { class: "empty" }, "There is no session yet: run a procedure (view Bench), take a challenge (view Challenge), or import your files with 'motoremi import'."));
-      return;
-    }
-    const told = await VIEWS[name].load?.(page);
+    const view = VIEWS[name];
+    if (page.session) await page.refresh();
+    const missing = page.session || WITHOUT_SESSION.has(name) ? lacks(view) && view.without : NO_SESSION;
+    const told = missing ? null : await view.load?.(page);
     if (turn !== drawing) return;
     leaveAll();
     page.listeners.clear();
-    page.view = name;
     main.replaceChildren();
-    VIEWS[name].draw(main, told, page);
+    if (missing) main.append(h("p", { class: "empty" }, missing));
+    else view.draw(main, told, page);
     main.dataset.view = name;
     if (!keep) scrollTo(0, 0);
   });
-  if (turn === drawing && main.dataset.view !== name && page.view !== name) {
+  if (turn === drawing && main.dataset.view !== name) {
     // The view could not be read; the sentence that says why stands above.
     leaveAll();
-    main.replaceChildren(h("p", { class: "empty" }, VIEWS[name].without ?? "Nothing to show yet."), ...(VIEWS[name].remedy?.(page) ?? []));
+    main.replaceChildren();
     main.dataset.view = name;
-    page.view = name;
   }
+}
+
+function lacks(view) {
+  const has = { model: page.head?.ladder.length > 0, diagnosis: page.head?.diagnosed && !page.head.sealed };
+  return view.needs !== undefined && !has[view.needs];
 }
 
 function theme(next) {
@@ -200,20 +203,20 @@ async function start() {
   element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}` }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
   element("theme").addEventListener("click", otherTheme);
   element("help").addEventListener("click", keys);
-  element("session").addEventListener("change", async (event) => {
+  element("session-choice").addEventListener("change", async (event) => {
     await page.work("reading", () => page.choose(event.target.value));
     await redraw();
-  });
-  addEventListener("hashchange", () => {
-    page.viewKey = null;
-    page.view = null;
-    redraw();
   });
   document.addEventListener("keydown", keydown);
   listen();
   await page.work("reading", async () => {
     await Promise.all([loadTerms(), refreshSessions()]);
     await page.refresh();
+  });
+  // From here on: a view asked for earlier is the first one drawn.
+  addEventListener("hashchange", () => {
+    page.viewKey = null;
+    redraw();
   });
   await redraw();
 }

@@ -52,7 +52,7 @@ export class Plots {
       }))],
       bands: frame.series.flatMap((one, index) => (one.band ? [{ series: [index + 1, index + 2], fill: color("--band") }] : [])),
       axes: [
-        { ...axis, splits: (plot, index, low, high) => logTicks(low, high, plot.width / 70), filter: (plot, splits) => splits, values: (plot, splits) => splits.map((value) => show(value, "Hz", 5)) },
+        { ...axis, size: 32, splits: (plot, index, low, high) => logTicks(low, high, plot.width / 70), filter: (plot, splits) => splits, values: (plot, splits) => splits.map((value) => show(value, "Hz", 5)) },
         { ...axis, size: 72, values: (plot, splits) => splits.map((value) => show(value, frame.unit, 5)),
           ...(frame.log ? { splits: (plot, index, low, high) => logTicks(low, high, plot.height / 30), filter: (plot, splits) => splits } : {}) },
       ],
@@ -131,6 +131,7 @@ export class Plots {
       ctx.save();
       ctx.strokeStyle = ctx.fillStyle = color("--mark");
       ctx.lineWidth = 1;
+      ctx.setLineDash([]);
       ctx.beginPath();
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
@@ -200,7 +201,7 @@ export function leaveAll() {
 }
 
 function legend(one) {
-  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? "dashes" : "line"} c${one.color.slice(2)}` }, one.label);
+  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? "dashes" : "line"} c${one.color.slice(1)}` }, one.label);
 }
 
 function nearest(x, value) {

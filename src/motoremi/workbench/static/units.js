@@ -11,12 +11,12 @@ export function show(value, unit = "", digits = 4) {
   return join(short(value / 1000 ** step, digits), PREFIXES[step + 5] + unit);
 }
 
-const join = (number, unit) => (unit === "°" || !unit ? number + unit : `${number} ${unit}`);
+const join = (number, unit) => (unit === "°" || !unit ? number + unit : `${number}\u00a0${unit}`);
 
 function short(value, digits) {
   return String(Number(value.toPrecision(digits)));
 }
 
 export const percent = (value) => show(value, "%", 3);
-export const share = (value) => `${(100 * value).toFixed(value < 0.0995 && value > 0 ? 1 : 0)} %`;
+export const share = (value) => `${(100 * value).toFixed(value < 0.0995 && value > 0 ? 1 : 0)}\u00a0%`;
 export const band = (low, high) => `${show(low, "Hz")} - ${show(high, "Hz")}`;

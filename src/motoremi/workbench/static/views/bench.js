@@ -14,7 +14,7 @@ export const bench = {
 
   draw(where, told, page) {
     const place = { told, page, traces: [] };
-    place.live = h("div", {});
+    place.live = h("div", {}, card("Run", h("p", { class: "note" }, "No run yet: what is measured is drawn here as it arrives.")))
     where.append(h("div", { class: "columns" }, h("div", {}, form(place)), place.live));
     if (page.run) drawRun(place);
     page.listeners.add((kind, data) => {
@@ -146,7 +146,6 @@ function note(place, document) {
 
 function words(document) {
   switch (document.kind) {
-    case "start": return `session begun: ${document.title}`;
     case "step-start": return `[${document.step}/${document.of}] ${document.do} ${Object.values(document.parameters).join(" ")}`;
     case "instrument": return `  ${document.role}: ${Object.values(document.identity).join(" ")} at ${document.resource}`;
     case "sweep": case "spectrum": case "standard": return `  ${[document.termination, document.detector, document.standard, document.condition].filter(Boolean).join(" ")} ${document.kind}: ${document.points} points`;

@@ -10,10 +10,12 @@ export const challenge = {
 
   async load(page) {
     if (!page.session) return {};
-    await page.refresh();
     if (!page.head.challenge) return {};
     if (page.head.sealed) {
-      if (!page.head.ladder.length) await post(sessionPath(page.session, "/fit"));
+      if (!page.head.ladder.length) {
+        await post(sessionPath(page.session, "/fit"));
+        await page.refresh();
+      }
       return { sealed: await get(sessionPath(page.session, "/effects")) };
     }
     return { revealed: await get(sessionPath(page.session, "/challenge")) };

@@ -13,6 +13,7 @@ let resting = 0, shownFor = "";
 
 export const effects = {
   title: "Effects",
+  needs: "model",
   without: "Effects are added to a fitted model: fit this session first (view Session).",
 
   load: (page) => get(sessionPath(page.session, "/effects")),
@@ -32,8 +33,8 @@ export const effects = {
       h("div", {}, card("Ladder", place.outcome, place.ladder, h("div", { class: "row" }, button("Drop the last effect", () => drop(place), { id: "drop" }))), place.signature)));
     drawList(place);
     drawLadder(place, told.ladder);
-    const first = rows(told)[0]?.effect;
-    if (first) look(place, first);
+    const first = rows(told).map((one) => one.effect).find((name) => !told.in_model.includes(name));
+    if (first && told.diagnosis) look(place, first);
     page.viewKey = (event) => {
       if (event.key === "ArrowDown" || event.key === "ArrowUp") {
         const all = [...place.list.querySelectorAll("button.effect")], at = all.indexOf(document.activeElement);
@@ -63,12 +64,13 @@ function drawList(place) {
   const row = (one) => {
     const inModel = told.in_model.includes(one.effect);
     const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${inModel ? "in the model:" : "add"} ${one.effect}`, onclick: () => add(place, one.effect), onfocus: () => rest(place, one.effect) }, one.effect);
-    const cells = [h("div", {}, name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect]?.title ?? one.family))];
-    if (told.diagnosis) cells.push(share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent), h("div", {}, one.parameters, !one.plausible && h("span", { class: "bad" }, " beyond its physical range")));
+    const cells = [h("div", {}, name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect]?.title ?? one.family),
+      one.parameters && h("div", {}, one.parameters, !one.plausible && h("span", { class: "bad" }, " beyond its physical range")))];
+    if (told.diagnosis) cells.push(share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent));
     else cells.push(one.family);
     return h("tr", { onmouseenter: () => rest(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
   };
-  const head = told.diagnosis ? [term("effect"), term("probability"), term("delta BIC", "Δ BIC"), term("rms error"), "parameters"] : [term("effect"), "family"];
+  const head = told.diagnosis ? [term("effect"), term("probability"), term("delta BIC", "Δ BIC"), term("rms error")] : [term("effect"), "family"];
   place.list.replaceChildren(table(head, rows(told).map(row), { id: "ranking" }));
 }
 
@@ -83,6 +85,7 @@ function rest(place, effect) {
 }
 
 async function look(place, effect) {
+  if (place.told.in_model.includes(effect)) return;
   shownFor = effect;
   let told;
   try {

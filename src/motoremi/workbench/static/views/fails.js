@@ -9,6 +9,7 @@ import { errorSeries } from "./session.js";
 
 export const fails = {
   title: "Fails",
+  needs: "model",
   without: "There is no model to hold against the measurement yet: fit this session first (view Session).",
 
   async load(page) {

@@ -13,10 +13,10 @@ let element = "La";
 
 export const inspect = {
   title: "Inspect",
+  needs: "model",
   without: "Inspection needs a fitted model: fit this session first (view Session).",
 
   async load(page) {
-    await page.refresh();
     if (!page.head.elements.includes(element)) element = "La";
     return get(sessionPath(page.session, `/inspect?element=${encodeURIComponent(element)}`));
   },

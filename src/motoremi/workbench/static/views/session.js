@@ -14,7 +14,6 @@ export const session = {
   title: "Session",
 
   async load(page) {
-    await page.refresh();
     const curves = page.head.sweeps.length ? await get(sessionPath(page.session, "/curves")) : { model: false, sweeps: [] };
     return { head: page.head, curves };
   },

@@ -1,0 +1,406 @@
+"""What the workbench's views are made of, and that it does to a session what the command line does."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from workbench_tools import ATTACKS, bench_of, client_of, listening, make_session, served, until
+
+from motoremi.data.session import SessionWriter, load, reopen, verify
+from motoremi.workbench.desk import Desk
+from motoremi.workbench.terms import TERMS
+from motoremi.workbench.views import rounded
+from motoremi.workflow import add_to_session, drop_from_session, opened
+
+STATIC = Path(__file__).parents[1] / "src" / "motoremi" / "workbench" / "static"
+MOTOREMI = Path(sys.executable).with_name("motoremi")
+RUN = {"procedure": "impedance_only", "bench": "simulated", "motor": "M1", "operator": "me", "seed": 7, "hides": "eddy-laminations", "ask": False}
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory) -> Path:
+    folder = make_session(tmp_path_factory.mktemp("fitted") / "s")
+    Desk(folder).fit()
+    Desk(folder).diagnose()
+    return folder
+
+
+@pytest.fixture
+def copied(fitted, tmp_path) -> Path:
+    """A session of one's own, fitted and diagnosed."""
+    for file in fitted.rglob("*"):
+        if file.is_file():
+            target = tmp_path / "s" / file.relative_to(fitted)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(file.read_bytes())
+    return tmp_path / "s"
+
+
+@pytest.fixture
+def at(copied):
+    """Asks for something of the one session."""
+    workbench = bench_of(copied.parent, copied)
+    client = client_of(workbench)
+    base = f"/api/sessions/{workbench.shelf.first}"
+
+    def ask(path: str = "", **body):
+        answer = client.post(base + path, json=body) if body or path in ("/drop", "/report", "/fit", "/diagnose") else client.get(base + path)
+        return answer.json()
+
+    return ask
+
+
+def test_curves_are_the_models(at, copied):
+    told, top = at("/curves"), Desk(copied).top
+    sweep = told["sweeps"][0]
+    measured = np.array(sweep["real"]) + 1j * np.array(sweep["imag"])
+    model = np.array(sweep["model_real"]) + 1j * np.array(sweep["model_imag"])
+    # Numbers are told with eight digits.
+    assert np.allclose(measured, top.measurement.sweeps[0].mean_ohm, rtol=2e-7, atol=0)
+    assert np.allclose(model / measured - 1, top.errors()["short"], atol=2e-6)
+    assert np.allclose(sweep["error_percent"], 100 * np.abs(model / measured - 1), atol=2e-4)
+
+
+def test_adding_is_what_the_command_does(at, copied, tmp_path, fitted):
+    told = at("/add", effect="eddy-laminations")
+    assert told["after"]["rms_error_percent"] < 0.1 * told["before"]["rms_error_percent"]
+    assert load(copied).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
+    assert at("/drop")["after"]["effects"] == []
+    with opened(copied) as store:
+        _, by_command = add_to_session(store, "eddy-laminations")
+    assert by_command.rms_error_percent == pytest.approx(told["after"]["rms_error_percent"], rel=1e-9)
+    assert not verify(copied)
+
+
+def test_what_others_change_is_seen(at, copied):
+    assert len(at("")["ladder"]) == 1
+    with opened(copied) as store:
+        add_to_session(store, "eddy-laminations")
+    assert [step["added"] for step in at("")["ladder"]] == ["", "eddy-laminations"]
+    with opened(copied) as store:
+        drop_from_session(store)
+    assert len(at("/effects")["ladder"]) == 1
+
+
+def test_a_session_that_somebody_writes_is_left_alone(at, copied):
+    before = at("")["ladder"]
+    with opened(copied):
+        assert "error" in at("/add", effect="eddy-laminations")
+    assert at("")["ladder"] == before
+
+
+def test_signature_leads_from_the_model_to_the_measurement(at):
+    told = at("/signature?effect=eddy-laminations")
+    sweep = told["sweeps"][0]
+    left = np.array(sweep["wanted_db"]) - np.array(sweep["given_db"])
+    # What is left is the error of the model with the effect.
+    assert np.sqrt(np.mean(left**2)) < 0.02 * np.sqrt(np.mean(np.array(sweep["wanted_db"]) ** 2))
+    assert told["after"]["rms_error_percent"] < told["before"]["rms_error_percent"]
+    assert told["entry"]["formula"]
+
+
+def test_a_pointer_that_moved_on_is_not_waited_for(copied):
+    desk = Desk(copied)
+    answers = {}
+    with desk._glancing:
+        threads = []
+        for effect in ("core-loss", "eddy-laminations"):
+            before = desk._looking
+            threads.append(threading.Thread(target=lambda name=effect: answers.__setitem__(name, desk.glance(name))))
+            threads[-1].start()
+            until(lambda asked=before: desk._looking is not asked)
+    for thread in threads:
+        thread.join()
+    assert answers["core-loss"] is None
+    assert answers["eddy-laminations"] is not None
+
+
+def test_fails_ranking_next_and_inspection(at):
+    fails = at("/fails")
+    assert fails["verdict"] == "fail"
+    assert {band["sweep"] for band in fails["bands"]} == {"short", "open"}
+    effects = at("/effects")
+    assert effects["current"]
+    assert effects["diagnosis"]["candidates"][0]["effect"] == "eddy-laminations"
+    assert {entry["id"] for entry in effects["catalogue"]} >= {candidate["effect"] for candidate in effects["diagnosis"]["candidates"]}
+    assert at("/next")["why"]
+    inspected = at("/inspect?element=La")
+    assert {sweep["sweep"] for sweep in inspected["sweeps"]} <= {"short", "open"}
+    assert len(inspected["sweeps"][0]["real"]) == len(inspected["sweeps"][0]["frequency_hz"])
+
+
+def test_judging_by_another_tolerance(at):
+    assert at("/fails")["tolerance"]["error_percent"] == 10.0
+    at("/judge", error_percent=200.0)
+    assert at("/fails")["verdict"] == "pass"
+    assert "above 0" in at("/judge", error_percent=-1)["error"]
+    assert "number" in at("/judge", error_percent="x")["error"]
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/signature?effect=nonsense", None),
+        ("/signature?effect=", None),
+        ("/inspect?element=../x", None),
+        ("/inspect", None),
+        ("/add", {"effect": "nonsense"}),
+        ("/add", {"effect": 5}),
+        ("/challenge", {"answer": ["adequate"]}),
+        ("/challenge", {"answer": "adequate"}),
+        ("/challenge", None),
+        ("/resume", {"procedure": "impedance_only", "bench": "simulated"}),
+        ("/drop", None),
+    ],
+)
+def test_errors_are_one_sentence(at, path, body):
+    told = at(path, **(body or {}))
+    assert "\n" not in told["error"]
+    assert "Traceback" not in told["error"]
+    assert "internal" not in told["error"]
+
+
+def test_a_session_without_sweeps_says_so(tmp_path):
+    SessionWriter.create(tmp_path / "empty", {"title": "x"}).close("done")
+    workbench = bench_of(tmp_path, tmp_path / "empty")
+    client, base = client_of(workbench), f"/api/sessions/{workbench.shelf.first}"
+    assert client.get(base).json()["ladder"] == []
+    for path in ("/curves", "/fails", "/effects", "/next", "/inspect?element=La"):
+        answer = client.get(base + path)
+        assert answer.status_code == 400, path
+        assert answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    ("name", "payload"),
+    [
+        ("diagnosis", {"verdict": 1}),
+        ("diagnosis", {"candidates": "x", "verdict": "adequate", "effects": [], "families": [], "confidence": 1, "where": []}),
+        ("ladder", {"steps": [1]}),
+        ("ladder", {"steps": [{"fit": {"effects": ["nonsense"]}}]}),
+        ("comparison", {"tolerance": {"nonsense": 1}}),
+    ],
+)  # fmt: skip
+def test_analyses_of_others_are_told_not_obeyed(tmp_path, name, payload):
+    folder = make_session(tmp_path / "s")
+    Desk(folder).fit()
+    with reopen(folder) as writer:
+        writer.save_analysis(name, payload)
+        writer.close("done")
+    workbench = bench_of(tmp_path, folder)
+    client, base = client_of(workbench), f"/api/sessions/{workbench.shelf.first}"
+    told = [client.get(base + path) for path in ("/curves", "/fails", "/effects", "/next")]
+    assert any(answer.status_code == 400 for answer in told)
+    for answer in told:
+        assert answer.status_code in (200, 400)
+        assert "internal" not in answer.text
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_outside_text_arrives_as_data(tmp_path, attack):
+    folder = make_session(tmp_path / "s", motor=attack, operator=attack, title=attack)
+    with reopen(folder) as writer:
+        identity = {"vendor": attack, "model": attack, "serial": attack, "firmware": attack}
+        writer.emit("instrument", role=attack, resource=attack, identity=identity)
+        writer.close("done")
+    workbench = bench_of(tmp_path, folder)
+    answer = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}")
+    assert answer.headers["content-type"] == "application/json"
+    # Nothing that a terminal or a page obeys; bidirectional and invisible characters are written out.
+    text = answer.json()["start"]["motor"]
+    assert text.isprintable()
+    assert answer.json()["instruments"][0]["identity"]["model"] == text
+
+
+def test_rounding_keeps_digits_and_marks_gaps():
+    values = np.array([1.23456789012e-12, -9.87654321098e15, 0.0, np.nan, np.inf])
+    assert rounded(values) == [1.2345679e-12, -9.8765432e15, 0.0, None, None]
+
+
+def test_a_run_is_a_session(tmp_path):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    identifier = client.post("/api/run", json=RUN).json()["session"]
+    assert "going on" in client.post("/api/run", json=RUN).json()["error"]
+    workbench.place.run.wait()
+    state = workbench.place.state()["run"]
+    assert state["status"] == "done", state["message"]
+    told = client.get(f"/api/sessions/{identifier}").json()
+    assert told["start"]["motor"] == "M1"
+    assert told["start"]["operator"] == "me"
+    assert not verify(workbench.shelf.desk(identifier).path)
+    sweep = next(document for document in state["documents"] if document["kind"] == "sweep")
+    trace = client.get(f"/api/run/trace/{sweep['seq']}").json()
+    assert len(trace["real"]) == sweep["points"]
+    assert "error" in client.get("/api/run/trace/0").json()
+    # What the motor hides is not told.
+    assert "eddy-laminations" not in json.dumps(load(workbench.shelf.desk(identifier).path).start)
+
+
+def test_what_answers(tmp_path):
+    found = client_of(bench_of(tmp_path)).post("/api/bench/look", json=RUN).json()["found"]
+    assert found[0]["identity"]["model"] == "4294A"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"procedure": "../x"}, {"procedure": 5}, {"bench": "real"}, {"bench": "x"}, {"seed": -1}, {"seed": True}, {"hides": "x"},
+        {"motor": "x" * 300}, {"motor": ["x"]},
+    ],
+)  # fmt: skip
+def test_a_run_that_cannot_be(tmp_path, change):
+    workbench = bench_of(tmp_path)
+    answer = client_of(workbench).post("/api/run", json={**RUN, **change})
+    assert answer.status_code == 400
+    assert answer.json()["error"]
+    assert workbench.place.run is None
+
+
+def test_a_page_that_comes_late_catches_up_and_going_stops_nothing(tmp_path):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    with served(workbench) as address:
+        with listening(address) as early:
+            assert next(early) == ("state", {"run": None})
+            client.post("/api/run", json={**RUN, "ask": True})
+            for kind, data in early:
+                if kind == "run" and data["prompt"]:
+                    break
+        # The first page is gone, in the middle of the run.
+        assert workbench.place.run.active
+        with listening(address) as late:
+            kind, data = next(late)
+            assert kind == "state"
+            run = data["run"]
+            assert run["prompt"].startswith("Leave the fixture open")
+            # The first document is written when the session is made, before anybody listens.
+            assert [document["seq"] for document in run["documents"]] == list(range(1, len(run["documents"]) + 1))
+            assert "instrument" in [document["kind"] for document in run["documents"]]
+            seen = run["documents"]
+            while workbench.place.run.active:
+                client.post("/api/run/answer", json={})
+                kind, data = next(late)
+                if kind == "document":
+                    seen.append(data["document"])
+                elif kind == "run" and data["status"] != "running":
+                    assert data["status"] == "done"
+                    break
+    documents = load(workbench.shelf.desk(run["session"]).path).documents
+    assert seen == list(documents[1:])
+
+
+def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    identifier = client.post("/api/run", json={**RUN, "ask": True}).json()["session"]
+    run = workbench.place.run
+    asked = ""
+    while not asked.startswith("Connect the analyser between one terminal"):
+        until(lambda before=asked: run.state()["prompt"] not in ("", before))
+        asked = run.state()["prompt"]
+        if asked.startswith("Leave") or "short" in asked.partition("\n")[0] or "two terminals" in asked:
+            client.post("/api/run/answer", json={})
+    client.post("/api/run/stop", json={})
+    run.wait()
+    assert run.state()["status"] == "stopped"
+    assert [document["safe"] for document in run.state()["documents"] if document["kind"] == "safe"] == [True]
+    told = client.get(f"/api/sessions/{identifier}").json()
+    assert (told["status"], told["resumable"]) == ("interrupted", True)
+    assert len(told["sweeps"]) == 3
+    assert "error" not in client.post(f"/api/sessions/{identifier}/resume", json=RUN).json()
+    workbench.place.run.wait()
+    assert workbench.place.state()["run"]["status"] == "done"
+    assert len(client.get(f"/api/sessions/{identifier}").json()["sweeps"]) == 6
+
+
+def test_a_run_that_fails_says_why(tmp_path, monkeypatch):
+    workbench = bench_of(tmp_path)
+
+    def broken(*args, **kwargs):
+        raise RuntimeError("boom\nboom")
+
+    monkeypatch.setattr("motoremi.workbench.runs.run", broken)
+    client_of(workbench).post("/api/run", json=RUN)
+    workbench.place.run.wait()
+    state = workbench.place.state()["run"]
+    assert state["status"] == "failed"
+    assert "boom" in state["message"]
+
+
+def test_challenge_keeps_the_seal_until_you_answer(tmp_path):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    identifier = client.post("/api/challenge", json={}).json()["session"]
+    base = f"/api/sessions/{identifier}"
+    assert client.get(base).json()["sealed"]
+    client.post(base + "/fit", json={})
+    assert "sealed" in client.post(base + "/diagnose", json={}).json()["error"]
+    assert "sealed" in client.get(base + "/challenge").json()["error"]
+    assert client.get(base + "/effects").json()["diagnosis"] is None
+    assert "error" in client.post(base + "/challenge", json={"answer": []}).json()
+    assert "error" in client.post(base + "/challenge", json={"answer": ["nonsense"]}).json()
+    assert client.get(base).json()["sealed"]
+    told = client.post(base + "/challenge", json={"answer": ["adequate"]}).json()
+    assert told["yours"]["outcome"] in ("right", "missed", "wrong")
+    assert told["tool"]["answer"]["verdict"]
+    assert told == client.get(base + "/challenge").json()
+    assert "already" in client.post(base + "/challenge", json={"answer": ["adequate"]}).json()["error"]
+
+
+def test_every_term_of_the_page_is_explained():
+    used = set()
+    for file in STATIC.rglob("*.js"):
+        text = file.read_text()
+        for part in text.split('term("')[1:]:
+            used.add(part.partition('"')[0])
+    assert used
+    assert used <= set(TERMS)
+    # Detectors are looked up by name.
+    assert {"peak", "quasi-peak", "average", "rms-average"} <= set(TERMS)
+
+
+def test_the_page_names_no_other_host_and_makes_no_markup():
+    for file in [*STATIC.glob("*"), *(STATIC / "views").glob("*")]:
+        if file.is_file():
+            text = file.read_text()
+            assert "https://" not in text, file
+            assert "http://" not in text.replace("http://www.w3.org/2000/svg", ""), file
+            for forbidden in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "new Function", "style="):
+                assert forbidden not in text, (file, forbidden)
+
+
+def test_the_command_serves_on_loopback_and_ends_with_ctrl_c(copied):
+    command = [MOTOREMI, "workbench", str(copied), "--folder", str(copied.parent), "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    text = ""
+    while not text.rstrip().endswith("}"):
+        line = process.stdout.readline()
+        assert line, process.stderr.read()
+        text += line
+    address = json.loads(text)["address"]
+    assert address.startswith("http://127.0.0.1:")
+    with httpx.Client(follow_redirects=True) as page:
+        assert "motoremi workbench" in page.get(address).text
+        told = page.get(address.partition("?")[0] + "api/sessions").json()
+    assert told["sessions"][0]["name"] == copied.name
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert "Traceback" not in error
+    assert process.returncode in (0, 130)
+
+
+def test_the_command_refuses_what_is_no_session(tmp_path):
+    command = [MOTOREMI, "workbench", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,342 @@
+"""The workbench in a real browser: the whole story by clicks and by keys, a narrow window, hostile names; nothing leaves the machine.
+
+With MOTOREMI_SCREENSHOTS=DIR the story leaves a picture of each view there (`make screenshots`).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+from workbench_tools import ATTACKS, bench_of, make_session, served
+
+from motoremi.data.session import load, reopen
+from motoremi.data.spectrum import Spectrum
+from motoremi.workbench.desk import Desk
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
+# A sandbox cannot be set up in most containers; the rest keeps the browser from talking to its maker.
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+VIEWS = ("bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge")
+# A diagnosis on a busy machine; only ends a test that would hang.
+PATIENCE_MS = 120_000
+# What the page itself never makes.
+FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield opened
+        opened.close()
+
+
+class Watched:
+    """A page, and everything that it asked for or complained of."""
+
+    def __init__(self, browser: Browser, address: str, **settings: object) -> None:
+        self.context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **settings})
+        self.page: Page = self.context.new_page()
+        self.page.set_default_timeout(PATIENCE_MS)
+        self.base = address.partition("/?")[0]
+        self.asked: list[str] = []
+        self.trouble: list[str] = []
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("console", lambda message: self.trouble.append(message.text) if message.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda error: self.trouble.append(str(error)))
+        self.page.on("dialog", lambda dialog: self.trouble.append(f"dialog: {dialog.message}"))
+        self.page.goto(address)
+
+    def see(self, view: str) -> None:
+        """Go to a view as the navigation does."""
+        self.page.click(f"nav a[href='#{view}']")
+        self.page.wait_for_selector(f"main[data-view={view}]:not([aria-busy])")
+
+    def close(self) -> None:
+        """Nothing left the machine, nothing was complained of."""
+        assert self.asked
+        assert [url for url in self.asked if not url.startswith(self.base)] == []
+        assert self.trouble == []
+        self.context.close()
+
+
+def keep(page: Page, name: str) -> None:
+    """A picture of the page as it is, where somebody wants them."""
+    folder = os.environ.get("MOTOREMI_SCREENSHOTS")
+    if folder:
+        page.wait_for_selector("#busy", state="hidden")
+        page.mouse.move(0, 0)
+        page.screenshot(path=Path(folder) / f"workbench-{name}.png")
+
+
+def percents(text: str) -> list[float]:
+    """The percentages in a text."""
+    return [float(word) for word in text.replace("%", " ").replace("→", " ").split() if word.replace(".", "").isdigit()]
+
+
+def test_the_story_by_clicks(browser, tmp_path):
+    with served(bench_of(tmp_path)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        page.wait_for_selector("main[data-view=bench]")
+        assert "token" not in page.url
+        page.fill("#bench-motor", "Story motor 7")
+        page.fill("#bench-operator", "A. Engineer")
+        page.fill("#bench-seed", "7")
+        page.select_option("#bench-hides", "eddy-laminations")
+        page.click("#look")
+        expect(page.locator("#found")).to_contain_text("4294A")
+        page.click("#run")
+        page.wait_for_selector("#arriving:has-text('sweep')")
+        page.wait_for_selector("#show-session", timeout=PATIENCE_MS)
+        expect(page.locator("#run-status")).to_have_text("the run is complete")
+        assert page.locator(".plots canvas").count() == 1
+        keep(page, "bench")
+
+        page.click("#show-session")
+        page.wait_for_selector("main[data-view=session]")
+        expect(page.locator("main")).to_contain_text("Story motor 7")
+        assert page.locator(".plots canvas").count() == 6
+        keep(page, "session")
+
+        watched.see("fails")
+        page.click("#where tbody tr >> nth=0")
+        assert page.locator("#bands .bad").count() > 0
+        keep(page, "fails")
+
+        watched.see("effects")
+        expect(page.locator("#verdict")).to_contain_text("eddy-laminations")
+        page.hover("[data-effect='eddy-laminations']")
+        expect(page.locator("#signature-of")).to_have_text("eddy-laminations")
+        page.click("[data-effect='eddy-laminations']")
+        page.wait_for_selector("#outcome:has-text('→')")
+        before, after = percents(page.inner_text("#outcome"))
+        assert after < before / 10
+        expect(page.locator(".ladder .step-name")).to_have_count(2)
+        expect(page.locator("#stands")).to_contain_text("eddy-laminations")
+        keep(page, "effects")
+        page.click("#drop")
+        expect(page.locator(".ladder .step-name")).to_have_count(1)
+        assert percents(page.inner_text("#outcome"))[::-1] == [before, after]
+
+        watched.see("inspect")
+        expect(page.locator("main")).to_contain_text("La as the short-circuit sweep wants it")
+        keep(page, "inspect")
+
+        watched.see("effects")
+        page.click("[data-effect='eddy-laminations']")
+        expect(page.locator(".ladder .step-name")).to_have_count(2)
+        watched.see("next")
+        assert page.inner_text("#next-id")
+        keep(page, "next")
+        watched.see("emission")
+        assert page.locator(".plots canvas").count() == 2
+        keep(page, "emission")
+
+        watched.see("report")
+        page.click("#write-report")
+        page.wait_for_selector("#report-files a")
+        with page.expect_download() as download:
+            page.click("#report-files a:text-is('report.html')")
+        text = Path(download.value.path()).read_text()
+        assert "Story motor 7" in text
+        assert "eddy-laminations" in text
+        keep(page, "report")
+
+        watched.see("challenge")
+        page.click("#new-challenge")
+        page.wait_for_selector("#say-adequate")
+        keep(page, "challenge")
+        page.click("#say-adequate")
+        page.wait_for_selector("#score")
+        expect(page.locator("#score")).to_contain_text("the tool")
+        keep(page, "challenge-answered")
+        watched.close()
+    stories = [path for path in tmp_path.iterdir() if path.name.startswith("motoremi-run")]
+    assert load(stories[0]).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory) -> Path:
+    folder = make_session(tmp_path_factory.mktemp("browser") / "fitted")
+    Desk(folder).fit()
+    Desk(folder).diagnose()
+    return folder
+
+
+def test_the_story_by_keys(browser, fitted):
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address, color_scheme="dark")
+        page = watched.page
+        page.wait_for_selector("main[data-view=session]")
+        page.keyboard.press("u")
+        expect(page.locator("#units")).to_have_value("decibel")
+        page.locator(".plots").first.focus()
+        for key in ("ArrowRight", "a", "Shift+ArrowRight", "b"):
+            page.keyboard.press(key)
+        expect(page.locator(".readout").first).to_contain_text("B - A")
+        spans = [page.evaluate("document.querySelector('.readout').textContent")]
+        page.keyboard.press("+")
+        page.keyboard.press("0")
+        assert spans[0].startswith(("1", "2", "3", "4", "5", "6", "7", "8", "9"))
+        keep(page, "session-dark")
+
+        page.keyboard.press("4")
+        page.wait_for_selector("main[data-view=effects]:not([aria-busy])")
+        page.keyboard.press("ArrowDown")
+        expect(page.locator("button.effect").first).to_be_focused()
+        expect(page.locator("#signature-of")).to_have_text("eddy-laminations")
+        page.keyboard.press("Enter")
+        expect(page.locator(".ladder .step-name")).to_have_count(2)
+        expect(page.locator("button.effect").first).to_be_focused()
+        page.keyboard.press("d")
+        expect(page.locator(".ladder .step-name")).to_have_count(1)
+
+        page.keyboard.press("3")
+        page.wait_for_selector("main[data-view=fails]:not([aria-busy])")
+        page.locator("#where tbody tr").first.focus()
+        page.keyboard.press("Enter")
+        page.keyboard.press("t")
+        assert page.evaluate("document.documentElement.dataset.theme") == "light"
+        page.keyboard.press("?")
+        expect(page.locator("#keys")).to_be_visible()
+        page.keyboard.press("Escape")
+        expect(page.locator("#keys")).to_be_hidden()
+        page.locator("dfn[data-term='rms error']").first.focus()
+        expect(page.locator("#tip")).to_be_visible()
+        expect(page.locator("#tip")).to_contain_text("all points")
+        page.keyboard.press("Escape")
+        expect(page.locator("#tip")).to_be_hidden()
+        watched.close()
+
+
+def test_a_narrow_window(browser, fitted):
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address, viewport={"width": 360, "height": 700})
+        for view in VIEWS:
+            watched.see(view)
+            assert watched.page.evaluate("document.documentElement.scrollWidth") <= 360, view
+            if view == "effects":
+                keep(watched.page, "narrow")
+        watched.close()
+
+
+def test_errors_are_sentences_on_the_page(browser, fitted):
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address)
+        watched.see("effects")
+        with reopen(fitted):
+            watched.page.click("#drop", force=True)
+            watched.page.click("[data-effect='core-loss']")
+            expect(watched.page.locator("#trouble")).to_contain_text("another process")
+        # A refusal is what the browser itself calls an error.
+        assert all("400" in line for line in watched.trouble)
+        watched.trouble.clear()
+        watched.page.click("#trouble button")
+        expect(watched.page.locator("#trouble")).to_be_hidden()
+        watched.close()
+
+
+def hostile(folder: Path, attack: str) -> Path:
+    """A session in which everything that a file or an instrument can say is an attack."""
+    make_session(folder, motor=attack, title=attack, operator=attack)
+    desk = Desk(folder)
+    desk.fit()
+    effect = {
+        "effect": attack,
+        "family": attack,
+        "probability": 1.0,
+        "chi2_reduced": 1.0,
+        "rms_error_percent": 1.0,
+        "delta_bic": 0.0,
+        "plausible": False,
+    }
+    fit = {"effects": [attack], "chi2_reduced": 1.0, "rms_error_percent": 1.0, "rms_error_db": 1.0}
+    with reopen(folder) as writer:
+        identity = dict.fromkeys(("vendor", "model", "serial", "firmware"), attack)
+        writer.emit("instrument", role=attack, driver=attack, resource=attack, identity=identity, settings={})
+        writer.add_spectrum(Spectrum("average", [1e6, 2e6], [1.0, 2.0], metadata={"condition": attack}))
+        writer.save_analysis(
+            "diagnosis",
+            {
+                "verdict": attack, "effects": [attack], "families": [[attack, attack]], "confidence": 0.5, "base": fit, "best": fit,
+                "reasons": [attack], "caveats": [attack], "where": [],
+                "next_measurement": {"id": attack, "why": attack, "menu": [{"id": attack, "action": attack, "separates": 1, "ratio": 1}]},
+                "candidates": [{**effect, "parameters": {attack: {"value": 1.0, "sigma": None, "at_bound": False, "unit": attack}}}],
+            },
+        )  # fmt: skip
+        writer.save_analysis("prediction", {"verdict": attack, "frequency_hz": [1e6, 2e6], "predicted_dbuv": {"average": [1, 2], attack: [1, 2]}})
+        writer.close("done")
+    return folder
+
+
+def test_hostile_names_are_text(browser, tmp_path):
+    attack = " ".join(ATTACKS)
+    folder = hostile(tmp_path / "hostile", attack)
+    with served(bench_of(tmp_path, folder)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        for view in VIEWS:
+            watched.see(view)
+            # The effect that is no effect is asked about, and refused in a sentence.
+            assert page.evaluate("window.hacked") is None, view
+            assert page.locator(FOREIGN).count() == 0, view
+            if view in ("session", "effects", "next", "emission"):
+                assert ATTACKS[0] in page.inner_text("main"), view
+                assert "\u202e" not in page.inner_text("main"), view
+        watched.see("effects")
+        page.locator("button.effect").first.hover()
+        page.locator("button.effect").first.click()
+        expect(page.locator("#trouble")).to_contain_text("is not an effect")
+        watched.see("report")
+        page.click("#write-report")
+        page.wait_for_selector("#report-files a")
+        page.goto(watched.base + page.get_attribute("#report-files a[target]", "href"))
+        assert ATTACKS[0] in page.inner_text("body")
+        assert page.locator("script, img, iframe, b >> text=bold").count() == 0
+        assert page.evaluate("window.hacked") is None
+        assert all("400" in line for line in watched.trouble), watched.trouble
+        watched.trouble.clear()
+        watched.close()
+
+
+def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path):
+    with served(bench_of(tmp_path)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        page.wait_for_selector("main[data-view=bench]")
+        page.select_option("#bench-procedure", "impedance_only")
+        page.fill("#bench-motor", ATTACKS[1])
+        page.check("#bench-ask")
+        page.click("#run")
+        expect(page.locator("#prompt")).to_contain_text("Leave the fixture open")
+        # A page that comes in the middle sees the same; closing it stops nothing.
+        late = Watched(browser, address)
+        late.see("bench")
+        expect(late.page.locator("#prompt")).to_contain_text("Leave the fixture open")
+        expect(late.page.locator("#run-log")).to_contain_text("analyser:")
+        late.close()
+        page.click("#connected")
+        expect(page.locator("#prompt")).to_contain_text("short standard")
+        keep(page, "bench-prompt")
+        page.click("#stop")
+        expect(page.locator("#run-status")).to_contain_text("the instruments are safe")
+        page.click("#show-session")
+        page.wait_for_selector("main[data-view=session]")
+        expect(page.locator("main")).to_contain_text(ATTACKS[1])
+        expect(page.locator("main")).to_contain_text("Go on with this run")
+        watched.close()
