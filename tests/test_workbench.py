@@ -160,6 +160,8 @@ def test_judging_by_another_tolerance(at):
         ("/challenge", None),
         ("/resume", {"procedure": "impedance_only", "bench": "simulated"}),
         ("/drop", None),
+        ("/predict", {"limit": "/etc/passwd"}),
+        ("/predict", {"limit": "../x.toml"}),
     ],
 )
 def test_errors_are_one_sentence(at, path, body):

@@ -6,6 +6,7 @@ With MOTOREMI_SCREENSHOTS=DIR the story leaves a picture of each view there (`ma
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -145,6 +146,9 @@ def test_the_story_by_clicks(browser, tmp_path):
         keep(page, "next")
         watched.see("emission")
         assert page.locator(".plots canvas").count() == 2
+        page.click("#predict")
+        expect(page.locator("#limit-verdict")).to_have_text(re.compile("PASS|MARGINAL|FAIL"))
+        expect(page.locator("figcaption").first).to_contain_text("predicted")
         keep(page, "emission")
 
         watched.see("report")

@@ -97,7 +97,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _get(session + "/signature", lambda request: views.signature(w.desk(request), request.query_params.get("effect", ""))),
         _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""))),
         _get(session + "/next", lambda request: views.following(w.desk(request))),
-        _get(session + "/emission", lambda request: {**views.spectra(w.desk(request)), "can_predict": emission.available()}),
+        _get(session + "/emission", lambda request: emission.spectra(w.desk(request))),
         _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
         _post(session + "/fit", _changing(w, lambda desk, body, progress: desk.fit())),

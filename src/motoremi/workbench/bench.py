@@ -110,7 +110,7 @@ class Workplace:
         found = []
         try:
             for role, spec in procedure.instruments.items():
-                resource = bench_file.resource(role, spec.resource)
+                resource = bench_file.resources.get(role, spec.resource)
                 entry: JsonDict = {"role": role, "driver": spec.driver, "resource": resource}
                 try:
                     driver = bench.open(role, spec.driver, resource, lambda record: None)

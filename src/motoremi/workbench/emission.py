@@ -1,24 +1,46 @@
-"""The predicted spectrum, where the room that computes it is there."""
+"""The predicted spectrum beside the measured one and the limit."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.util import find_spec
-
+from motoremi.arrays import JsonDict
+from motoremi.emission.limit import find_limit, limit_names
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.views import rounded
+from motoremi.workflow_emission import predict_session
 
-ROOM = "motoremi.workflow_emission"
 
-
-def available() -> bool:
-    """Whether spectra can be predicted."""
-    return find_spec(ROOM) is not None
+def spectra(desk: Desk) -> JsonDict:
+    """Measured spectra, the prediction with its limit if one was made, and the limits to choose from."""
+    session = desk.session
+    return {
+        "spectra": [
+            {
+                "detector": one.detector,
+                "condition": one.condition,
+                "background": one.is_background,
+                "frequency_hz": rounded(one.frequency_hz),
+                "level_dbuv": rounded(one.level_dbuv),
+                "overload": int(one.overload.sum()),
+                "summary": one.summary(),
+            }
+            for one in session.spectra
+        ],
+        "prediction": session.analysis("prediction"),
+        "limits": {name: find_limit(name).title for name in limit_names()},
+    }
 
 
 def predict(desk: Desk, limit: str) -> None:
-    """Predict the spectrum from the model that stands, and judge it against a limit."""
-    if not available():
-        raise BadInput("this version does not predict spectra yet")
-    room = import_module(ROOM)
-    desk.change(lambda store: room.predict_session(store, None, limit or None))
+    """Predict the spectrum from the model that stands, and judge against a limit.
+
+    Raises
+    ------
+    BadInput
+        For any other than the limits that come along: a page names no files.
+    """
+    if limit and limit not in limit_names():
+        raise BadInput(f"there is no limit of that name; choose one of {', '.join(limit_names())}")
+    if not desk.steps:
+        raise BadInput("a prediction needs the motor's model: fit this session first (view Session)")
+    desk.change(lambda store: predict_session(store, None, limit or None))

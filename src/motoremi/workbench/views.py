@@ -241,26 +241,6 @@ def inspection(desk: Desk, element: str) -> JsonDict:
     return told
 
 
-def spectra(desk: Desk) -> JsonDict:
-    """Measured spectra, and the prediction with its limit if one was made."""
-    session = desk.session
-    return {
-        "spectra": [
-            {
-                "detector": one.detector,
-                "condition": one.condition,
-                "background": one.is_background,
-                "frequency_hz": rounded(one.frequency_hz),
-                "level_dbuv": rounded(one.level_dbuv),
-                "overload": int(np.count_nonzero(one.overload)),
-                "summary": one.summary(),
-            }
-            for one in session.spectra
-        ],
-        "prediction": session.analysis("prediction"),
-    }
-
-
 def glossary() -> JsonDict:
     """The catalogue for the bench's list of hidden effects."""
     return {identifier: effect.title for effect in catalogue() for identifier in effect.identifiers}

@@ -1,9 +1,10 @@
 // Emission spectra: measured, background, and prediction and limit where there are any.
 
 import { get, post, sessionPath } from "../api.js";
-import { button, card, h } from "../dom.js";
+import { button, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
+import { band, show } from "../units.js";
 
 /* global uPlot */
 
@@ -13,8 +14,11 @@ export const emission = {
 
   draw(where, told, page) {
     const { spectra, prediction } = told;
-    if (told.can_predict && spectra.length) where.append(h("div", { class: "row" }, button(prediction ? "Predict again" : "Predict from the fitted motor", () => predict(page), { class: "main", id: "predict" })));
-    if (prediction) where.append(card("Verdict", h("p", { class: prediction.verdict === "pass" ? "large good" : "large bad" }, String(prediction.verdict).toUpperCase()), h("p", { class: "note" }, term("prediction"), " against ", term("limit"))));
+    const limit = h("select", { id: "limit" }, Object.entries(told.limits).map(([name, title]) => h("option", { value: name, selected: name === prediction?.limit?.name }, title)));
+    if (spectra.length && page.head.ladder.length) {
+      where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(prediction ? "Predict again" : "Predict from the fitted motor", () => predict(page, limit.value), { class: "main", id: "predict" })));
+    }
+    if (prediction) where.append(verdict(prediction));
     if (!spectra.length) where.append(h("p", { class: "empty" }, "No spectrum in this session: run 'emission only' or the full motor test (view Bench)."));
     const columns = h("div", { class: "columns" });
     where.append(columns);
@@ -36,6 +40,16 @@ export const emission = {
   },
 };
 
-async function predict(page) {
-  await page.work("predicting the spectrum", () => post(sessionPath(page.session, "/predict")));
+function verdict(prediction) {
+  const { judged = [], error_bands: bands = [], remarks = [] } = prediction;
+  return card("Verdict",
+    h("p", { id: "limit-verdict", class: prediction.verdict === "pass" ? "large good" : "large bad" }, String(prediction.verdict).toUpperCase()),
+    h("p", {}, `Judged is what was ${prediction.judged_what ?? "measured"}, against ${prediction.limit?.title ?? "the limit"}.`),
+    judged.map((one) => h("p", {}, `${one.detector}: ${one.verdict ?? "no verdict"}, ${one.why}`)),
+    bands.length > 0 && table(["detector", "band", "measured from predicted, mean", "rms"], bands.map((one) => [one.detector, band(...one.band_hz), show(one.mean_error_db, "dB", 3), show(one.rms_error_db, "dB", 3)])),
+    remarks.map((text) => h("p", { class: "note" }, text)));
+}
+
+async function predict(page, limit) {
+  await page.work("predicting the spectrum", () => post(sessionPath(page.session, "/predict"), { limit }));
 }
