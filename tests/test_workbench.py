@@ -190,6 +190,7 @@ def test_a_session_without_sweeps_says_so(tmp_path):
         ("ladder", {"steps": [1]}),
         ("ladder", {"steps": [{"fit": {"effects": ["nonsense"]}}]}),
         ("comparison", {"tolerance": {"nonsense": 1}}),
+        ("prediction", {"verdict": "x"}),
     ],
 )  # fmt: skip
 def test_analyses_of_others_are_told_not_obeyed(tmp_path, name, payload):
@@ -200,7 +201,8 @@ def test_analyses_of_others_are_told_not_obeyed(tmp_path, name, payload):
         writer.close("done")
     workbench = bench_of(tmp_path, folder)
     client, base = client_of(workbench), f"/api/sessions/{workbench.shelf.first}"
-    told = [client.get(base + path) for path in ("/curves", "/fails", "/effects", "/next")]
+    told = [client.get(base + path) for path in ("/curves", "/fails", "/effects", "/next", "/emission")]
+    told.append(client.post(base + "/report", json={}))
     assert any(answer.status_code == 400 for answer in told)
     for answer in told:
         assert answer.status_code in (200, 400)
@@ -274,7 +276,7 @@ def test_a_page_that_comes_late_catches_up_and_going_stops_nothing(tmp_path):
     with served(workbench) as address:
         with listening(address) as early:
             assert next(early) == ("state", {"run": None})
-            client.post("/api/run", json={**RUN, "ask": True})
+            client.post("/api/run", json={**RUN, "procedure": "fixture_check", "ask": True})
             for kind, data in early:
                 if kind == "run" and data["prompt"]:
                     break

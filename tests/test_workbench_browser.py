@@ -18,6 +18,8 @@ from workbench_tools import ATTACKS, bench_of, make_session, served
 from motoremi.data.session import load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.workbench.desk import Desk
+from motoremi.workflow import opened
+from motoremi.workflow_emission import predict_session
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
@@ -283,8 +285,12 @@ def hostile(folder: Path, attack: str) -> Path:
                 "candidates": [{**effect, "parameters": {attack: {"value": 1.0, "sigma": None, "at_bound": False, "unit": attack}}}],
             },
         )  # fmt: skip
-        writer.save_analysis("prediction", {"verdict": attack, "frequency_hz": [1e6, 2e6], "predicted_dbuv": {"average": [1, 2], attack: [1, 2]}})
         writer.close("done")
+    with opened(folder) as store:
+        told = predict_session(store).to_dict()
+        told["remarks"], told["judged_what"], told["predicted_dbuv"][attack] = [attack], attack, told["predicted_dbuv"]["peak"]
+        told["limit"]["title"] = told["judged"][0]["why"] = attack
+        store.save_analysis("prediction", told)
     return folder
 
 

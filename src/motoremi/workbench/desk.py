@@ -101,9 +101,18 @@ class Desk:
         self.change(lambda store: compare_session(store, tolerance))
 
     def report(self) -> list[str]:
-        """Write the report; returns the names of its files."""
+        """Write the report; returns the names of its files.
+
+        Raises
+        ------
+        BadInput
+            If an analysis in the folder is none of this software.
+        """
         files: list[Path] = []
-        self.change(lambda store: files.extend(report_session(store)))
+        try:
+            self.change(lambda store: files.extend(report_session(store)))
+        except (KeyError, TypeError, AttributeError) as error:
+            raise BadInput(f"a stored analysis cannot be read ({type(error).__name__}: {error}): diagnose or predict this session again") from error
         return [file.name for file in files]
 
     def save(self, name: str, payload: JsonDict) -> None:
