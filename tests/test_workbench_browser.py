@@ -9,9 +9,11 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from workbench_tools import ATTACKS, bench_of, make_session, served
 
@@ -36,6 +38,7 @@ FLAGS = [
 VIEWS = ("bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge")
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
+COLOURS = 48
 # What the page itself never makes.
 FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
 
@@ -83,7 +86,9 @@ def keep(page: Page, name: str) -> None:
     if folder:
         page.wait_for_selector("#busy", state="hidden")
         page.mouse.move(0, 0)
-        page.screenshot(path=Path(folder) / f"workbench-{name}.png")
+        taken = Image.open(BytesIO(page.screenshot()))
+        # A page has few colours; a palette makes the file a third as large.
+        taken.convert("RGB").quantize(COLOURS).save(Path(folder) / f"workbench-{name}.png", optimize=True)
 
 
 def percents(text: str) -> list[float]:
