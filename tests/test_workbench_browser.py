@@ -23,6 +23,7 @@ from motoremi.workbench.desk import Desk
 from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
 
+expect.set_options(timeout=60_000)
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
 # A sandbox cannot be set up in most containers; the rest keeps the browser from talking to its maker.
@@ -109,8 +110,10 @@ def test_the_story_by_clicks(browser, tmp_path):
         page.click("#look")
         expect(page.locator("#found")).to_contain_text("4294A")
         page.click("#run")
-        page.wait_for_selector("#arriving:has-text('sweep')")
+        expect(page.locator("#run-log")).to_contain_text("short sweep: 401 points", timeout=PATIENCE_MS)
         page.wait_for_selector("#show-session", timeout=PATIENCE_MS)
+        # Simulated sweeps come faster than they are drawn: the last one is seen for certain.
+        expect(page.locator("#arriving")).to_contain_text("average motor running spectrum")
         expect(page.locator("#run-status")).to_have_text("the run is complete")
         assert page.locator(".plots canvas").count() == 1
         keep(page, "bench")
