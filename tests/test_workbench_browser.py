@@ -146,6 +146,7 @@ def test_the_story_by_clicks(browser, tmp_path):
 
         watched.see("inspect")
         expect(page.locator("main")).to_contain_text("La as the short-circuit sweep wants it")
+        assert "\\x" not in page.inner_text("main")
         keep(page, "inspect")
 
         watched.see("effects")
@@ -350,6 +351,8 @@ def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path):
         late.close()
         page.click("#connected")
         expect(page.locator("#prompt")).to_contain_text("short standard")
+        assert "\n" in page.inner_text("#prompt pre")
+        assert "\\x" not in page.inner_text("#prompt pre")
         keep(page, "bench-prompt")
         page.click("#stop")
         expect(page.locator("#run-status")).to_contain_text("the instruments are safe")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from motoremi.arrays import JsonDict
 from motoremi.emission.limit import find_limit, limit_names
+from motoremi.emission.predict import DEFAULT_LIMIT
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.views import rounded
@@ -27,6 +28,7 @@ def spectra(desk: Desk) -> JsonDict:
             for one in session.spectra
         ],
         "prediction": session.analysis("prediction"),
+        "usual_limit": DEFAULT_LIMIT,
         "limits": {name: find_limit(name).title for name in limit_names()},
     }
 

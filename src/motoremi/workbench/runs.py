@@ -116,7 +116,8 @@ class Run:
             "steps": len(self._procedure.plan),
             "status": self._status,
             "message": self._message,
-            "prompt": self._prompt,
+            # Line by line: the drawing is part of it, and a line end within a text would be written out.
+            "prompt": self._prompt.splitlines(),
             "progress": self._progress,
         }
 

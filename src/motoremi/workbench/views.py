@@ -237,7 +237,7 @@ def inspection(desk: Desk, element: str) -> JsonDict:
         if tried and curve.known.any():
             law = tried[0].value(curve.frequency_hz)
             sweep["law_name"], sweep["law_real"], sweep["law_imag"] = tried[0].law.name, rounded(law.real), rounded(law.imag)
-    told["text"] = repr(found)
+    told["lines"] = repr(found).splitlines()
     return told
 
 

@@ -104,7 +104,7 @@ function drawState(place) {
   const left = progress.unit === "s" ? `about ${show(progress.total - progress.done, "s", 3)} of measuring left` : `${progress.done} of ${progress.total}`;
   place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.total ? `: ${left}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
-  place.prompt.replaceChildren(...(run.prompt ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt), button("Connected", () => page.work("going on", () => post("/api/run/answer")), { class: "main", id: "connected" }))] : []));
+  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt.join("\n")), button("Connected", () => page.work("going on", () => post("/api/run/answer")), { class: "main", id: "connected" }))] : []));
   if (place.shown === `${run.session} ${run.status}`) return;
   place.shown = `${run.session} ${run.status}`;
   place.controls.replaceChildren(running

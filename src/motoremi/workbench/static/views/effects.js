@@ -99,7 +99,7 @@ async function look(place, effect) {
   place.plots = [];
   place.signature.replaceChildren(
     h("h2", {}, "Signature: ", h("span", { id: "signature-of" }, effect)),
-    h("p", {}, `With it the error is ${percent(told.after.rms_error_percent)}, now ${percent(told.before.rms_error_percent)}. `, term("signature", "How to read this")));
+    h("p", {}, `Error without it ${percent(told.before.rms_error_percent)}, with it ${percent(told.after.rms_error_percent)}. `, term("signature", "How to read this")));
   for (const sweep of told.sweeps) {
     const box = h("div", {}, h("h3", {}, `${sweep.termination}-circuit sweep`));
     place.signature.append(box);

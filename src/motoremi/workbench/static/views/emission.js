@@ -14,11 +14,10 @@ export const emission = {
 
   draw(where, told, page) {
     const { spectra, prediction } = told;
-    const limit = h("select", { id: "limit" }, Object.entries(told.limits).map(([name, title]) => h("option", { value: name, selected: name === prediction?.limit?.name }, title)));
+    const limit = h("select", { id: "limit" }, Object.entries(told.limits).map(([name, title]) => h("option", { value: name, selected: name === (prediction?.limit?.name ?? told.usual_limit) }, title)));
     if (spectra.length && page.head.ladder.length) {
       where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(prediction ? "Predict again" : "Predict from the fitted motor", () => predict(page, limit.value), { class: "main", id: "predict" })));
     }
-    if (prediction) where.append(verdict(prediction));
     if (!spectra.length) where.append(h("p", { class: "empty" }, "No spectrum in this session: run 'emission only' or the full motor test (view Bench)."));
     const columns = h("div", { class: "columns" });
     where.append(columns);
@@ -36,6 +35,7 @@ export const emission = {
       const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
       new Plots(box).add("level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 });
     }
+    if (prediction) where.append(verdict(prediction));
     page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
