@@ -360,8 +360,9 @@ def next_(path: SessionPath, as_json: AsJson = False) -> None:
 
 
 def report_(path: SessionPath, as_json: AsJson = False) -> None:
-    """HTML, JSON, JUnit XML and CSV from one report, in the session's report folder."""
+    """HTML, PDF, JSON, JUnit XML and CSV from one report, in the session's report folder."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.report.pdf import NOT_INSTALLED, can_render_pdf
     from motoremi.workflow import opened, report_session
 
     with opened(path) as store:
@@ -371,6 +372,8 @@ def report_(path: SessionPath, as_json: AsJson = False) -> None:
         return
     for file in files:
         say(str(file))
+    if not can_render_pdf():
+        say(NOT_INSTALLED)
 
 
 def plot_(

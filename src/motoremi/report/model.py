@@ -21,14 +21,18 @@ def build_report(materials: Materials) -> Report:
         # Neither pass nor fail means anything for a fit that stopped on its way.
         materials = dataclasses.replace(materials, comparison=None)
     start = materials.session.start
+    digest = session_hash(materials.session)
     head = (str(start.get("motor") or "motor not named"), str(start.get("title", "")), str(start.get("time", ""))[:19].replace("T", " "))
     return Report(
         title="Common-mode impedance test report",
         subtitle=" · ".join(part for part in head if part),
         headline=headline(materials),
         warnings=gaps(materials),
-        sections=all_sections(materials, session_hash(materials.session)),
+        sections=all_sections(materials, digest),
         data=_data(materials),
+        begun=str(start.get("time", "")),
+        footer=" · ".join((*(part for part in head if part), f"data {digest[:16]}")),
+        signatures=(f"measured by: {start.get('operator') or 'not stated'}; date, signature", "checked by: name, date, signature"),
     )
 
 
