@@ -7,9 +7,13 @@ from pathlib import Path
 
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
+from motoremi.emission.setup import scan_frequencies
 from motoremi.report.files import render_all
 from motoremi.report.model import Materials, build_report
+from motoremi.simulate.emission import Stand
+from motoremi.simulate.emission import measure as measure_spectra
 from motoremi.workflow import add_to_session, compare_session, diagnose_session, fit_session, ladder_of, opened
+from motoremi.workflow_emission import diagnose_emission_session, predict_session
 
 HOSTILE = [
     "<script>alert(1)</script>",
@@ -78,6 +82,27 @@ def diagnosed_session(path: Path, measure, seed: int = 2) -> Path:
         compare_session(store, me.Tolerance(error_percent=1.0))
         found = diagnose_session(store)
         add_to_session(store, found.effects[0])
+    return path
+
+
+def whole_session(path: Path, measure, seed: int = 3, effects: tuple[str, ...] = ("dielectric-loss@Cf",), **start: object) -> Path:
+    """Sweeps, spectra with an arc, and every analysis that a session can hold."""
+    sweeps, motor = measure(seed, effects)
+    frequency_hz = scan_frequencies()
+    stand = Stand.random(seed, ("arc-breakdown",))
+    read = measure_spectra(motor, stand, frequency_hz, seed, quasi_peak=False)
+    with SessionWriter.create(path, {"title": "All of it", "motor": f"motor {seed}", **start}) as writer:
+        for sweep in sweeps:
+            writer.add_sweep(sweep)
+        for detector in ("peak", "average"):
+            writer.add_spectrum(me.Spectrum(detector, frequency_hz, read.level(detector)))
+        writer.close("done")
+    with opened(path) as store:
+        for effect in diagnose_session(store).effects:
+            add_to_session(store, effect)
+        compare_session(store, me.Tolerance(error_percent=1.0))
+        diagnose_emission_session(store)
+        predict_session(store)
     return path
 
 

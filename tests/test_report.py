@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from report_cases import HOSTILE, diagnosed_session, parsed, rendered
 
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
@@ -25,7 +26,6 @@ from motoremi.report.files import render_all
 from motoremi.report.junit import render_junit
 from motoremi.report.model import Materials, build_report
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
-from report_cases import HOSTILE, diagnosed_session, parsed, rendered
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pypdfium2
 import pytest
+from report_cases import HOSTILE, diagnosed_session
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -16,7 +17,6 @@ from motoremi.report.model import Materials, Report, build_report
 from motoremi.report.parts import Section, Table
 from motoremi.report.pdf import NOT_INSTALLED, render_pdf
 from motoremi.workflow import ladder_of
-from report_cases import HOSTILE, diagnosed_session
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import typer
 
 from motoremi.cli.options import AsJson, SessionPath, command, plot_file
 from motoremi.errors import BadInput
+from motoremi.report.kinds import PLOTS
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
@@ -378,17 +379,24 @@ def report_(path: SessionPath, as_json: AsJson = False) -> None:
 
 def plot_(
     path: SessionPath,
-    what: Annotated[Literal["fit", "error", "training", "ladder", "ranking", "spectrum"], typer.Argument(help="Which plot.", show_default=False)],
+    what: Annotated[
+        str, typer.Argument(metavar="WHAT", help="; ".join(f"{name}: {text}" for name, text in PLOTS.items()) + ".", show_default=False)
+    ],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="SVG, PNG or PDF; by default WHAT.svg.")] = None,
+    element: Annotated[str | None, typer.Option("--element", metavar="NAME", help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf.")] = None,
+    effect: Annotated[str | None, typer.Option("--effect", metavar="ID", help="For signature: an effect of the catalogue.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Any plot of the report alone."""
-    from motoremi.cli.output import say
-    from motoremi.data.session import load
-    from motoremi.workflow import figure_of
+    from motoremi.cli.output import emit_json, say
+    from motoremi.workflow_plots import figure_of
 
     file = plot_file(out if out is not None else Path(f"{what}.svg"))
-    figure_of(load(path), what).savefig(file)
-    say(str(file))
+    figure_of(path, what, element, effect).savefig(file)
+    if as_json:
+        emit_json({"schema": "motoremi.files/1", "files": [str(file)]})
+    else:
+        say(str(file))
 
 
 def register(app: typer.Typer) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,14 +12,24 @@ from motoremi.report.axes import BLACK, BLUE, ORANGE, PURPLE, frequency_axis, le
 from motoremi.report.parts import Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from motoremi.emission.fit import EmissionFit
 
 _COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "rms-average": BLACK}
 
 
 def prediction_figure(prediction: JsonDict) -> Figure:
-    """Measured levels thin, predicted ones dashed, limits dotted; `prediction` as `Prediction.to_dict` gives it."""
-    figure, axes = panels(9.0, 4.2)
+    """Measured levels thin, predicted ones dashed, limits dotted, and below what was measured over what was predicted.
+
+    Parameters
+    ----------
+    prediction : dict
+        As `Prediction.to_dict` gives it.
+    """
+    below = bool(prediction["measured_dbuv"])
+    figure, axes = panels(9.0, 5.4, 2, 1, height_ratios=(3, 1)) if below else panels(9.0, 4.2)
     panel = axes[0, 0]
     frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
     measured = prediction["measured_dbuv"]
@@ -33,8 +44,36 @@ def prediction_figure(prediction: JsonDict) -> Figure:
         if np.isfinite(level).any():
             panel.plot(frequency, level, ":", color=_COLOURS[detector], linewidth=1.6, label=f"limit, {detector}")
     panel.set_ylabel("level (dBµV)")
-    frequency_axis(panel, frequency)
+    frequency_axis(panel, frequency, label=not below)
+    if below:
+        errors = {name: (frequency, _levels(level) - _levels(prediction["predicted_dbuv"][name])) for name, level in measured.items()}
+        _residuals(axes[1, 0], frequency, errors)
     legend_above(figure, panel)
+    return figure
+
+
+def _residuals(panel: Axes, frequency_hz: FloatArray, errors: Mapping[str, tuple[FloatArray, FloatArray]]) -> None:
+    """Measured minus model for each detector, in dB."""
+    panel.axhline(0.0, color=BLACK, linewidth=0.8)
+    for detector, (frequency, error) in errors.items():
+        panel.plot(frequency, error, color=_COLOURS[detector], linewidth=0.6)
+    panel.set_ylabel("measured minus\nmodel (dB)")
+    frequency_axis(panel, frequency_hz)
+
+
+def emission_fit_figure(fit: EmissionFit) -> Figure:
+    """Measured levels and the model of the spectra at the fitted frequencies, the difference below."""
+    problem, errors = fit.problem, fit.error_db()
+    figure, axes = panels(9.0, 5.4, 2, 1, height_ratios=(3, 1))
+    top = axes[0, 0]
+    for detector, (frequency, error) in errors.items():
+        measured = problem.measured_dbuv[problem.where[detector]]
+        top.plot(frequency, measured, color=_COLOURS[detector], linewidth=0.6, alpha=0.6, label=f"{detector}, measured")
+        top.plot(frequency, measured - error, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, model")
+    top.set_ylabel("level (dBµV)")
+    frequency_axis(top, problem.grid_hz, label=False)
+    _residuals(axes[1, 0], problem.grid_hz, errors)
+    legend_above(figure, top)
     return figure
 
 

@@ -122,6 +122,6 @@ class Report(_Shown):
     warnings: tuple[str, ...]
     sections: tuple[Section, ...]
     data: JsonDict
-    begun: str
-    footer: str
-    signatures: tuple[str, ...]
+    begun: str = ""
+    footer: str = ""
+    signatures: tuple[str, ...] = ()

@@ -10,6 +10,7 @@ import dataclasses
 import importlib.util
 import json
 import re
+from collections.abc import Callable
 from datetime import datetime
 from functools import lru_cache
 from importlib.resources import files
@@ -44,13 +45,14 @@ def render_pdf(report: Report) -> bytes:
         raise BadInput(NOT_INSTALLED)
     import typst
 
+    # Its annotations know one file only, not several by name.
+    compile_files: Callable[..., bytes] = typst.compile
     source: dict[str, bytes] = {"main.typ": files("motoremi.report").joinpath("template.typ").read_bytes()}
     page = _page(report)
     for number, picture in enumerate(picture for section in report.sections for picture in section.pictures):
         source[_picture_name(number)] = picture.svg.encode()
     source["report.json"] = json.dumps(page).encode()
-    made: Any = typst.compile(source, format="pdf", font_paths=[str(_fonts())], ignore_system_fonts=True)  # type: ignore[type-var]
-    return bytes(made)
+    return compile_files(source, format="pdf", font_paths=[str(_fonts())], ignore_system_fonts=True)
 
 
 def _page(report: Report) -> JsonDict:
