@@ -92,6 +92,8 @@ def whole_session(path: Path, measure, seed: int = 3, effects: tuple[str, ...] =
     stand = Stand.random(seed, ("arc-breakdown",))
     read = measure_spectra(motor, stand, frequency_hz, seed, quasi_peak=False)
     with SessionWriter.create(path, {"title": "All of it", "motor": f"motor {seed}", **start}) as writer:
+        identity = {"vendor": "HP", "model": "4294A", "serial": "JP1KG00123", "firmware": "REV1.11"}
+        writer.emit("instrument", role="analyser", driver="4294a", resource="GPIB0::17::INSTR", identity=identity, settings={"points": 401})
         for sweep in sweeps:
             writer.add_sweep(sweep)
         for detector in ("peak", "average"):

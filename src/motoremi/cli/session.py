@@ -28,6 +28,8 @@ def import_(
     ] = None,
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
+    operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
+    ambient: Annotated[str, typer.Option("--ambient", metavar="TEXT", help="Temperature and humidity, for the report.")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Make a session from files that you already have."""
@@ -51,6 +53,8 @@ def import_(
         "title": f"Imported: {motor}" if motor else "Imported sweeps",
         "motor": motor,
         "serial": serial,
+        "operator": operator,
+        "ambient": ambient,
         "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),

@@ -9,6 +9,8 @@ import threading
 import warnings
 from typing import TYPE_CHECKING
 
+from motoremi.report.parts import Picture
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -16,6 +18,11 @@ if TYPE_CHECKING:
 _settings = threading.Lock()
 _GEOMETRY = re.compile(r'\b(?:d|x|y|transform|points)="[^"]*"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+
+
+def picture(name: str, figure: Figure, caption: str) -> Picture:
+    """A figure with its caption, for a section."""
+    return Picture(to_svg(figure, name, caption), caption)
 
 
 def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
