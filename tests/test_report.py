@@ -11,11 +11,11 @@ import math
 import re
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from report_cases import HOSTILE, diagnosed_session, parsed, rendered
 
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
@@ -25,80 +25,12 @@ from motoremi.report.data import render_csv
 from motoremi.report.files import render_all
 from motoremi.report.junit import render_junit
 from motoremi.report.model import Materials, build_report
-from motoremi.workflow import add_to_session, compare_session, diagnose_session, fit_session, ladder_of, opened, report_session
-
-HOSTILE = [
-    "<script>alert(1)</script>",
-    '"><img src=x onerror=alert(1)>',
-    "]]></testsuite><!--",
-    "\x1b[31mred\x1b[0m",
-    "nul\x00byte",
-    "{{7*7}}{% raw %}",
-    "\u202egnp.exe",
-    "&amp;&lt;\u2028x",
-    "=HYPERLINK(1)",
-]
-
-
-class Page(HTMLParser):
-    """Collects tags and checks that they close."""
-
-    VOID = frozenset({"meta", "br", "img", "hr", "link"})
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.open: list[str] = []
-        self.attributes: list[tuple[str, str | None]] = []
-        self.text: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += attrs
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += attrs
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open, tag
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text.append(data)
-
-
-def parsed(html: str) -> Page:
-    page = Page()
-    page.feed(html)
-    assert page.open == []
-    return page
+from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory, measure) -> Path:
-    path = tmp_path_factory.mktemp("report") / "session"
-    sweeps, _ = measure(2, ("insulation-leakage@Cf",))
-    with SessionWriter.create(path, {"title": "A test", "motor": "XQ-7A2", "operator": "B. Engineer"}) as writer:
-        for sweep in sweeps:
-            writer.add_sweep(sweep)
-        writer.add_spectrum(me.Spectrum("peak", [150e3, 154.5e3, 159e3], [40.0, 41.0, 39.0], overload=[False, True, False]))
-        writer.close("done")
-    with opened(path) as store:
-        fit_session(store)
-        compare_session(store, me.Tolerance(error_percent=1.0))
-        found = diagnose_session(store)
-        add_to_session(store, found.effects[0])
-    return path
-
-
-def rendered(path: Path) -> dict[str, bytes]:
-    session = load(path)
-    steps = tuple(ladder_of(session))
-    comparison = me.compare(steps[-1], me.Tolerance(error_percent=1.0)) if steps else None
-    return render_all(build_report(Materials(session, steps, comparison, session.analysis("diagnosis"))))
+    return diagnosed_session(tmp_path_factory.mktemp("report") / "session", measure)
 
 
 def test_same_session_gives_the_same_bytes(session):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
@@ -25,9 +25,6 @@ from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
 from motoremi.model.motor import dc_motor
 from motoremi.quantities import parse
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Store(Protocol):
@@ -105,13 +102,13 @@ def compare_session(store: Store, tolerance: Tolerance | None = None) -> Compari
     """Hold the model that the ladder stands at against the sweeps; without a tolerance, by the one used last."""
     steps = current_steps(store)
     if tolerance is None or not tolerance.judges:
-        tolerance = _stored_tolerance(load(store.path))
+        tolerance = stored_tolerance(load(store.path))
     result = compare(steps[-1], tolerance)
     store.save_analysis("comparison", result.to_dict())
     return result
 
 
-def _stored_tolerance(session: Session) -> Tolerance | None:
+def stored_tolerance(session: Session) -> Tolerance | None:
     """The tolerance of the last comparison."""
     stored = session.analysis("comparison")
     return None if stored is None else Tolerance(**stored["tolerance"])
@@ -174,29 +171,9 @@ def report_session(store: Store) -> list[Path]:
 
     session = load(store.path)
     steps = ladder_of(session)
-    comparison = compare(steps[-1], _stored_tolerance(session)) if steps else None
+    comparison = compare(steps[-1], stored_tolerance(session)) if steps else None
     report = build_report(Materials(session, tuple(steps), comparison, session.analysis("diagnosis")))
     return [store.save_file(name, data) for name, data in render_all(report).items()]
-
-
-def figure_of(session: Session, what: str) -> Figure:
-    """One plot of the report."""
-    from motoremi.report import plots
-
-    if what == "spectrum":
-        if not session.spectra:
-            raise BadInput(f"{session.path.name} holds no spectrum")
-        return plots.spectrum_figure(session.spectra)
-    if what == "ranking":
-        return plots.ranking_figure(diagnosis_in(session))
-    steps = ladder_of(session)
-    if not steps:
-        raise BadInput(f"{session.path.name} has no fit yet: motoremi fit")
-    if what == "ladder":
-        return plots.ladder_figure(steps)
-    if what == "error":
-        return plots.comparison_figure(compare(steps[-1]))
-    return plots.training_figure(steps[0]) if what == "training" else plots.fit_figure(steps[-1])
 
 
 def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], JsonDict | None]:

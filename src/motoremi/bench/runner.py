@@ -55,7 +55,10 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
     return {
         "title": procedure.title,
         "procedure": procedure.source,
+        "motor": bench_file.motor,
+        "serial": bench_file.serial,
         "operator": bench_file.operator,
+        "ambient": bench_file.ambient,
         "backend": bench_file.backend or "visa",
         **_simulated(bench_file),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},

@@ -20,7 +20,7 @@ def expanded(arguments: Sequence[str]) -> list[str]:
             option, taken = word, 0
         elif word.startswith("-") and word != "-":
             result.append(word)
-            option = "value" if word in ("--analyser", "--motor", "--serial") else ""
+            option = "value" if word in ("--analyser", "--motor", "--serial", "--operator", "--ambient") else ""
         elif option in SEVERAL:
             result += [option, word]
             taken += 1

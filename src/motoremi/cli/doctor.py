@@ -19,6 +19,7 @@ OPTIONAL = {
     "h5py": "export to HDF5",
     "xarray": "export to HDF5",
     "pyarrow": "export to Parquet",
+    "typst": "report as PDF",
     "distributed": "fleet on a Dask cluster",
     "gpib-ctypes": "GPIB without a vendor's VISA",
     "pyusb": "USB instruments without a vendor's VISA",

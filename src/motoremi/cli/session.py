@@ -10,6 +10,7 @@ import typer
 
 from motoremi.cli.options import AsJson, SessionPath, command, plot_file
 from motoremi.errors import BadInput
+from motoremi.report.kinds import PLOTS
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
@@ -27,6 +28,8 @@ def import_(
     ] = None,
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
+    operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
+    ambient: Annotated[str, typer.Option("--ambient", metavar="TEXT", help="Temperature and humidity, for the report.")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Make a session from files that you already have."""
@@ -50,6 +53,8 @@ def import_(
         "title": f"Imported: {motor}" if motor else "Imported sweeps",
         "motor": motor,
         "serial": serial,
+        "operator": operator,
+        "ambient": ambient,
         "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),
@@ -360,8 +365,9 @@ def next_(path: SessionPath, as_json: AsJson = False) -> None:
 
 
 def report_(path: SessionPath, as_json: AsJson = False) -> None:
-    """HTML, JSON, JUnit XML and CSV from one report, in the session's report folder."""
+    """HTML, PDF, JSON, JUnit XML and CSV from one report, in the session's report folder."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.report.pdf import NOT_INSTALLED, can_render_pdf
     from motoremi.workflow import opened, report_session
 
     with opened(path) as store:
@@ -371,21 +377,30 @@ def report_(path: SessionPath, as_json: AsJson = False) -> None:
         return
     for file in files:
         say(str(file))
+    if not can_render_pdf():
+        say(NOT_INSTALLED)
 
 
 def plot_(
     path: SessionPath,
-    what: Annotated[Literal["fit", "error", "training", "ladder", "ranking", "spectrum"], typer.Argument(help="Which plot.", show_default=False)],
+    what: Annotated[
+        str, typer.Argument(metavar="WHAT", help="; ".join(f"{name}: {text}" for name, text in PLOTS.items()) + ".", show_default=False)
+    ],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="SVG, PNG or PDF; by default WHAT.svg.")] = None,
+    element: Annotated[str | None, typer.Option("--element", metavar="NAME", help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf.")] = None,
+    effect: Annotated[str | None, typer.Option("--effect", metavar="ID", help="For signature: an effect of the catalogue.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Any plot of the report alone."""
-    from motoremi.cli.output import say
-    from motoremi.data.session import load
-    from motoremi.workflow import figure_of
+    from motoremi.cli.output import emit_json, say
+    from motoremi.workflow_plots import figure_of
 
     file = plot_file(out if out is not None else Path(f"{what}.svg"))
-    figure_of(load(path), what).savefig(file)
-    say(str(file))
+    figure_of(path, what, element, effect).savefig(file)
+    if as_json:
+        emit_json({"schema": "motoremi.files/1", "files": [str(file)]})
+    else:
+        say(str(file))
 
 
 def register(app: typer.Typer) -> None:

@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
 from motoremi.data.chain import Chain, read_chain
@@ -23,6 +24,9 @@ from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.verify import verify, vouched_sha256
 from motoremi.errors import BadInput
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["Session", "SessionWriter", "StorageError", "load", "reopen", "verify"]
 
@@ -100,6 +104,23 @@ class Session:
             except ValueError as error:
                 raise BadInput(f"{show_name(path)}, line {number}: is damaged; run motoremi verify") from error
         return tuple(records)
+
+    def plot(self) -> Figure:
+        """The measured sweeps; the spectra of a session without sweeps.
+
+        Raises
+        ------
+        BadInput
+            If the session holds neither.
+        """
+        from motoremi.data.measurement import Measurement
+        from motoremi.report.plots import measured_figure, spectrum_figure
+
+        if self.sweeps:
+            return measured_figure(Measurement.of(self.sweeps))
+        if self.spectra:
+            return spectrum_figure(self.spectra)
+        raise BadInput(f"{self.path.name} holds neither sweep nor spectrum")
 
     def to_dict(self) -> JsonDict:
         """Plain data."""

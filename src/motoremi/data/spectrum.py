@@ -17,6 +17,7 @@ from motoremi.quantities import show, show_band
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 Detector = Literal["peak", "quasi-peak", "average", "rms-average"]
 DETECTORS: tuple[Detector, ...] = get_args(Detector)
@@ -122,6 +123,12 @@ class Spectrum:
         import pandas as pd
 
         return pd.DataFrame({"frequency_hz": self.frequency_hz, "level_dbuv": self.level_dbuv, "overload": self.overload})
+
+    def plot(self) -> Figure:
+        """Level over frequency, overloaded points marked."""
+        from motoremi.report.plots import spectrum_figure
+
+        return spectrum_figure([self])
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units and dBuV."""

@@ -16,6 +16,7 @@ from motoremi.quantities import show_band
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 Termination = Literal["short", "open"]
 TERMINATIONS: tuple[Termination, ...] = get_args(Termination)
@@ -130,6 +131,13 @@ class ImpedanceSweep:
             "sigma_relative": None if self.sigma_relative is None else self.sigma_relative.tolist(),
             "metadata": dict(self.metadata),
         }
+
+    def plot(self) -> Figure:
+        """Magnitude and phase over frequency, resonances marked."""
+        from motoremi.data.measurement import Measurement
+        from motoremi.report.plots import measured_figure
+
+        return measured_figure(Measurement.of([self]))
 
 
 def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:

@@ -6,7 +6,7 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "unexplained"]
 
@@ -145,6 +148,12 @@ class Diagnosis:
         )
         head = "<tr><th>effect</th><th>probability</th><th>chi2</th><th>error</th><th>parameters</th></tr>"
         return f"<b>{html.escape(self.verdict)}</b> {html.escape('; '.join(self.said))}<table>{head}{rows}</table>"
+
+    def plot(self) -> Figure:
+        """The candidates by evidence, those named and those not told apart marked."""
+        from motoremi.report.plots import ranking_figure
+
+        return ranking_figure(self.to_dict())
 
 
 def _figures(fit: Fit) -> JsonDict:

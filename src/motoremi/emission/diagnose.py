@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
 from motoremi.emission.fit import EmissionFit, Problem, fit_spectra
 from motoremi.emission.observe import find_comb, observations, sharpened
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Log evidence that an effect must bring to be believed, and within which two effects cannot be told apart.
 LEAST_GAIN = 10.0
@@ -101,6 +105,12 @@ class EmissionDiagnosis:
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(repr(self))}</pre>"
+
+    def plot(self) -> Figure:
+        """The candidates by evidence, those named and those not told apart marked."""
+        from motoremi.report.plots import ranking_figure
+
+        return ranking_figure(self.to_dict())
 
 
 def fit_base(problem: Problem, effects: Sequence[str] = (), known: Mapping[str, float] | None = None) -> EmissionFit:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,6 +16,9 @@ from motoremi.emission.effects import changed, find_source_effect
 from motoremi.emission.setup import Ambient, MotorImpedance, Setup
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Points that a fit works on, for each detector: all below this frequency, where combs can be told line by line, and so many above.
 _ALL_BELOW_HZ = 1.2e6
@@ -99,6 +103,12 @@ class EmissionFit:
             for p in find_source_effect(effect).parameters
             if f"{effect}.{p.name}" in self.parameters
         }
+
+    def plot(self) -> Figure:
+        """Measured levels and the model, the difference below."""
+        from motoremi.report.emission import emission_fit_figure
+
+        return emission_fit_figure(self)
 
 
 class Problem:

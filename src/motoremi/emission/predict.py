@@ -49,6 +49,8 @@ class Prediction:
     verdict : {"pass", "marginal", "fail"}
     effects : tuple of str
         Source-side effects in the model.
+    expanded_uncertainty_db : float
+        Guard band of the verdicts.
     """
 
     frequency_hz: FloatArray
@@ -60,6 +62,7 @@ class Prediction:
     judged_what: str
     verdict: Verdict
     effects: tuple[str, ...] = ()
+    expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
 
     def measured_dbuv(self) -> dict[str, FloatArray]:
         """Measured levels at the frequencies of the prediction; NaN where nothing was measured within half a step."""
@@ -117,6 +120,7 @@ class Prediction:
             "judged": [one.to_dict() for one in self.judged],
             "limit": self.limit.to_dict(),
             "effects": list(self.effects),
+            "expanded_uncertainty_db": self.expanded_uncertainty_db,
             "setup": self.setup.to_dict(),
             "error_bands": self.error_bands(),
             "remarks": self.remarks(),
@@ -209,6 +213,7 @@ def predict(
         "measured" if running else "predicted",
         overall(judged, bound),
         tuple(effects),
+        expanded_uncertainty_db,
     )
 
 

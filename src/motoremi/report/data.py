@@ -17,7 +17,7 @@ def render_json(report: Report) -> str:
 
 
 def render_csv(report: Report) -> str:
-    """Parameters of every step, then the error per band, in one long table.
+    """Parameters of every step, then the error per band and the margins to the emission limit, in one long table.
 
     `sigma` is a number or empty; `note` says what the data do not determine, and the verdict of a band.
     """
@@ -35,4 +35,8 @@ def render_csv(report: Report) -> str:
         where = f"{band['sweep']} {band['band_hz'][0]:.9g}-{band['band_hz'][1]:.9g} Hz"
         for name, unit in (("rms_error_percent", "%"), ("max_error_percent", "%"), ("max_error_db", "dB"), ("max_phase_deg", "deg")):
             writer.writerow(("band", where, name, repr(band[name]), unit, "", band["verdict"]))
+    for judged in (report.data["prediction"] or {"judged": []})["judged"]:
+        if judged["worst_margin_db"] is not None:
+            where = f"{judged['detector']} levels, {judged['line']} limit"
+            writer.writerow(("emission", where, "worst_margin_db", repr(judged["worst_margin_db"]), "dB", "", judged["verdict"] or "no verdict"))
     return buffer.getvalue()

@@ -2,26 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.session import Session
+from motoremi.quantities import show, show_band
 from motoremi.report.axes import BLACK, BLUE, ORANGE, PURPLE, frequency_axis, legend_above, panels
-from motoremi.report.parts import Table
+from motoremi.report.parts import Section, Table
+from motoremi.report.plots import ranking_figure, spectrum_figure
+from motoremi.report.svg import picture
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from motoremi.emission.fit import EmissionFit
 
 _COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "rms-average": BLACK}
 
 
 def prediction_figure(prediction: JsonDict) -> Figure:
-    """Measured levels thin, predicted ones dashed, limits dotted; `prediction` as `Prediction.to_dict` gives it."""
-    figure, axes = panels(9.0, 4.2)
+    """Measured levels thin, predicted ones dashed, limits dotted, and below what was measured over what was predicted.
+
+    Parameters
+    ----------
+    prediction : dict
+        As `Prediction.to_dict` gives it.
+    """
+    below = bool(prediction["measured_dbuv"])
+    figure, axes = panels(9.0, 5.4, 2, 1, height_ratios=(3, 1)) if below else panels(9.0, 4.2)
     panel = axes[0, 0]
     frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
     measured = prediction["measured_dbuv"]
+    # Predictions of older sessions do not say it.
+    guard = float(prediction.get("expanded_uncertainty_db", 0.0))
     shown = list(measured) or ["peak", "quasi-peak", "average"]
     for detector in shown:
         if detector in measured:
@@ -31,10 +48,39 @@ def prediction_figure(prediction: JsonDict) -> Figure:
     for detector, bound in prediction["limit_dbuv"].items():
         level = _levels(bound)
         if np.isfinite(level).any():
-            panel.plot(frequency, level, ":", color=_COLOURS[detector], linewidth=1.6, label=f"limit, {detector}")
+            panel.plot(frequency, level, ":", color=_COLOURS[detector], linewidth=1.6, label=f"limit, {detector}, with guard band")
+            panel.fill_between(frequency, level - guard, level + guard, color=_COLOURS[detector], alpha=0.15, linewidth=0)
     panel.set_ylabel("level (dBµV)")
-    frequency_axis(panel, frequency)
+    frequency_axis(panel, frequency, label=not below)
+    if below:
+        errors = {name: (frequency, _levels(level) - _levels(prediction["predicted_dbuv"][name])) for name, level in measured.items()}
+        _residuals(axes[1, 0], frequency, errors)
     legend_above(figure, panel)
+    return figure
+
+
+def _residuals(panel: Axes, frequency_hz: FloatArray, errors: Mapping[str, tuple[FloatArray, FloatArray]]) -> None:
+    """Measured minus model for each detector, in dB."""
+    panel.axhline(0.0, color=BLACK, linewidth=0.8)
+    for detector, (frequency, error) in errors.items():
+        panel.plot(frequency, error, color=_COLOURS[detector], linewidth=0.6)
+    panel.set_ylabel("measured minus\nmodel (dB)")
+    frequency_axis(panel, frequency_hz)
+
+
+def emission_fit_figure(fit: EmissionFit) -> Figure:
+    """Measured levels and the model of the spectra at the fitted frequencies, the difference below."""
+    problem, errors = fit.problem, fit.error_db()
+    figure, axes = panels(9.0, 5.4, 2, 1, height_ratios=(3, 1))
+    top = axes[0, 0]
+    for detector, (frequency, error) in errors.items():
+        measured = problem.measured_dbuv[problem.where[detector]]
+        top.plot(frequency, measured, color=_COLOURS[detector], linewidth=0.6, alpha=0.6, label=f"{detector}, measured")
+        top.plot(frequency, measured - error, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, model")
+    top.set_ylabel("level (dBµV)")
+    frequency_axis(top, problem.grid_hz, label=False)
+    _residuals(axes[1, 0], problem.grid_hz, errors)
+    legend_above(figure, top)
     return figure
 
 
@@ -44,9 +90,18 @@ def _levels(values: list[float | None]) -> FloatArray:
 
 def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
     """What was judged, and how far the prediction is from the measurement."""
-    judged = tuple((str(one["detector"]), str(one["line"]), str(one["verdict"] or "none"), str(one["why"])) for one in prediction["judged"])
+    judged = tuple(
+        (
+            str(one["detector"]),
+            str(one["line"]),
+            "-" if one["worst_margin_db"] is None else f"{one['worst_margin_db']:+.1f} dB",
+            str(one["verdict"] or "none").upper(),
+            str(one["why"]),
+        )
+        for one in prediction["judged"]
+    )
     marked = frozenset(index for index, one in enumerate(prediction["judged"]) if one["verdict"] == "fail")
-    tables = [Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "verdict", "why"), judged, marked)]
+    tables = [Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "smallest margin", "verdict", "why"), judged, marked)]
     if prediction["error_bands"]:
         rows = tuple(
             (
@@ -65,9 +120,64 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
     """The verdict in words, what is missing, and what a reader has to know."""
     effects = ", ".join(prediction["effects"]) or "no effect of source or path"
     texts = [f"The {prediction['judged_what']} levels are judged: {str(prediction['verdict']).upper()}. The prediction holds {effects}."]
+    if "expanded_uncertainty_db" in prediction:
+        guard = prediction["expanded_uncertainty_db"]
+        texts.append(f"Guard band {guard:g} dB (k = 2): below the limit by more is a pass, above by more a fail, between them marginal.")
     if diagnosis is not None:
         named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
         texts.append(f"Diagnosis of the spectra: {diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %.")
         texts += [str(one["text"])[:1].upper() + str(one["text"])[1:] + "." for one in diagnosis["observations"]]
         texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
     return (*texts, *(f"{remark[:1].upper()}{remark[1:]}." for remark in prediction["remarks"]))
+
+
+def emission_section(session: Session) -> Section:
+    """Measured levels; where a prediction is stored, against it and the limit, and what the spectra's diagnosis found."""
+    rows = tuple(
+        (
+            s.detector,
+            s.condition,
+            f"{len(s)}",
+            show_band(float(s.frequency_hz[0]), float(s.frequency_hz[-1])),
+            show(s.resolution_bandwidth_hz, "Hz"),
+            f"{s.level_dbuv.max():.1f} dBuV at {show(float(s.frequency_hz[np.argmax(s.level_dbuv)]), 'Hz')}",
+            f"{int(s.overload.sum())}",
+        )
+        for s in session.spectra
+    )
+    columns = ("detector", "condition", "points", "span", "bandwidth", "highest level", "overloaded points")
+    drawn = picture("spectrum", spectrum_figure(session.spectra), "Conducted emission at the LISN.")
+    table, prediction = Table("Spectra", columns, rows), session.analysis("prediction")
+    if prediction is None:
+        return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (table,), (drawn,))
+    diagnosis = session.analysis("emission-diagnosis")
+    caption = "Measured levels, the levels that source and fitted motor should produce, and the limit with its guard band."
+    pictures = [picture("prediction", prediction_figure(prediction), caption), drawn]
+    tables = [table, *prediction_tables(prediction)]
+    steps = (session.analysis("emission") or {}).get("steps", ())
+    if len(steps) > 1:
+        tables.append(_ladder(steps))
+    if diagnosis is not None and diagnosis["candidates"]:
+        tables.append(_ranking(diagnosis))
+        pictures.append(picture("emission-ranking", ranking_figure(diagnosis), "Evidence of the effects of source and path."))
+    return Section("Emission", prediction_texts(prediction, diagnosis), tuple(tables), tuple(pictures))
+
+
+def _ladder(steps: Sequence[JsonDict]) -> Table:
+    rows = tuple((" + ".join(("source and path", *step["effects"])), f"{step['rms_error_db']:.2g} dB") for step in steps)
+    return Table("Models of the spectra, step by step", ("model", "rms error"), rows)
+
+
+def _ranking(diagnosis: JsonDict) -> Table:
+    rows = tuple(
+        (
+            str(one["effect"]),
+            f"{one['probability']:.3g}",
+            f"{one['delta_bic']:.3g}",
+            f"{one['rms_error_db']:.2g} dB",
+            "yes" if one["plausible"] else "no, at a bound",
+            ", ".join(f"{name} = {show(entry['value'], entry['unit'])}" for name, entry in one["parameters"].items()),
+        )
+        for one in diagnosis["candidates"]
+    )
+    return Table("Ranking of the effects of source and path", ("effect", "probability", "ΔBIC", "error left", "plausible", "parameters"), rows)

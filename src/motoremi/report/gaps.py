@@ -72,6 +72,9 @@ def _of_the_run(session: Session) -> list[str]:
     if session.status != "done" and not being_written(session):
         reason = next((str(d["reason"]) for d in reversed(session.documents) if d["kind"] == "stop" and d.get("reason")), "no stop document")
         found.append(f"the run did not end well ({session.status}): {reason}")
+    again = [str(d.get("step")) for d in session.documents if d["kind"] == "resume"]
+    if again:
+        found.append(f"the run was interrupted and went on later (at step {', '.join(again)})")
     steps = planned_steps(session)
     unfinished = [f"{number} ({name})" for number, name, _, state in steps if state == "not finished"]
     if unfinished:
@@ -117,6 +120,8 @@ def _of_the_analysis(materials: Materials) -> list[str]:
         found.append("the diagnosis was made from another fit than those shown here: diagnose again")
     if not session.spectra:
         found.append("no emission spectrum was measured")
+    elif session.analysis("prediction") is None:
+        found.append("the spectra were not held against a limit")
     return found
 
 

@@ -35,6 +35,9 @@ def headline(materials: Materials) -> tuple[Line, ...]:
     if steps:
         lines += [_after(steps[-1], diagnosis), ("Noise floor", f"{steps[-1].floor_percent:.2g} % rms", "plain")]
     lines.append(_judged(materials.comparison))
+    prediction = materials.session.analysis("prediction")
+    if prediction is not None:
+        lines.append(_emission(prediction))
     if diagnosis is not None:
         lines.append(("Measure next", str(diagnosis["next_measurement"]["why"]), "plain"))
     return tuple(lines)
@@ -92,6 +95,12 @@ def _judged(comparison: Comparison | None) -> Line:
         return label, f"PASS: within {tolerance(comparison)} at every point", "good"
     failed = [band for band in comparison.bands if band["verdict"] == "fail"]
     return label, f"FAIL in {len(failed)} of {len(comparison.bands)} bands (tolerance {tolerance(comparison)} at every point)", "bad"
+
+
+def _emission(prediction: JsonDict) -> Line:
+    """The spectra against the limit."""
+    mood = {"pass": "good", "fail": "bad"}.get(str(prediction["verdict"]), "plain")
+    return f"Emission against {prediction['limit']['title']}", f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)", mood
 
 
 def tolerance(comparison: Comparison) -> str:

@@ -24,6 +24,8 @@ def render_junit(report: Report) -> str:
     if comparison is not None:
         for sweep in TERMINATIONS:
             _sweep_suite(root, sweep, [band for band in comparison["bands"] if band["sweep"] == sweep])
+    if report.data["prediction"] is not None:
+        _emission_suite(root, report.data["prediction"])
     _session_suite(root, report)
     for suite in root:
         _count(suite)
@@ -44,6 +46,21 @@ def _sweep_suite(root: Element, sweep: str, bands: Sequence[JsonDict]) -> None:
             SubElement(case, "failure", message=f"{figures}; fails at {spans}")
         else:
             SubElement(case, "system-out").text = figures
+
+
+def _emission_suite(root: Element, prediction: JsonDict) -> None:
+    """A case for each detector against each line; a marginal level fails no more than it does for `motoremi predict`, but says so."""
+    suite = SubElement(root, "testsuite", name="emission")
+    _properties(suite, {"limit": prediction["limit"]["title"], "judged": prediction["judged_what"], "verdict": prediction["verdict"]})
+    for one in prediction["judged"]:
+        case = SubElement(suite, "testcase", classname="motoremi.emission", name=f"{one['detector']} levels, {one['line']} limit")
+        why = _legal(str(one["why"]))
+        if one["verdict"] is None:
+            SubElement(case, "skipped", message=why)
+        elif one["verdict"] == "fail":
+            SubElement(case, "failure", message=why)
+        else:
+            SubElement(case, "system-out").text = f"{one['verdict'].upper()}: {why}"
 
 
 def _session_suite(root: Element, report: Report) -> None:

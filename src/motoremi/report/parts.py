@@ -108,6 +108,12 @@ class Report(_Shown):
     sections : tuple of Section
     data : dict
         The same for machines, texts as they came.
+    begun : str
+        When the measurement began, ISO 8601.
+    footer : str
+        At the foot of every page: which session this is.
+    signatures : tuple of str
+        Who signs, a line each.
     """
 
     title: str
@@ -116,3 +122,6 @@ class Report(_Shown):
     warnings: tuple[str, ...]
     sections: tuple[Section, ...]
     data: JsonDict
+    begun: str = ""
+    footer: str = ""
+    signatures: tuple[str, ...] = ()

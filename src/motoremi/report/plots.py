@@ -236,8 +236,9 @@ def ladder_figure(steps: Sequence[Fit]) -> Figure:
 
 
 def ranking_figure(diagnosis: JsonDict) -> Figure:
-    """Candidates by evidence: how far each lies behind the best."""
+    """Candidates by evidence: how far each lies behind the best; of the impedance (error left in percent) or the spectra (in dB)."""
     from matplotlib.patches import Patch
+    from matplotlib.ticker import EngFormatter, NullLocator
 
     # What was stored as null was not finite: it lies infinitely far behind.
     ranked = [c for c in diagnosis["candidates"] if None not in (c["delta_bic"], c["rms_error_percent"])]
@@ -253,11 +254,14 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
         colour, hatch = looks[kind]
         panel.barh(row, behind[row], color=colour, hatch=hatch, edgecolor="white", height=0.65)
         bound = "" if candidate["plausible"] else ", at a bound"
-        text = f"leaves {candidate['rms_error_percent']:.3g} %{bound}"
+        left = f"{candidate['rms_error_db']:.2g} dB" if diagnosis.get("of") == "emission" else f"{candidate['rms_error_percent']:.3g} %"
+        text = f"leaves {left}{bound}"
         place = {"xytext": (5, 0), "textcoords": "offset points", "va": "center", "fontsize": 8}
         panel.annotate(text, (behind[row], row), bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}, **place)
     panel.axvline(1 + TOLD_APART, color=BLACK, linestyle=":", linewidth=1)
     panel.set_xscale("log")
+    panel.xaxis.set_major_formatter(EngFormatter(sep=" "))
+    panel.xaxis.set_minor_locator(NullLocator())
     # A third more on the log axis holds the text after the longest bar.
     panel.set_xlim(0.8, 3 * max([*behind, 10]) ** 1.4)
     panel.set_ylim(max(len(candidates), 1) - 0.4, -0.6)

@@ -6,7 +6,10 @@ import html
 import io
 import re
 import threading
+import warnings
 from typing import TYPE_CHECKING
+
+from motoremi.report.parts import Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,6 +18,11 @@ if TYPE_CHECKING:
 _settings = threading.Lock()
 _GEOMETRY = re.compile(r'\b(?:d|x|y|transform|points)="[^"]*"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+
+
+def picture(name: str, figure: Figure, caption: str) -> Picture:
+    """A figure with its caption, for a section."""
+    return Picture(to_svg(figure, name, caption), caption)
 
 
 def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
@@ -32,7 +40,9 @@ def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
 
     buffer = io.BytesIO()
     # A fixed salt makes identifiers, and so the bytes, reproducible; text stays text, which is small and can be searched.
-    with _settings, matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none", "path.simplify": True}):
+    with _settings, warnings.catch_warnings(), matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none", "path.simplify": True}):
+        # Text stays text: the page's reader may well have the letters that matplotlib's fonts lack.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue().decode("utf-8")
     # The XML prolog and the document type, which points outside, have no place within a page.

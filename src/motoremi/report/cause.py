@@ -1,0 +1,102 @@
+"""The diagnosis: which effect is missing, with the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from motoremi.arrays import JsonDict
+from motoremi.errors import BadInput
+from motoremi.model.effects import find_effect
+from motoremi.quantities import show
+from motoremi.report import plots
+from motoremi.report.headline import in_words
+from motoremi.report.parts import Section, Table
+from motoremi.report.svg import picture
+
+MOST_CANDIDATES = 10
+
+
+def diagnosis_section(diagnosis: JsonDict) -> Section:
+    """What is missing, the ranking with its evidence, left-out data, and what to measure next."""
+    rows = []
+    for candidate in diagnosis["candidates"][:MOST_CANDIDATES]:
+        values = ", ".join(
+            f"{name} = {show(entry['value'], entry.get('unit', ''))}" + (" (at bound)" if entry["at_bound"] else "")
+            for name, entry in candidate["parameters"].items()
+        )
+        rows.append(
+            (
+                str(candidate["effect"]),
+                str(candidate["family"]),
+                _number(candidate["probability"]),
+                _number(candidate["delta_bic"]),
+                f"{_number(candidate['rms_error_percent'])} %",
+                "yes" if candidate["plausible"] else "no, at a bound",
+                values,
+            )
+        )
+    columns = ("effect", "family", "probability", "ΔBIC", "error left", "plausible", "fitted parameters")
+    sentence = in_words(diagnosis)
+    texts = [f"{sentence[:1].upper()}{sentence[1:]}; confidence {100 * diagnosis['confidence']:.0f} %."]
+    texts += [str(reason)[:1].upper() + str(reason)[1:] + "." for reason in diagnosis["reasons"]]
+    texts += [f"Not told apart by these data: {', '.join(family)}." for family in diagnosis["families"]]
+    texts += [_explained(str(name)) for name in diagnosis["effects"]]
+    texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
+    further = (*_left_out(diagnosis), *_menu(diagnosis))
+    if not rows:
+        return Section("Diagnosis", tuple(texts), further)
+    others = len(diagnosis["candidates"]) - len(rows)
+    title = "Ranking: each single effect on top of the diagnosed model" + (f" ({others} worse ones not shown)" if others else "")
+    return Section(
+        "Diagnosis",
+        tuple(texts),
+        (Table(title, columns, tuple(rows)), *further),
+        (picture("ranking", plots.ranking_figure(diagnosis), "Evidence of the single effects: how far each lies behind the best."),),
+    )
+
+
+def _left_out(diagnosis: JsonDict) -> tuple[Table, ...]:
+    """How much better data that were left out of the fit are predicted."""
+    validation = diagnosis.get("cross_validation")
+    if not validation:
+        return ()
+    names = {"bands": "a band of both sweeps from the rest", "short_to_open": "the open-circuit sweep from the short-circuit sweep"}
+    known = [(names[key], value) for key, value in validation.items() if key in names and value is not None]
+    rows = tuple((name, f"{value:+.4g}", "better" if value > 0 else "no better") for name, value in known)
+    columns = ("predicted", "gain in log likelihood (nats)", "than before")
+    return (Table("Cross-validation: left-out data, with the named effects against without", columns, rows, _worse(known)),)
+
+
+def _worse(known: Sequence[tuple[str, float]]) -> frozenset[int]:
+    return frozenset(index for index, (_, value) in enumerate(known) if value <= 0)
+
+
+def _menu(diagnosis: JsonDict) -> tuple[Table, ...]:
+    """What each measurement would do to tell the candidates apart."""
+    rows = tuple(
+        (str(one["id"]), str(one["action"]), f"{100 * one['separates']:.0f} %", _number(one["ratio"]))
+        for one in diagnosis["next_measurement"].get("menu", ())
+    )
+    columns = ("measurement", "do", "pairs of candidates told apart", "smallest difference over uncertainty")
+    return (Table("What could be measured next, best first", columns, rows),) if rows else ()
+
+
+def _number(value: float | None) -> str:
+    """A number as it was stored; JSON has nothing for one that is not finite."""
+    return "-" if value is None else f"{value:.3g}"
+
+
+def title_of(effect: str) -> str:
+    """What an effect is; a stored diagnosis may speak of one that is not installed here."""
+    try:
+        return find_effect(effect).effect.title
+    except BadInput:
+        return "not in the catalogue of this installation"
+
+
+def _explained(name: str) -> str:
+    try:
+        effect = find_effect(name).effect
+    except BadInput:
+        return f"{name}: {title_of(name)}."
+    return f"{name}: {effect.title}. Signature: {effect.signature}. Law: {effect.formula}. Source: {effect.source}."

@@ -1,0 +1,127 @@
+"""The report as PDF, by typst (extra `pdf`).
+
+All text goes to typst as strings of a JSON file, never as source, so that nothing in it can be obeyed. Fonts come with typst and
+matplotlib, none from the system: the same report gives the same bytes on another machine with the same versions of both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import json
+import re
+from collections.abc import Callable
+from datetime import datetime
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.errors import BadInput
+from motoremi.report.parts import Report
+
+# A hash, or a name without blanks, may be longer than its column: it may be broken here.
+_LONG_WORD = re.compile(r"\S{20,}")
+_PIECE = 8
+_BREAK = "\u200b"
+NOT_INSTALLED = "no PDF: typst is not installed (pip install 'motoremi[pdf]')"
+
+
+def can_render_pdf() -> bool:
+    """Whether typst is installed."""
+    return importlib.util.find_spec("typst") is not None
+
+
+def render_pdf(report: Report) -> bytes:
+    """The whole report; the date in the file is that of the session's start.
+
+    Raises
+    ------
+    BadInput
+        If typst is not installed.
+    """
+    if not can_render_pdf():
+        raise BadInput(NOT_INSTALLED)
+    import typst
+
+    # Its annotations know one file only, not several by name.
+    compile_files: Callable[..., bytes] = typst.compile
+    source: dict[str, bytes] = {"main.typ": files("motoremi.report").joinpath("template.typ").read_bytes()}
+    page = _page(report)
+    for number, picture in enumerate(picture for section in report.sections for picture in section.pictures):
+        source[_picture_name(number)] = picture.svg.encode()
+    source["report.json"] = json.dumps(page).encode()
+    return compile_files(source, format="pdf", font_paths=[str(_fonts())], ignore_system_fonts=True)
+
+
+def _page(report: Report) -> JsonDict:
+    """What the template shows."""
+    number = 0
+    sections = []
+    for section in report.sections:
+        pictures = []
+        for picture in section.pictures:
+            pictures.append({"file": _picture_name(number), "caption": picture.caption})
+            number += 1
+        tables = [{**dataclasses.asdict(table), "marked": sorted(table.marked)} for table in section.tables]
+        sections.append({"title": section.title, "texts": section.texts, "pictures": pictures, "tables": tables})
+    shown: JsonDict = _shown(
+        {
+            "title": report.title,
+            "subtitle": report.subtitle,
+            "footer": report.footer,
+            "headline": report.headline,
+            "warnings": report.warnings,
+            "signatures": report.signatures,
+            "sections": sections,
+        }
+    )
+    return {**shown, "begun": _date(report.begun)}
+
+
+def _picture_name(number: int) -> str:
+    return f"picture-{number}.svg"
+
+
+def _shown(value: Any) -> Any:
+    """Plain data, with every text as this file's fonts can show it."""
+    if isinstance(value, str):
+        return _LONG_WORD.sub(_broken, "".join(map(_in_font, value)))
+    if isinstance(value, dict):
+        return {key: _shown(item) for key, item in value.items()}
+    return [_shown(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _broken(word: re.Match[str]) -> str:
+    text = word.group()
+    return _BREAK.join(text[start : start + _PIECE] for start in range(0, len(text), _PIECE))
+
+
+def _in_font(character: str) -> str:
+    """A character that no font here has is written out: an empty box would hide it."""
+    code = ord(character)
+    return character if code in _known_characters() else f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
+
+
+def _fonts() -> Path:
+    """Matplotlib's own fonts, in which the plots are drawn; typst brings no sans-serif font."""
+    import matplotlib
+
+    return Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+
+
+@lru_cache(maxsize=1)
+def _known_characters() -> frozenset[int]:
+    from matplotlib.ft2font import FT2Font
+
+    return frozenset(FT2Font(str(_fonts() / "DejaVuSans.ttf")).get_charmap())
+
+
+def _date(text: str) -> JsonDict | None:
+    """Time for the file's metadata; None if the session has no readable one."""
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return {name: getattr(time, name) for name in ("year", "month", "day", "hour", "minute", "second")}

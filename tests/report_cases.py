@@ -1,0 +1,116 @@
+"""A session with a whole story, its report, and texts that mean harm: shared by the tests of reports."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+from pathlib import Path
+
+import motoremi as me
+from motoremi.data.session import SessionWriter, load
+from motoremi.emission.setup import scan_frequencies
+from motoremi.report.files import render_all
+from motoremi.report.model import Materials, build_report
+from motoremi.simulate.emission import Stand
+from motoremi.simulate.emission import measure as measure_spectra
+from motoremi.workflow import add_to_session, compare_session, diagnose_session, fit_session, ladder_of, opened
+from motoremi.workflow_emission import diagnose_emission_session, predict_session
+
+HOSTILE = [
+    "<script>alert(1)</script>",
+    '"><img src=x onerror=alert(1)>',
+    "]]></testsuite><!--",
+    "\x1b[31mred\x1b[0m",
+    "nul\x00byte",
+    "{{7*7}}{% raw %}",
+    "\u202egnp.exe",
+    "&amp;&lt;\u2028x",
+    "=HYPERLINK(1)",
+    '#panic("x") #read("/etc/passwd") $x$ *b* `r` @a // c',
+    "\\u{41} \\ #[x] ]) #let title = 1",
+    "${jndi:x} $\\frac$",
+    "\u7535\u673a",
+]
+
+
+class Page(HTMLParser):
+    """Collects tags and checks that they close."""
+
+    VOID = frozenset({"meta", "br", "img", "hr", "link"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attrs
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open, tag
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def parsed(html: str) -> Page:
+    page = Page()
+    page.feed(html)
+    assert page.open == []
+    return page
+
+
+def diagnosed_session(path: Path, measure, seed: int = 2) -> Path:
+    """Measured, fitted, compared, diagnosed, and the effect added."""
+    sweeps, _ = measure(seed, ("insulation-leakage@Cf",))
+    with SessionWriter.create(path, {"title": "A test", "motor": "XQ-7A2", "operator": "B. Engineer"}) as writer:
+        for sweep in sweeps:
+            writer.add_sweep(sweep)
+        writer.add_spectrum(me.Spectrum("peak", [150e3, 154.5e3, 159e3], [40.0, 41.0, 39.0], overload=[False, True, False]))
+        writer.close("done")
+    with opened(path) as store:
+        fit_session(store)
+        compare_session(store, me.Tolerance(error_percent=1.0))
+        found = diagnose_session(store)
+        add_to_session(store, found.effects[0])
+    return path
+
+
+def whole_session(path: Path, measure, seed: int = 3, effects: tuple[str, ...] = ("dielectric-loss@Cf",), **start: object) -> Path:
+    """Sweeps, spectra with an arc, and every analysis that a session can hold."""
+    sweeps, motor = measure(seed, effects)
+    frequency_hz = scan_frequencies()
+    stand = Stand.random(seed, ("arc-breakdown",))
+    read = measure_spectra(motor, stand, frequency_hz, seed, quasi_peak=False)
+    with SessionWriter.create(path, {"title": "All of it", "motor": f"motor {seed}", **start}) as writer:
+        identity = {"vendor": "HP", "model": "4294A", "serial": "JP1KG00123", "firmware": "REV1.11"}
+        writer.emit("instrument", role="analyser", driver="4294a", resource="GPIB0::17::INSTR", identity=identity, settings={"points": 401})
+        for sweep in sweeps:
+            writer.add_sweep(sweep)
+        for detector in ("peak", "average"):
+            writer.add_spectrum(me.Spectrum(detector, frequency_hz, read.level(detector)))
+        writer.close("done")
+    with opened(path) as store:
+        for effect in diagnose_session(store).effects:
+            add_to_session(store, effect)
+        compare_session(store, me.Tolerance(error_percent=1.0))
+        diagnose_emission_session(store)
+        predict_session(store)
+    return path
+
+
+def rendered(path: Path) -> dict[str, bytes]:
+    """Every file of the report of a session."""
+    session = load(path)
+    steps = tuple(ladder_of(session))
+    comparison = me.compare(steps[-1], me.Tolerance(error_percent=1.0)) if steps else None
+    return render_all(build_report(Materials(session, steps, comparison, session.analysis("diagnosis"))))
