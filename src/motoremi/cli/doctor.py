@@ -21,6 +21,8 @@ OPTIONAL = {
     "pyarrow": "export to Parquet",
     "typst": "report as PDF",
     "distributed": "fleet on a Dask cluster",
+    "starlette": "workbench",
+    "uvicorn": "workbench",
     "gpib-ctypes": "GPIB without a vendor's VISA",
     "pyusb": "USB instruments without a vendor's VISA",
     "psutil": "search for network instruments on all interfaces",
