@@ -134,8 +134,6 @@ def glance_at(
         # With effects, the search's best and the likelihood's may lie in different valleys.
         bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    # As good as not there: a model that is right already must not get worse.
-    starts.append(_started(before.parameters, added.effect.limit_values, label))
     return glance(task, starts, group=len(bases))
 
 
