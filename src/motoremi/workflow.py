@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session, load, reopen
+from motoremi.data.storage import write_whole
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.element import Inspection, inspect
@@ -25,6 +26,9 @@ from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
 from motoremi.model.motor import dc_motor
 from motoremi.quantities import parse
+
+if TYPE_CHECKING:
+    from motoremi.report.parts import Materials
 
 
 class Store(Protocol):
@@ -164,16 +168,46 @@ def drop_from_session(store: Store) -> tuple[Fit, Fit]:
     return steps[-1], steps[-2]
 
 
+def _materials_of(session: Session) -> Materials:
+    """What a report of the session is made of."""
+    from motoremi.report.parts import Materials
+
+    steps = ladder_of(session)
+    comparison = compare(steps[-1], stored_tolerance(session)) if steps else None
+    return Materials(session, tuple(steps), comparison, session.analysis("diagnosis"))
+
+
 def report_session(store: Store) -> list[Path]:
     """Render the report in all forms into the session's `report/` folder."""
     from motoremi.report.files import render_all
-    from motoremi.report.model import Materials, build_report
+    from motoremi.report.model import build_report
 
-    session = load(store.path)
-    steps = ladder_of(session)
-    comparison = compare(steps[-1], stored_tolerance(session)) if steps else None
-    report = build_report(Materials(session, tuple(steps), comparison, session.analysis("diagnosis")))
+    report = build_report(_materials_of(load(store.path)))
     return [store.save_file(name, data) for name, data in render_all(report).items()]
+
+
+def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
+    """Render several sessions side by side, each against the first, into a folder; the sessions are only read.
+
+    Raises
+    ------
+    BadInput
+        For one session alone, too many, or two of one name.
+    """
+    from motoremi.report.together import build_together, render_together
+
+    # The folder's own name, also for `.` or a path that ends in a slash.
+    named = {path.resolve().name: path for path in paths}
+    if len(named) < len(paths):
+        raise BadInput("two of these sessions have the same name: rename one folder, or the report could not tell them apart")
+    files = render_together(build_together({name: _materials_of(load(path)) for name, path in named.items()}))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"cannot make the folder {out}: {error.strerror}") from error
+    for name, data in files.items():
+        write_whole(out / name, data)
+    return [out / name for name in files]
 
 
 def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], JsonDict | None]:

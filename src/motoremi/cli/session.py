@@ -364,14 +364,25 @@ def next_(path: SessionPath, as_json: AsJson = False) -> None:
         say(f"{stored['next_measurement']['id']}: {stored['next_measurement']['why']}")
 
 
-def report_(path: SessionPath, as_json: AsJson = False) -> None:
-    """HTML, PDF, JSON, JUnit XML and CSV from one report, in the session's report folder."""
+def report_(
+    paths: Annotated[list[Path], typer.Argument(metavar="SESSION...", help="A session folder; several are compared.", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where the comparison of several sessions goes.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """HTML, PDF, JSON, JUnit XML and CSV from one report, in the session's report folder; several sessions side by side, each against the first."""
     from motoremi.cli.output import emit_json, say
     from motoremi.report.pdf import NOT_INSTALLED, can_render_pdf
-    from motoremi.workflow import opened, report_session
+    from motoremi.workflow import opened, report_session, report_together
 
-    with opened(path) as store:
-        files = report_session(store)
+    if len(paths) == 1 and out is not None:
+        raise BadInput("--out is for several sessions; the report of one goes into its own report folder")
+    if len(paths) > 1:
+        if out is None:
+            raise BadInput("several sessions side by side: say where the comparison goes with --out DIR")
+        files = report_together(paths, out)
+    else:
+        with opened(paths[0]) as store:
+            files = report_session(store)
     if as_json:
         emit_json({"schema": "motoremi.files/1", "files": [str(file) for file in files]})
         return
@@ -415,5 +426,5 @@ def register(app: typer.Typer) -> None:
     command(app, "drop", drop_, "motoremi drop my_motor")
     command(app, "ladder", ladder_, "motoremi ladder my_motor")
     command(app, "next", next_, "motoremi next my_motor")
-    command(app, "report", report_, "motoremi report my_motor")
+    command(app, "report", report_, "motoremi report my_motor; motoremi report before after --out comparison")
     command(app, "plot", plot_, "motoremi plot my_motor fit --out fit.png")

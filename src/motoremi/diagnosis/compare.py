@@ -183,11 +183,11 @@ def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:
             if limit is not None:
                 beyond |= value > limit
         curves[sweep.termination] = Curve(sweep.frequency_hz, error, magnitude, phase, uncertainty, beyond & (error > uncertainty))
-    bands = tuple(_band(name, curve, low, high) for name, curve in curves.items() for low, high in _bands(curve.frequency_hz))
+    bands = tuple(_band(name, curve, low, high) for name, curve in curves.items() for low, high in bands_over(curve.frequency_hz))
     return Comparison(fit.effects, asked, curves, bands, tuple(_where(curves)), not any(np.any(c.fails) for c in curves.values()))
 
 
-def _bands(frequency_hz: FloatArray) -> list[tuple[float, float]]:
+def bands_over(frequency_hz: FloatArray) -> list[tuple[float, float]]:
     """Bands that a sweep covers, its own ends included."""
     first, last = float(frequency_hz[0]), float(frequency_hz[-1])
     edges = [first, *(edge for edge in BAND_EDGES_HZ if first * 1.001 < edge < last * 0.999), last]
