@@ -126,6 +126,7 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
     if diagnosis is not None:
         named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
         texts.append(f"Diagnosis of the spectra: {diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %.")
+        texts += [str(reason)[:1].upper() + str(reason)[1:] + "." for reason in diagnosis["reasons"]]
         texts += [str(one["text"])[:1].upper() + str(one["text"])[1:] + "." for one in diagnosis["observations"]]
         texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
     return (*texts, *(f"{remark[:1].upper()}{remark[1:]}." for remark in prediction["remarks"]))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
+from motoremi.data.spectrum import Spectrum
+from motoremi.data.sweep import ImpedanceSweep
 from motoremi.report.gaps import planned_steps
 from motoremi.report.parts import Section, Table
 
@@ -40,9 +44,10 @@ def identity_section(session: Session, session_sha256: str) -> Section:
     if instruments:
         tables.append(Table("Instruments", ("role", "instrument", "serial", "firmware", "resource", "calibrated", "settings"), tuple(instruments)))
     measured = [d for d in session.documents if d["kind"] in ("sweep", "spectrum")]
-    sources = iter([str(s.metadata.get("source", "-")) for s in session.sweeps])
+    sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {"sweep": iter(session.sweeps), "spectrum": iter(session.spectra)}
     files = tuple(
-        (str(d.get("file")), next(sources, "-") if d["kind"] == "sweep" else "-", str(d.get("points")), str(d.get("sha256"))) for d in measured
+        (str(d.get("file")), str(source.metadata.get("source", "-")), str(d.get("points")), str(d.get("sha256")))
+        for d, source in ((d, next(sources[d["kind"]])) for d in measured)
     )
     if files:
         tables.append(Table("Measured files", ("file", "came from", "points", "SHA-256"), files))

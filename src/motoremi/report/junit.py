@@ -53,14 +53,14 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
     suite = SubElement(root, "testsuite", name="emission")
     _properties(suite, {"limit": prediction["limit"]["title"], "judged": prediction["judged_what"], "verdict": prediction["verdict"]})
     for one in prediction["judged"]:
-        case = SubElement(suite, "testcase", classname="motoremi.emission", name=f"{one['detector']} levels, {one['line']} limit")
+        case = SubElement(suite, "testcase", classname="motoremi.emission", name=_legal(f"{one['detector']} levels, {one['line']} limit"))
         why = _legal(str(one["why"]))
         if one["verdict"] is None:
             SubElement(case, "skipped", message=why)
         elif one["verdict"] == "fail":
             SubElement(case, "failure", message=why)
         else:
-            SubElement(case, "system-out").text = f"{one['verdict'].upper()}: {why}"
+            SubElement(case, "system-out").text = f"{_legal(str(one['verdict'])).upper()}: {why}"
 
 
 def _session_suite(root: Element, report: Report) -> None:
