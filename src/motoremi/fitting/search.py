@@ -202,12 +202,13 @@ def glance(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) ->
     """Follow start values that need not lead anywhere: a few steps for all, some more for the better, to the end for the best."""
     search = task.thinned(EFFECT_POINTS)
     first = u = np.array([search.vector(start) for start in starts])
+    enough = 0.1 * search.observed.expected_objective
     evaluations = 0
     for steps, kept in GLANCES:
         if len(u) > kept:
-            part = polish(search, u, iterations=steps, **ROUGH)
+            part = polish(search, u, iterations=steps, **ROUGH, enough=enough)
             u, evaluations = part.u[np.argsort(part.objective)[:kept]], evaluations + part.evaluations
-    found = polish(search, u, iterations=40, **ROUGH, enough=0.1 * search.observed.expected_objective)
+    found = polish(search, u, iterations=40, **ROUGH, enough=enough)
     return Scouted(task, search, first, group, dataclasses.replace(found, evaluations=found.evaluations + evaluations))
 
 
