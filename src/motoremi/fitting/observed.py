@@ -29,8 +29,8 @@ class ObservedSweep:
     frequency_hz : ndarray, shape (n,)
     s : ndarray, shape (n,)
         2 pi j f.
-    log_measured : ndarray, shape (n,)
-        ln of the mean impedance in ohm.
+    measured : ndarray, shape (n,)
+        Mean impedance in ohm.
     sigma : ndarray, shape (n,)
         Noise of its real and of its imaginary part; one where all points count alike.
     expected : float
@@ -40,7 +40,7 @@ class ObservedSweep:
     termination: str
     frequency_hz: FloatArray
     s: ComplexArray
-    log_measured: ComplexArray
+    measured: ComplexArray
     sigma: FloatArray
     expected: float
 
@@ -129,7 +129,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 termination=sweep.termination,
                 frequency_hz=frequency,
                 s=2j * np.pi * frequency,
-                log_measured=np.log(np.abs(impedance)) + 1j * np.angle(impedance),
+                measured=impedance,
                 sigma=sigma if weights == "likelihood" else np.ones(chosen.size),
                 expected=float(np.sum(2 * sigma**2 + systematic**2)),
             )

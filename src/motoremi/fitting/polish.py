@@ -15,7 +15,7 @@ from motoremi.arrays import BoolArray, FloatArray
 from motoremi.fitting.problem import Problem
 
 # A solution has converged when an undamped step promises no more than so many times what a small step may gain.
-UNDAMPED = 10.0
+UNDAMPED = 30.0
 # In error bars: what is left to go once a solution is sharpened.
 SHARP = 1e-6
 

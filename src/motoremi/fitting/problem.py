@@ -26,6 +26,10 @@ from motoremi.model.laws import ValueAndSlopes
 from motoremi.model.motor import BASE_PARAMETERS, Motor
 from motoremi.model.parameter import Parameter
 
+# The allocator hands memory back to the system after every evaluation and asks for it again in the next, which takes half of the time.
+# It keeps as much as the largest block that was ever given back.
+np.empty(1 << 21)
+
 
 @dataclass
 class Linearised:
@@ -192,7 +196,7 @@ class Problem:
         for sweep, tape in zip(self.observed.sweeps, self._tapes, strict=True):
             with np.errstate(all="ignore"):
                 model = tape.impedance(sweep.s, values)
-                parts.append(wrapped(sweep.log_measured - np.log(model)))
+                parts.append(_logarithm(sweep.measured / model))
         joined: ComplexArray = np.concatenate(parts, axis=-1)
         return np.nan_to_num(joined, nan=1e3, posinf=1e3, neginf=-1e3)
 
@@ -220,16 +224,20 @@ class Problem:
         """The objective round `u`, shape (..., k), to second order."""
         values = self.physical(u)
         chain = np.where(self._log, values[..., self._varying], self._scale)
-        residual = np.empty((*u.shape[:-1], self.size), dtype=np.complex128)
-        jacobian = np.empty((*u.shape, 2 * self.size))
+        residual = np.empty((*u.shape[:-1], 2 * self.size))
+        jacobian = np.zeros((*u.shape, 2 * self.size))
         for sweep, where, tape in zip(self.observed.sweeps, self.observed.slices.values(), self._tapes, strict=True):
+            real, imaginary = where, slice(where.start + self.size, where.stop + self.size)
             with np.errstate(all="ignore"):
-                model, slopes = tape.gradient(sweep.s, values)
-                residual[..., where] = wrapped(sweep.log_measured - np.log(model)) / sweep.sigma
-                relative = slopes[..., self._varying, :] * (-1 / (model * sweep.sigma))[..., None, :] * chain[..., None]
-            jacobian[..., where] = relative.real
-            jacobian[..., where.start + self.size : where.stop + self.size] = relative.imag
-        residual = _parts(residual)
+                model, slopes = tape.slopes(sweep.s, values)
+                left = _logarithm(sweep.measured / model)
+                residual[..., real], residual[..., imaginary] = left.real / sweep.sigma, left.imag / sweep.sigma
+                scale = -1 / (model * sweep.sigma)
+                # Parameter by parameter: the parts stay small enough for the processor's cache.
+                for index, position in enumerate(self._varying):
+                    if slopes[position] is not None:
+                        relative = slopes[position] * scale * chain[..., index, None]
+                        jacobian[..., index, real], jacobian[..., index, imaginary] = relative.real, relative.imag
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
             residual = np.nan_to_num(residual, nan=1e3, posinf=1e3, neginf=-1e3)
             jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
@@ -275,6 +283,14 @@ class Problem:
 def _parts(values: ComplexArray) -> FloatArray:
     """Real parts, then imaginary parts: real products take half the time of complex ones."""
     return np.concatenate([values.real, values.imag], axis=-1)
+
+
+def _logarithm(ratio: ComplexArray) -> ComplexArray:
+    """Natural logarithm; several times quicker than the library's, which guards against squares out of range."""
+    result = np.empty(ratio.shape, dtype=np.complex128)
+    result.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
+    result.imag = np.arctan2(ratio.imag, ratio.real)
+    return result
 
 
 def _product(rows: FloatArray, column: FloatArray) -> FloatArray:

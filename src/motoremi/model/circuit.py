@@ -299,14 +299,14 @@ class Tape:
 
     def impedance(self, s: ComplexArray, values: FloatArray) -> ComplexArray:
         """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units."""
-        return self._forward(s, values)[0][-1]
+        return self._whole(self._forward(s, values)[0][-1], s, values)
 
-    def gradient(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Impedance, shape (..., n), and its derivative for each parameter, shape (..., p, n)."""
+    def slopes(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, list[Any]]:
+        """Impedance, shape (..., n), and a list of its derivatives for each parameter: broadcast against it, None for zero."""
         computed, given = self._forward(s, values)
         last = len(self._steps) - 1
         sensitivity: list[Any] = [None] * len(self._steps)  # None stands for one
-        gradient = np.zeros((*values.shape, s.size), dtype=np.complex128)
+        found: list[Any] = [None] * self._size
         for index in range(last, -1, -1):
             node, _, children, indices = self._steps[index]
             parts = [computed[child] for child in children]
@@ -315,8 +315,25 @@ class Tape:
             for child, slope in zip(children, by_child, strict=True):
                 sensitivity[child] = own if slope is None else slope if own is None else own * slope
             for position, slope in zip(indices, by_parameter, strict=True):
-                gradient[..., position, :] += slope if own is None else own * slope
-        return computed[last], gradient
+                more = slope if own is None else own * slope
+                found[position] = more if found[position] is None else found[position] + more
+        return self._whole(computed[last], s, values), found
+
+    def gradient(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Impedance, shape (..., n), and its derivative for each parameter, shape (..., p, n)."""
+        impedance, found = self.slopes(s, values)
+        gradient = np.zeros((*values.shape, s.size), dtype=np.complex128)
+        for position, slope in enumerate(found):
+            if slope is not None:
+                gradient[..., position, :] = slope
+        return impedance, gradient
+
+    @staticmethod
+    def _whole(impedance: ComplexArray, s: ComplexArray, values: FloatArray) -> ComplexArray:
+        """At every frequency, even if it depends on none."""
+        if impedance.shape == (*values.shape[:-1], s.size) and impedance.dtype == np.complex128:
+            return impedance
+        return np.asarray(np.broadcast_to(impedance, (*values.shape[:-1], s.size)), dtype=np.complex128)
 
 
 _NOTHING: ValueAndSlopes = (np.zeros(0, dtype=np.complex128), ())
