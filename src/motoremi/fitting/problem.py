@@ -234,10 +234,10 @@ class Problem:
                 residual[..., real], residual[..., imaginary] = left.real / sweep.sigma, left.imag / sweep.sigma
                 scale = -1 / (model * sweep.sigma)
                 # Parameter by parameter: the parts stay small enough for the processor's cache.
-                for index, position in enumerate(self._varying):
+                for row, position in enumerate(self._varying):
                     if slopes[position] is not None:
-                        relative = slopes[position] * scale * chain[..., index, None]
-                        jacobian[..., index, real], jacobian[..., index, imaginary] = relative.real, relative.imag
+                        relative = slopes[position] * scale * chain[..., row, None]
+                        jacobian[..., row, real], jacobian[..., row, imaginary] = relative.real, relative.imag
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
             residual = np.nan_to_num(residual, nan=1e3, posinf=1e3, neginf=-1e3)
             jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
