@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "unexplained"]
 
-# How often the two effects of a pair are sought again in turn. More than two at once are not sought: with three free effects almost
-# anything can be described, so a third is named only once the first two are in the ladder.
+# How often the two effects of a pair that explains everything are sought again in turn. More than two at once are not sought: with three
+# free effects almost anything can be described, so a third is named only once the first two are in the ladder.
 EXCHANGES = 2
 # Odds against any effect before looking: half the motors that come to the bench need none, the rest share the catalogue.
 PRIOR_OF_NONE = 0.5
@@ -35,6 +35,8 @@ PRIOR_OF_NONE = 0.5
 LEAST_GAIN = 4.0
 # Members of a family have at least this share of the best one's posterior.
 FAMILY_SHARE = 0.01
+# More names than these tell nobody anything; what the others would add is taken off the confidence.
+LARGEST_FAMILY = 3
 # How often the catalogue or the noise model is wrong in a way that no evidence shows; keeps stated confidence below 1.
 DOUBT = 0.02
 # The same where two effects are named (something outside the catalogue may look like a pair) or none: set from blind cases of other seeds
@@ -231,7 +233,7 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
     kept = start.fit
     if ranked[0].log_evidence - first.log_evidence < LEAST_GAIN:
         return alone
-    for _ in range(EXCHANGES):
+    for _ in range(EXCHANGES if ranked[0].good else 1):
         pair = ranked[0]
         other = refit_without(pair.fit, kept.effects[-1])
         others = rank(other, progress)
@@ -252,11 +254,12 @@ def _families(explanation: _Explanation) -> tuple[list[tuple[str, ...]], float]:
     weight = effective_share(best)
     for effect, rivals in explanation.rivals.items():
         evidence = {c.effect: c.log_evidence for c in rivals if c.good}
-        evidence[effect] = max(evidence.get(effect, -np.inf), best.log_evidence)
+        prior = next((c.log_evidence - c.fit.log_evidence for c in rivals if c.effect == effect), 0.0)
+        evidence[effect] = max(evidence.get(effect, -np.inf), best.log_evidence + prior)
         top = max(evidence.values())
         share = {name: float(np.exp(weight * (value - top))) for name, value in evidence.items()}
         total = sum(share.values())
-        members = sorted((n for n, v in share.items() if n != effect and v >= FAMILY_SHARE), key=lambda n: -share[n])
+        members = sorted((n for n, v in share.items() if n != effect and v >= FAMILY_SHARE), key=lambda n: -share[n])[: LARGEST_FAMILY - 1]
         if members:
             families.append((effect, *members))
         chance *= sum(share[name] for name in (effect, *members)) / total

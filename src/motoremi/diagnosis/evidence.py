@@ -4,31 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import dct
+from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.fitting.fit import glance_at, settled
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import Scouted, good_enough, searched_through
+from motoremi.fitting.search import Scouted, good_enough, pursued, searched_through
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.quantities import show
 
 # Candidates whose first look ends within this factor (and so many units of chi-squared) of one that is right are refitted on all points.
 PROMISING_FACTOR = 2.0
 PROMISING_MARGIN = 100.0
-# How many of the nearest are searched through, with one that explains everything at hand and without.
+# How many of the nearest are followed beyond a glance: the right one was among the first three in trials.
+PURSUED = 6
+# How many of the nearest are searched through: with one that explains everything at hand, those within a factor of its chi-squared.
 SEARCHED = 5
-SEARCHED_IN_THE_DARK = 8
+SEARCHED_FACTOR = 10.0
+SEARCHED_IN_THE_DARK = 2
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 4
 # From how many of the best single effects a second one is looked for, and from how many in all; how many pairs are then searched through.
-BEAM = 4
-MOST_FIRST = 8
-PAIRS_SEARCHED = 6
-# Groups of what lies between analyser and motor.
-OUTSIDE_THE_MOTOR = frozenset({"connection", "instrument"})
+BEAM = 3
+MOST_FIRST = 5
+PAIRS_SEARCHED = 4
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
 SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
@@ -167,6 +170,24 @@ def simplest_form(fit: Fit, effect: str) -> float:
     return gained
 
 
+def usual_size(fit: Fit, effect: str) -> float:
+    """What the log evidence gains or loses since half of the prior of an element or an effect's parameter lies where most motors have it.
+
+    An effect that fits only beside a rotor of 1 uF is none that most motors have.
+    """
+    label = own_label(fit, effect)
+    problem, gained = fit.problem, 0.0
+    for index, parameter in enumerate(problem.unknowns):
+        if parameter.usual is None or not (parameter.name.startswith(f"{label}.") or "." not in parameter.name):
+            continue
+        low, high = (problem.vector({**fit.parameters, parameter.name: value})[index] for value in parameter.usual)
+        deviation = np.sqrt(max(float(fit.covariance[index, index]), 1e-18))
+        inside = float(ndtr((high - fit.unknowns[index]) / deviation) - ndtr((low - fit.unknowns[index]) / deviation))
+        density = 0.5 + 0.5 * inside * (problem.high[index] - problem.low[index]) / (high - low)
+        gained += float(np.log(density))
+    return gained
+
+
 def looked_elsewhere(fit: Fit, effect: str) -> float:
     """What the log evidence loses for a parameter that was found by a scan over all frequencies: it could have been any of them."""
     scanned = sum(not parameter.vary for parameter in find_effect(effect).effect.parameters)
@@ -177,7 +198,7 @@ def evaluate(before: Fit, effect: str, scouted: Scouted, polished: bool) -> Cand
     """The candidate that a first look leads to."""
     fit = settled(scouted, before, thorough=False, polished=polished)
     bounds = at_bound(fit, effect)
-    prior = simplest_form(fit, effect) - looked_elsewhere(fit, effect) - BOUND_PENALTY * len(bounds)
+    prior = simplest_form(fit, effect) + usual_size(fit, effect) - looked_elsewhere(fit, effect) - BOUND_PENALTY * len(bounds)
     return Candidate(effect, fit, fit.log_evidence + prior, bounds)
 
 
@@ -197,14 +218,23 @@ def possible_effects(fit: Fit) -> list[str]:
 
 
 def glances(before: Fit, progress: Progress | None = None) -> dict[str, Scouted]:
-    """A quick look at every possible effect."""
+    """A quick look at every possible effect; those that lead furthest are followed to their end."""
     names = possible_effects(before)
     found = {}
     for index, name in enumerate(names):
         if progress is not None:
             progress(" + ".join((*before.effects, name)), index, len(names))
         found[name] = glance_at(before, name)
+    nearest = sorted(found, key=lambda name: found[name].objective)
+    for name in (*nearest[:PURSUED], *(other for other in nearest[PURSUED:] if _alike(other, nearest[0]))):
+        found[name] = pursued(found[name])
     return found
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two effects are known to look alike on many motors: then neither may be left out for a poor first look."""
+    effect, rival = find_effect(one).effect, find_effect(other).effect
+    return bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
 
 
 def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
@@ -217,7 +247,9 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
     """
     looks = glances(before, progress)
     nearest = sorted(looks, key=lambda name: looks[name].objective)
-    for name in nearest[: SEARCHED if looks[nearest[0]].right else SEARCHED_IN_THE_DARK]:
+    best = looks[nearest[0]]
+    rivals = [name for name in nearest[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective]
+    for name in rivals if best.right else nearest[:SEARCHED_IN_THE_DARK]:
         if not looks[name].right:
             looks[name] = searched_through(looks[name])
     return refitted(before, looks)
@@ -235,7 +267,8 @@ def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
 def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -> tuple[Candidate, list[Candidate]]:
     """The most promising of the single effects as the first of two, and candidates for the second one beside it.
 
-    What describes the data best alone need not be one of the two, so the search starts from several.
+    What describes the data best alone need not be one of the two, so the search starts from several; and since the fit of a single
+    effect may lie in a wrong valley, each of them is also looked at as the second one beside all others.
     """
     by_name = {single.effect: single for single in singles}
     looks: dict[tuple[str, str], Scouted] = {}
@@ -243,13 +276,15 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
     while waiting and len(tried) < MOST_FIRST:
         first = waiting.pop(0)
         tried.append(first)
-        seconds = glances(by_name[first].fit, progress)
-        looks.update({(first, name): look for name, look in seconds.items()})
-        if any(look.right for look in seconds.values()):
-            ranked = refitted(by_name[first].fit, seconds)
-            if ranked[0].good:
-                return by_name[first], ranked
-        looks.update(_other_way_round(by_name, first))
+        for more in (_seconds, _firsts):
+            found = more(by_name, first, looks, progress)
+            looks.update(found)
+            right = [pair for pair in found if found[pair].right]
+            if right:
+                leader = min(right, key=lambda pair: found[pair].objective)[0]
+                ranked = _beside(by_name[leader], looks, progress)
+                if ranked[0].good:
+                    return by_name[leader], ranked
         if not waiting:
             # What helps as a second effect, whatever the first, may be one of the two though it says little alone.
             reached = {name: min(looks[pair].objective for pair in looks if pair[1] == name) for _, name in looks if name not in tried}
@@ -258,13 +293,33 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
         if not looks[pair].right:
             looks[pair] = searched_through(looks[pair])
     leader, _ = min(looks, key=lambda pair: looks[pair].objective)
-    others = {} if leader in tried else glances(by_name[leader].fit, progress)
-    return by_name[leader], refitted(by_name[leader].fit, others | {name: look for (first, name), look in looks.items() if first == leader})
+    return by_name[leader], _beside(by_name[leader], looks, progress)
 
 
-def _other_way_round(by_name: Mapping[str, Candidate], second: str) -> dict[tuple[str, str], Scouted]:
-    """Looks at `second` beside each other part that lies between analyser and motor: there, which of two comes first makes a difference."""
-    outside = [name for name in by_name if find_effect(name).effect.group in OUTSIDE_THE_MOTOR]
-    if second not in outside:
-        return {}
-    return {(first, second): glance_at(by_name[first].fit, second) for first in outside if first != second}
+Looks: TypeAlias = Mapping[tuple[str, str], Scouted]
+
+
+def _seconds(by_name: Mapping[str, Candidate], first: str, looks: Looks, progress: Progress | None) -> dict[tuple[str, str], Scouted]:
+    """Looks at every second effect beside a first one."""
+    return {(first, name): look for name, look in glances(by_name[first].fit, progress).items()}
+
+
+def _firsts(by_name: Mapping[str, Candidate], second: str, looks: Looks, progress: Progress | None) -> dict[tuple[str, str], Scouted]:
+    """Looks at a second effect beside every first one."""
+    found: dict[tuple[str, str], Scouted] = {}
+    for first in by_name:
+        if first != second and (first, second) not in looks:
+            if progress is not None:
+                progress(f"{first} + {second}", len(found), len(by_name))
+            found[first, second] = glance_at(by_name[first].fit, second)
+    for pair in sorted(found, key=lambda pair: found[pair].objective)[:PURSUED]:
+        found[pair] = pursued(found[pair])
+    return found
+
+
+def _beside(first: Candidate, looks: Looks, progress: Progress | None) -> list[Candidate]:
+    """Candidates for the second effect beside a first one, best evidence first."""
+    seen = {pair[1]: look for pair, look in looks.items() if pair[0] == first.effect}
+    # One that was looked at as a second effect only has not been seen beside the others.
+    missing = {} if len(seen) > 1 else glances(first.fit, progress)
+    return refitted(first.fit, missing | seen)

@@ -15,7 +15,7 @@ from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
-from motoremi.fitting.search import Scouted, Task, base_starts, glance, search_base, searched_through, settle
+from motoremi.fitting.search import Scouted, Task, base_starts, glance, search_base, settle, until_right
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 
@@ -134,7 +134,7 @@ def glance_at(
         # With effects, the search's best and the likelihood's may lie in different valleys.
         bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return glance(task, starts, group=len(bases))
+    return glance(task, starts, group=len(bases), before=(before.motor_error_percent / 100) ** 2)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
@@ -151,11 +151,7 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
-    return settled(_until_right(glance_at(before, effect, held, limits)), before, thorough)
-
-
-def _until_right(glanced: Scouted) -> Scouted:
-    return glanced if glanced.right else searched_through(glanced)
+    return settled(until_right(glance_at(before, effect, held, limits)), before, thorough)
 
 
 def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
@@ -181,7 +177,7 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
         return dataclasses.replace(_by_ants(task, before.seed), elapsed_s=time.perf_counter() - started)
     own = {name: value for name, value in before.parameters.items() if name in names}
     starts = [{**own, **base} for base in base_starts(own, before.measurement, few=False)]
-    return settled(_until_right(glance(task, starts)), before, thorough)
+    return settled(until_right(glance(task, starts)), before, thorough)
 
 
 def settled(scouted: Scouted, before: Fit, thorough: bool, polished: bool = True) -> Fit:

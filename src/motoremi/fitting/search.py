@@ -23,11 +23,13 @@ from motoremi.model.motor import Motor
 # Points a sweep for searching; the final polish uses all.
 SEARCH_POINTS = 48
 EFFECT_POINTS = 80
-# Steps, and how many start values are followed further.
-GLANCES = ((3, 10), (6, 3))
+# Steps of a glance: for all start values, for the best of each group, for the best few.
+MUCH_BETTER = 0.02
+GLANCE_STEPS = (4, 12, 12)
+FEW_STEPS = 6
 FIRST_STEPS = 7
-FOLLOWED = 6
 MOST_LEADERS = 9
+FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
 # Damping to begin with close to the solution, where the linear model holds.
@@ -158,34 +160,30 @@ class Scouted:
 
     Parameters
     ----------
-    task : Task
     search : Problem
         On a thinned grid.
+    thinned : Problem
+        The likelihood on the same grid.
     starts : ndarray, shape (m, k)
         As unknowns of `search`.
     group : int
         Each so many of them in turn start an effect alike, from different values of the elements.
+    enough : float
+        An objective of the search that will do.
     found : Polished
         Where they ended.
+    likely : Polished
+        Where the likelihood took the best of those ends.
     """
 
     task: Task
     search: Problem
+    thinned: Problem
     starts: FloatArray
     group: int
+    enough: float
     found: Polished
-
-    @cached_property
-    def thinned(self) -> Problem:
-        """The likelihood on the thinned grid."""
-        task = self.task
-        return Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
-
-    @cached_property
-    def likely(self) -> Polished:
-        """The ends polished by the likelihood, still on the thinned grid."""
-        ends = moved(self.found.distinct(3), self.search, self.thinned)
-        return polish(self.thinned, ends, iterations=60, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(self.thinned))
+    likely: Polished
 
     @property
     def right(self) -> bool:
@@ -198,33 +196,69 @@ class Scouted:
         return float(self.likely.objective[self.likely.best])
 
 
-def glance(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1) -> Scouted:
-    """Follow start values that need not lead anywhere: a few steps for all, some more for the better, to the end for the best."""
+def _judged(search: Problem, thinned: Problem, found: Polished, iterations: int) -> Polished:
+    """The best ends of a search polished by the likelihood, still on the thinned grid."""
+    ends = moved(found.distinct(3), search, thinned)
+    return polish(thinned, ends, iterations=iterations, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(thinned))
+
+
+def glance(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1, before: float = np.inf) -> Scouted:
+    """Follow start values that need not lead anywhere: a few steps for all, some more for the better, and a few by the likelihood.
+
+    Parameters
+    ----------
+    task : Task
+    starts : sequence of mapping
+    group : int
+        See `Scouted`.
+    before : float
+        Mean square of ln(Z_model/Z_measured) that is to be improved upon.
+    """
     search = task.thinned(EFFECT_POINTS)
-    first = u = np.array([search.vector(start) for start in starts])
-    enough = 0.1 * search.observed.expected_objective
-    evaluations = 0
-    for steps, kept in GLANCES:
-        if len(u) > kept:
-            part = polish(search, u, iterations=steps, **ROUGH, enough=enough)
-            u, evaluations = part.u[np.argsort(part.objective)[:kept]], evaluations + part.evaluations
-    found = polish(search, u, iterations=40, **ROUGH, enough=enough)
-    return Scouted(task, search, first, group, dataclasses.replace(found, evaluations=found.evaluations + evaluations))
+    thinned = Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
+    first = np.array([search.vector(start) for start in starts])
+    enough = min(0.1 * search.observed.expected_objective, MUCH_BETTER * before * search.size)
+    part = polish(search, first, iterations=GLANCE_STEPS[0], **ROUGH, enough=enough)
+    evaluations = part.evaluations
+    u = part.u[_leaders(part.objective, group)[:MOST_LEADERS]]
+    for steps in GLANCE_STEPS[1:]:
+        part = polish(search, u, iterations=steps, **ROUGH, enough=enough)
+        u, evaluations = part.distinct(3), evaluations + part.evaluations
+    found = dataclasses.replace(part, evaluations=evaluations)
+    return Scouted(task, search, thinned, first, group, enough, found, _judged(search, thinned, found, FEW_STEPS))
+
+
+def _leaders(objective: FloatArray, group: int) -> np.ndarray:
+    """Indices of the best of each group, best first: the best of all would follow one valley only, where false ones are easier to reach."""
+    best = np.array([at + int(np.argmin(objective[at : at + group])) for at in range(0, len(objective), group)])
+    return best[np.argsort(objective[best])]
+
+
+def pursued(glanced: Scouted) -> Scouted:
+    """What a glance found, followed to its end."""
+    if glanced.right:
+        return glanced
+    search, thinned = glanced.search, glanced.thinned
+    found = polish(search, glanced.found.u, iterations=40, **ROUGH, enough=glanced.enough)
+    return dataclasses.replace(glanced, found=found.joined(glanced.found), likely=_judged(search, thinned, found, 60).joined(glanced.likely))
 
 
 def searched_through(glanced: Scouted) -> Scouted:
-    """The same starts once more without haste: the best of each group is followed, and the low end of the band comes first."""
-    search, starts, group = glanced.search, glanced.starts, glanced.group
-    first = polish(search, starts, iterations=FIRST_STEPS, **ROUGH)
-    leaders = np.array([at + int(np.argmin(first.objective[at : at + group])) for at in range(0, len(starts), group)])
-    # Following the best few alone would follow one valley only, where false ones are easier to reach.
-    count = len(leaders) if len(leaders) <= MOST_LEADERS else FOLLOWED
-    followed = first.u[leaders[np.argsort(first.objective[leaders])[:count]]]
-    enough = 0.1 * search.observed.expected_objective
-    found = polish(search, followed, iterations=40, **ROUGH, enough=enough)
-    if found.objective[found.best] > enough:
-        found = found.joined(_climb(glanced.task, search, starts))
-    return dataclasses.replace(glanced, found=found.joined(glanced.found))
+    """The same starts once more without haste: more steps before the best are chosen, and the low end of the band comes first."""
+    search = glanced.search
+    first = polish(search, glanced.starts, iterations=FIRST_STEPS, **ROUGH)
+    leaders = _leaders(first.objective, glanced.group)
+    found = polish(search, first.u[leaders[:MOST_LEADERS]], iterations=40, **ROUGH, enough=glanced.enough)
+    if found.objective[found.best] > glanced.enough:
+        found = found.joined(_climb(glanced.task, search, glanced.starts[leaders]))
+    found = found.joined(glanced.found)
+    return dataclasses.replace(glanced, found=found, likely=_judged(search, glanced.thinned, found, 60))
+
+
+def until_right(glanced: Scouted) -> Scouted:
+    """As far as it takes: to the end of the glance, or through all starts again."""
+    followed = pursued(glanced)
+    return followed if followed.right else searched_through(followed)
 
 
 def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:

@@ -22,8 +22,8 @@ BASE_PARAMETERS = (
     Parameter("Ca", "F", 0.1e-12, 1e-6, "turn-to-turn capacitance, from a few turns to a large winding"),
     Parameter("Rr", "Ohm", 1e-3, 1e6, "laminations and bearing: metal contact to a dry oil film"),
     Parameter("Lr", "H", 1e-9, 10e-3, "from a few millimetres of shaft to the whole core"),
-    Parameter("Cr", "F", 0.1e-12, 1e-6, "winding to slot, from a toy motor to a traction motor"),
-    Parameter("Cf", "F", 0.1e-12, 1e-6, "winding to frame, from a toy motor to a traction motor"),
+    Parameter("Cr", "F", 0.1e-12, 1e-6, "winding to slot, from a toy motor to a traction motor", usual=(10e-12, 20e-9)),
+    Parameter("Cf", "F", 0.1e-12, 1e-6, "winding to frame, from a toy motor to a traction motor", usual=(10e-12, 20e-9)),
 )
 
 

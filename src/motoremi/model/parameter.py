@@ -29,6 +29,8 @@ class Parameter:
         False for a value that is found by a scan and then held.
     special : float, optional
         The value at which the law takes its simplest form, as likely beforehand as all others together.
+    usual : tuple of float, optional
+        Where most motors lie within the bounds: as likely beforehand as all the rest together.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Parameter:
     sigma: float | None = None
     vary: bool = True
     special: float | None = None
+    usual: tuple[float, float] | None = None
 
     @property
     def short_name(self) -> str:

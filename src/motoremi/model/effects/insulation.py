@@ -42,7 +42,7 @@ EFFECTS = (
         title="relaxation of the insulation",
         formula="C * (1 + strength / (1 + (s / (2 * pi * corner_hz))**exponent))",
         parameters=(
-            Parameter("strength", "", 0.005, 1.0, "0.02 - 0.5 for slot insulation, wider for damp material"),
+            Parameter("strength", "", 0.005, 1.0, "0.02 - 0.5 for slot insulation, wider for damp material", usual=(0.02, 0.5)),
             Parameter("corner_hz", "Hz", 1e4, 60e6, "1 kHz - 10 MHz; below 10 kHz nothing shows in this band"),
             Parameter("exponent", "", 0.4, 1.0, "1 is Debye, less is Cole-Cole; one sweep hardly tells", special=1.0),
         ),
@@ -61,7 +61,16 @@ EFFECTS = (
         group="insulation",
         title="leakage through damp or dirty insulation",
         formula="1 / (s * C + 1 / resistance_ohm)",
-        parameters=(Parameter("resistance_ohm", "Ohm", 100.0, 1e7, "above 1 MOhm invisible in this band; below 100 Ohm a fault"),),
+        parameters=(
+            Parameter(
+                "resistance_ohm",
+                "Ohm",
+                100.0,
+                1e7,
+                "above 1 MOhm invisible in this band; below 20 kOhm rare, below 100 Ohm a fault",
+                usual=(2e4, 1e7),
+            ),
+        ),
         limit="resistance_ohm -> infinity",
         limit_values={"resistance_ohm": 1e18},
         signature="tan delta falls as 1/f",

@@ -151,7 +151,9 @@ EFFECTS = (
         kin="winding-loss",
         title="core loss as a resistance across La",
         formula="s * La * resistance_ohm / (s * La + resistance_ohm)",
-        parameters=(Parameter("resistance_ohm", "Ohm", 30.0, 100e3, "0.5 - 20 kOhm in motors of 0.1 - 10 kW, a decade beyond"),),
+        parameters=(
+            Parameter("resistance_ohm", "Ohm", 30.0, 100e3, "0.5 - 20 kOhm in motors of 0.1 - 10 kW, a decade beyond", usual=(500.0, 20e3)),
+        ),
         limit="resistance_ohm -> infinity",
         limit_values={"resistance_ohm": 1e15},
         signature="flattens the resonance of La and Ca, R grows as f^2 below it, |Z| far from it unchanged",
@@ -255,7 +257,7 @@ EFFECTS = (
         formula="Rr + resistance_ohm / (1 + s * resistance_ohm * capacitance_f)",
         parameters=(
             Parameter("resistance_ohm", "Ohm", 0.1, 1e6, "metal contact to an intact film"),
-            Parameter("capacitance_f", "F", 20e-12, 5e-9, "20 - 500 pF a bearing (textbook), standing races more"),
+            Parameter("capacitance_f", "F", 20e-12, 5e-9, "20 - 500 pF a bearing (textbook), standing races more", usual=(20e-12, 1e-9)),
         ),
         limit="resistance_ohm -> 0",
         limit_values={"resistance_ohm": 1e-12, "capacitance_f": 1e-10},
