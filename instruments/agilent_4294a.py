@@ -44,9 +44,10 @@ class Agilent4294A(ImpedanceAnalyser):
         "Control which quantities traces A and B show.",
     )
 
-    # Bits of the instrument event register (ESB?).
+    # Bits of the instrument event register (ESB?), which bit 2 of the status byte sums up.
     SWEEP_COMPLETE: ClassVar[int] = 1
     COMPENSATION_COMPLETE: ClassVar[int] = 256
+    REQUEST_AT_COMPLETION: ClassVar[tuple[str, ...]] = ("*SRE 4",)
     # Typical seconds per point for BWFACT 1 to 5; only deadlines depend on them, so they are generous.
     SECONDS_PER_POINT: ClassVar[tuple[float, ...]] = (0.003, 0.006, 0.012, 0.06, 0.2)
     STANDARDS: ClassVar[dict[Standard, tuple[str, str]]] = {"open": ("COMA", "COMSTA"), "short": ("COMB", "COMSTB")}
@@ -124,20 +125,13 @@ class Agilent4294A(ImpedanceAnalyser):
 
     def _begin(self, command: str, event: int) -> None:
         # *CLS clears the event register. After the trigger it could clear the very bit that is waited for.
-        self.tell("*CLS", f"ESNB {event}", command)
+        self.tell("*CLS", f"ESNB {event}")
+        self.request_service()
+        self.tell(command)
 
     def _wait_for(self, event: int, command: str) -> None:
-        """Poll the event register, which works on every interface, with or without service requests."""
         expected_s = self.points * self.SECONDS_PER_POINT[self.bandwidth_factor - 1]
-        clock = self.transport.clock
-        deadline = clock.now() + 10.0 + 3 * expected_s
-        while not int(float(self.transport.query("ESB?"))) & event:
-            if clock.now() > deadline:
-                raise InstrumentError(
-                    f"{self}: {command!r} is not complete after {10.0 + 3 * expected_s:.0f} s; check trigger source and front panel"
-                )
-            clock.sleep(self.poll_s)
-        self.check_errors(command)
+        self.wait_until(lambda: bool(int(float(self.transport.query("ESB?"))) & event), command, 10.0 + 3 * expected_s)
 
     def _read_array(self, query: str) -> FloatArray:
         self.transport.write("FORM3" if self.binary else "FORM4")

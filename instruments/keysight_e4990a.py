@@ -34,7 +34,6 @@ class KeysightE4990A(ImpedanceAnalyser):
     bandwidth_factor = count(":SENS1:APER:TIME", (1, 5), "Control the measuring time: 1 is fastest, 5 most accurate.")
     oscillator_volt = number(":SOUR1:VOLT", "V", (0.005, 1.0), "Control the level of the test signal.")
 
-    OPERATION_COMPLETE: ClassVar[int] = 1
     # Generous seconds per point for measuring time 1 to 5; only deadlines depend on them.
     SECONDS_PER_POINT: ClassVar[tuple[float, ...]] = (0.003, 0.006, 0.012, 0.06, 0.2)
     STANDARDS: ClassVar[dict[Standard, str]] = {"open": "OPEN", "short": "SHOR"}
@@ -78,7 +77,8 @@ class KeysightE4990A(ImpedanceAnalyser):
     def measure_standard(self, standard: Standard) -> None:
         """Measure the standard at the points of the sweep; the instrument switches its compensation on."""
         measure = f":SENS1:CORR2:COLL:ACQ:{self.STANDARDS[standard]}"
-        self.tell(":SENS1:CORR:COLL:FPO USER", "*CLS", measure, "*OPC")
+        self.tell(":SENS1:CORR:COLL:FPO USER")
+        self._begin(measure)
         self._wait_for(measure)
         if not self._is_compensated(standard):
             raise InstrumentError(f"{self}: the {standard} compensation is not on after {measure!r}; check the standard")
@@ -86,7 +86,7 @@ class KeysightE4990A(ImpedanceAnalyser):
     def trigger(self) -> None:
         """Start a single sweep."""
         self._complete = False
-        self.tell("*CLS", ":TRIG:SING", "*OPC")
+        self._begin(":TRIG:SING")
 
     def wait_until_complete(self) -> None:
         """Wait for the end of the sweep."""
@@ -116,13 +116,11 @@ class KeysightE4990A(ImpedanceAnalyser):
     def _is_compensated(self, standard: Standard) -> bool:
         return self.ask(f":SENS1:CORR2:{self.STANDARDS[standard]}?").strip("+") == "1"
 
+    def _begin(self, command: str) -> None:
+        self.tell("*CLS")
+        self.request_service()
+        self.tell(command, "*OPC")
+
     def _wait_for(self, command: str) -> None:
-        """Poll the standard event register, which works on every interface, with or without service requests."""
-        longest_s = 10.0 + 3 * self.points * self.SECONDS_PER_POINT[self.bandwidth_factor - 1]
-        clock = self.transport.clock
-        deadline = clock.now() + longest_s
-        while not int(float(self.transport.query("*ESR?"))) & self.OPERATION_COMPLETE:
-            if clock.now() > deadline:
-                raise InstrumentError(f"{self}: {command!r} is not complete after {longest_s:.0f} s; check trigger source and front panel")
-            clock.sleep(self.poll_s)
-        self.check_errors(command)
+        expected_s = self.points * self.SECONDS_PER_POINT[self.bandwidth_factor - 1]
+        self.wait_until(self.is_operation_complete, command, 10.0 + 3 * expected_s)

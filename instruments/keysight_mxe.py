@@ -25,6 +25,7 @@ class KeysightMXE(EmiReceiver):
     model = r"N90(38|48)[AB]"
     error_query = ":SYST:ERR?"
     safe_commands = (":ABOR", ":INIT2:CONT OFF")
+    start_command = start_and_hold = ":INIT2:IMM"
 
     start_hz = number(":FSC:SCAN2:STAR", "Hz", (2.0, 44e9), "Control the first frequency of the scan.")
     stop_hz = number(":FSC:SCAN2:STOP", "Hz", (2.0, 44e9), "Control the last frequency of the scan.")
@@ -85,12 +86,7 @@ class KeysightMXE(EmiReceiver):
         self.detector = detector
         settings = self.settings()
         frequency_hz = np.linspace(settings["start_hz"], settings["stop_hz"], settings["points"])
-        self.tell("*CLS")
-        self.transport.write(":INIT2:IMM")
-        # During a scan the instrument answers nothing at all.
-        with self.transport.patience(10.0 + 3 * float(settings["scan_time_s"])):
-            self.transport.query("*OPC?")
-        self.check_errors(":INIT2:IMM")
+        self.run_scan(10.0 + 3 * float(settings["scan_time_s"]))
         level_dbuv = self._levels()
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} points; was the scan stopped?")

@@ -1,6 +1,7 @@
 """Records the sessions in `tests/sessions/`, one for each driver: `python tests/record_sessions.py [DRIVER...]`.
 
 Each is a measurement of few points on the simulated bench, kept so that later versions prove they can replay what earlier ones recorded.
+A name that ends in `-requests` is recorded with service requests, any other as on a link that carries none.
 A driver that asks something else on purpose needs its session recorded anew; the difference then shows in the history.
 """
 
@@ -9,12 +10,14 @@ from __future__ import annotations
 import copy
 import shutil
 import sys
+from contextlib import nullcontext
 from pathlib import Path
+from unittest import mock
 
 from fault_matrix import SEED, measured, small
 
 from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.simulated import BenchLibrary, SimulatedBench
 from motoremi.bench.virtual import virtual_instrument
 
 SESSIONS = Path(__file__).parent / "sessions"
@@ -27,6 +30,8 @@ PROCEDURES = {
     "mxe": "emission_only",
     "tinysa": "nanovna_bench",
 }
+REQUESTS = "-requests"
+WITH_REQUESTS = ("4294a-requests", "esr-requests")
 
 
 def procedure(driver: str) -> Procedure:
@@ -40,16 +45,18 @@ def procedure(driver: str) -> Procedure:
     return parse_procedure(data, driver)
 
 
-def record(driver: str) -> None:
+def record(name: str) -> None:
     """Measure with one driver and keep the session."""
-    folder = SESSIONS / driver
+    folder, driver = SESSIONS / name, name.removesuffix(REQUESTS)
     if folder.exists():
         shutil.rmtree(folder)
+    refused = mock.patch.object(BenchLibrary, "enable_event", side_effect=NotImplementedError)
     bench = SimulatedBench(SEED)
-    measured(folder, procedure(driver), bench)
+    with refused if driver == name else nullcontext():
+        measured(folder, procedure(driver), bench)
     bench.close()
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or PROCEDURES:
-        record(name)
+    for kept in sys.argv[1:] or (*PROCEDURES, *WITH_REQUESTS):
+        record(kept)

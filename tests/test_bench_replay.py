@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
-from record_sessions import PROCEDURES, SESSIONS
+from record_sessions import PROCEDURES, REQUESTS, SESSIONS, WITH_REQUESTS
 
 from motoremi.bench.connect import driver_names
 from motoremi.bench.difference import ReplayDifference
@@ -66,11 +66,13 @@ def test_every_ready_procedure_replays_bit_for_bit(tmp_path: Path, bench: Simula
     assert verify(tmp_path / "again") == []
 
 
-@pytest.mark.parametrize("driver", sorted(driver_names()))
-def test_a_kept_session_of_every_driver_still_replays(tmp_path: Path, driver: str) -> None:
+@pytest.mark.parametrize("name", [*sorted(driver_names()), *WITH_REQUESTS])
+def test_a_kept_session_of_every_driver_still_replays(tmp_path: Path, name: str) -> None:
+    driver = name.removesuffix(REQUESTS)
     assert driver in PROCEDURES, f"record a session of {driver}: see tests/record_sessions.py"
-    kept = load(SESSIONS / driver)
-    assert verify(SESSIONS / driver) == []
+    kept = load(SESSIONS / name)
+    assert verify(SESSIONS / name) == []
+    assert any(record["direction"] == "request" for record in kept.traffic()) is (name != driver)
     assert {d["driver"] for d in kept.documents if d["kind"] == "instrument"} == {driver}
     result = again(kept, tmp_path / "again")
     assert result.same

@@ -147,11 +147,15 @@ class Driver(abc.ABC):
     units_on_wire: ClassVar[bool] = True
     # The queues hold ten entries or thirty; a queue that never empties is an instrument out of its mind.
     _QUEUE_LIMIT: ClassVar[int] = 50
+    # Bit of the IEEE 488.2 standard event register, and what has the status byte request service for it.
+    OPERATION_COMPLETE: ClassVar[int] = 1
+    REQUEST_AT_COMPLETION: ClassVar[tuple[str, ...]] = ("*ESE 1", "*SRE 32")
     # A receiver's preset takes many seconds, during which it answers nothing.
     RESET_S: ClassVar[float] = 60.0
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
+        self.poll_s = 0.1
         # What the settings were told since the last reset, to be held against what the instrument then reports.
         self.told: JsonDict = {}
 
@@ -187,6 +191,9 @@ class Driver(abc.ABC):
         with suppress(InstrumentError):
             self.transport.clear()
         self.transport.write("*CLS")
+        if self.transport.service_requests:
+            # Other programs on the bus shall not be disturbed by sweeps from the front panel.
+            self.transport.write("*SRE 0")
         self.tell(*self.safe_commands)
 
     def settings(self) -> JsonDict:
@@ -234,6 +241,45 @@ class Driver(abc.ABC):
             errors.append(f"{number_} {text.strip()}")
         if errors:
             raise InstrumentError(f"{self}: error {'; '.join(errors)} after {command!r}")
+
+    def request_service(self) -> None:
+        """Where the link carries service requests, have the instrument request service at completion; after `*CLS`, before the command."""
+        if self.transport.service_requests:
+            self.tell(*self.REQUEST_AT_COMPLETION)
+
+    def is_operation_complete(self) -> bool:
+        """Whether what went before `*OPC` has ended; reading clears the register."""
+        return bool(int(float(self.transport.query("*ESR?"))) & self.OPERATION_COMPLETE)
+
+    def wait_until(self, is_complete: Callable[[], bool], command: str, longest_s: float) -> None:
+        """Wait for the end of what a command began: for a service request where the link carries them, by looking every `poll_s` elsewhere.
+
+        Only the instrument's register proves an end: a request may be an older one, or get lost. It is looked at after each request and
+        at the deadline; a link that lost one is polled from then on.
+
+        Raises
+        ------
+        InstrumentError
+            If it has not ended after `longest_s`, or ended with an error.
+        """
+        link = self.transport
+        deadline = link.clock.now() + longest_s
+        came = self._rest(longest_s) if link.service_requests else True
+        while not is_complete():
+            if link.clock.now() > deadline:
+                raise InstrumentError(f"{self}: {command!r} is not complete after {longest_s:.0f} s; check trigger source and front panel")
+            came = self._rest(deadline - link.clock.now())
+        if not came:
+            link.write("*SRE 0")
+            link.service_requests = False
+        self.check_errors(command)
+
+    def _rest(self, longest_s: float) -> bool:
+        """Wait for a request, or a while; False if a request was waited for in vain."""
+        if self.transport.service_requests:
+            return self.transport.await_request(longest_s)
+        self.transport.clock.sleep(self.poll_s)
+        return True
 
     def close(self) -> None:
         """Give the instrument back."""

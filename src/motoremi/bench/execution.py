@@ -203,6 +203,7 @@ class Execution:
                 driver.close()
                 raise
             self.drivers[role] = driver
+            driver.transport.while_waiting = self.tick
             driver.reset()
             self._settings[role] = self._configure(driver)
             self.writer.emit(

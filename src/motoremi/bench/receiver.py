@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+from typing import ClassVar
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.driver import Driver
@@ -10,7 +11,18 @@ from motoremi.data.spectrum import Spectrum
 
 
 class EmiReceiver(Driver):
-    """A receiver that scans conducted emission with CISPR detectors."""
+    """A receiver that scans conducted emission with CISPR detectors.
+
+    Attributes
+    ----------
+    start_command : str
+        What starts a scan, and returns at once.
+    start_and_hold : str
+        What starts a scan where the link carries no service requests: `*OPC?` follows and is answered at the end.
+    """
+
+    start_command: ClassVar[str]
+    start_and_hold: ClassVar[str]
 
     @abc.abstractmethod
     def configure(
@@ -44,3 +56,24 @@ class EmiReceiver(Driver):
         ----------
         detector : {"peak", "quasi-peak", "average", "rms-average"}
         """
+
+    def run_scan(self, longest_s: float) -> None:
+        """Scan, and wait for the end: for a service request where the link carries them, for a late answer elsewhere.
+
+        Nothing is asked in between: receivers answer nothing during a scan.
+
+        Raises
+        ------
+        InstrumentError
+            If the scan does not end in time, or ends with an error.
+        """
+        self.tell("*CLS")
+        if self.transport.service_requests:
+            self.request_service()
+            self.transport.write(f"{self.start_command};*OPC")
+            self.wait_until(self.is_operation_complete, self.start_command, longest_s)
+            return
+        self.transport.write(self.start_and_hold)
+        with self.transport.patience(longest_s):
+            self.transport.query("*OPC?")
+        self.check_errors(self.start_and_hold)

@@ -33,8 +33,9 @@ class RecordingTransport(Transport):
     """Hands every exchange of another transport to a sink, before anything else happens.
 
     A record holds `time` (UTC), `clock_s` (of the bench's clock), `timeout_s` (the deadline in force), `instrument` (its role),
-    `resource`, `direction` (`open`, `write`, `read`, `clear`, `error` or `close`), and `text`, `base64` or, for an error, `error` and
-    the call that failed in `during`. `open` says how the link carries messages.
+    `resource`, `direction` (`open`, `write`, `read`, `request`, `clear`, `error` or `close`), and `text`, `base64` or, for an error,
+    `error` and the call that failed in `during`. `open` says how the link carries messages and whether it carries service requests;
+    `request` is the end of a wait for one, and whether it `came`.
 
     Parameters
     ----------
@@ -52,7 +53,8 @@ class RecordingTransport(Transport):
         self._sink = sink
         # Asking VISA for every record would cost more than the record.
         self._timeout_s = inner.timeout_s
-        self._record("open", stream=inner.stream)
+        self.service_requests = inner.service_requests
+        self._record("open", stream=inner.stream, service_requests=inner.service_requests)
 
     @property
     def timeout_s(self) -> float:
@@ -87,6 +89,14 @@ class RecordingTransport(Transport):
             data = self._inner.receive()
         self._record("read", **encode_bytes(data))
         return data
+
+    def await_request(self, seconds: float) -> bool:
+        """Wait for a service request, then record whether one came."""
+        self._inner.while_waiting = self.while_waiting
+        with self._errors_recorded("request"):
+            came = self._inner.await_request(seconds)
+        self._record("request", came=came)
+        return came
 
     def clear(self) -> None:
         """Record, then clear the link."""

@@ -54,6 +54,8 @@ class ReplayTransport(Transport):
         opened = next((record for record in everything if record["direction"] == "open"), {})
         self._clock = clock or ReplayClock()
         super().__init__(resource_name, self._clock, bool(opened.get("stream", False)))
+        # A session recorded before there were service requests was polled, and is polled again.
+        self.service_requests = bool(opened.get("service_requests", False))
         self._records = [record for record in everything if record["direction"] not in _MARKS]
         # A run that was killed has no mark of leaving: its record just ends.
         self._killed = bool(opened) and not any(record["direction"] == "leave" for record in self._records)
@@ -89,6 +91,19 @@ class ReplayTransport(Transport):
             return self._borrow()
         self._raise_recorded_error("read")
         return decode_bytes(self._take("read", {"direction": "read", "text": "(an answer)"}))
+
+    def await_request(self, seconds: float) -> bool:
+        """Whether a service request came when the record was made."""
+        self._borrowed = None
+        self._raise_recorded_error("request")
+        try:
+            return bool(self._take("request", {"direction": "request"})["came"])
+        except ReplayDifference as difference:
+            if not self._lenient:
+                raise
+            self.differences.append(difference)
+            self._clock.sleep(seconds)
+            return False
 
     def clear(self) -> None:
         """Compare with the record."""
@@ -177,9 +192,11 @@ class ReplayTransport(Transport):
 def _check(record: Mapping[str, Any], number: int) -> None:
     """Refuse what `RecordingTransport` cannot have written: a session may come from anywhere."""
     try:
-        known = record["direction"] in ("open", "close", "leave", "clear", "read", "write", "error")
+        known = record["direction"] in ("open", "close", "leave", "clear", "read", "write", "request", "error")
         if record["direction"] in ("read", "write"):
             decode_bytes(record)
+        elif record["direction"] == "request":
+            known = isinstance(record["came"], bool)
         elif record["direction"] == "error":
             known = isinstance(record["error"], str) and isinstance(record["during"], str)
         known = known and isinstance(record["instrument"], str) and math.isfinite(float(record.get("clock_s", 0.0)))

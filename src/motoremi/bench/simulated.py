@@ -9,7 +9,7 @@ from typing import ClassVar, SupportsInt, cast
 import numpy as np
 import pyvisa
 from pyvisa import constants
-from pyvisa.typing import VISARMSession, VISASession
+from pyvisa.typing import VISAEventContext, VISARMSession, VISASession
 from pyvisa.util import LibraryPath
 from pyvisa_sim.devices import Devices
 from pyvisa_sim.highlevel import SimVisaLibrary
@@ -35,13 +35,15 @@ _library_numbers = itertools.count(1)
 
 
 class BenchLibrary(SimVisaLibrary):
-    """PyVISA-sim's library with devices added by hand, device clear and status byte, and an error for a name nobody has."""
+    """PyVISA-sim's library with devices added by hand, device clear, serial poll and service requests, and an error for a name nobody has."""
 
     devices: Devices
 
     def _init(self) -> None:
         self.sessions = {}
         self.devices = Devices()
+        # Session -> how many of its instrument's service requests have been waited for.
+        self._heard: dict[VISASession, int] = {}
 
     def open(
         self,
@@ -102,7 +104,47 @@ class BenchLibrary(SimVisaLibrary):
 
     def read_stb(self, session: VISASession) -> tuple[int, constants.StatusCode]:
         """Serial poll."""
-        return self._device(session).status_byte(), constants.StatusCode.success
+        return self._device(session).serial_poll(), constants.StatusCode.success
+
+    def enable_event(
+        self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism, context: None = None
+    ) -> constants.StatusCode:
+        """Queue service requests from now on; there are no others, and serial lines have none."""
+        link = self.sessions[session]
+        if event_type != constants.EventType.service_request or link.parsed.interface_type_const != constants.InterfaceType.gpib:
+            raise pyvisa.VisaIOError(constants.StatusCode.error_invalid_event)
+        self._heard.setdefault(session, self._device(session).service_requests)
+        return constants.StatusCode.success
+
+    def wait_on_event(
+        self, session: VISASession, in_event_type: constants.EventType, timeout: int
+    ) -> tuple[constants.EventType, VISAEventContext, constants.StatusCode]:
+        """Wait for the next service request; on a virtual clock that takes no time."""
+        if session not in self._heard:
+            raise pyvisa.VisaIOError(constants.StatusCode.error_not_enabled)
+        device = self._device(session)
+        deadline_s = device.clock.now() + timeout / 1000
+        device.notice_request()
+        while device.service_requests == self._heard[session]:
+            now_s = device.clock.now()
+            if now_s >= deadline_s:
+                raise pyvisa.VisaIOError(constants.StatusCode.error_timeout)
+            ends_s = device.busy_until()
+            device.clock.sleep((ends_s if now_s < ends_s < deadline_s else deadline_s) - now_s)
+            device.notice_request()
+        self._heard[session] += 1
+        return in_event_type, VISAEventContext(0), constants.StatusCode.success
+
+    def discard_events(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
+        """Forget the service requests that wait."""
+        if session in self._heard:
+            self._heard[session] = self._device(session).service_requests
+        return constants.StatusCode.success
+
+    def disable_event(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
+        """Queue them no more."""
+        self._heard.pop(session, None)
+        return constants.StatusCode.success
 
     def _device(self, session: VISASession) -> SimulatedDevice:
         return cast(SimulatedDevice, self.sessions[session].device)

@@ -24,6 +24,7 @@ from motoremi.bench.clock import Clock
 # Time on the bus for one message: what lets a client without a clock of its own poll a simulated sweep to its end.
 MESSAGE_S = 1e-3
 QUEUE_DEPTH = 10
+REQUESTS_SERVICE = 64
 LONGEST_MESSAGE = 1 << 18
 _NUMBER = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)")
 _SCALE = {
@@ -82,6 +83,10 @@ class SimulatedDevice(Device):
 
     # When the waiting answer may be read, in seconds of the clock; later than now only by a fault.
     answer_due_s = 0.0
+    # How often it has requested service; a restart does not undo what the bus has heard.
+    service_requests = 0
+    _summary = 0
+    _unpolled = False
 
     def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
         ((name, data),) = copy.deepcopy(_parsed(profile))["devices"].items()
@@ -121,6 +126,19 @@ class SimulatedDevice(Device):
         self._settle()
         standard = int(self._status_registers[b"*ESR?"].value)
         return 32 if standard & int(self.value("standard_mask")) else 0
+
+    def notice_request(self) -> None:
+        """Request service when the summary in bit 6 of the status byte has risen; the request goes with the summary."""
+        before, self._summary = self._summary, self.status_byte() & REQUESTS_SERVICE
+        if self._summary and not before:
+            self.service_requests += 1
+        self._unpolled = bool(self._summary) and (self._unpolled or not before)
+
+    def serial_poll(self) -> int:
+        """The status byte with, in bit 6, whether it requests service: polling answers that request (IEEE 488.2)."""
+        self.notice_request()
+        request, self._unpolled = REQUESTS_SERVICE if self._unpolled else 0, False
+        return self.status_byte() & ~REQUESTS_SERVICE | request
 
     def value(self, name: str) -> Any:
         """Present value of a setting of the profile."""
@@ -172,6 +190,7 @@ class SimulatedDevice(Device):
             self._output_buffers.clear()
             self.error_response("query_error")
         answers = [a for message in self._messages(query.decode("latin-1")) if (a := self._answer(message)) is not None]
+        self.notice_request()
         return b";".join(answers) if answers else NoResponse
 
     @staticmethod
@@ -181,7 +200,8 @@ class SimulatedDevice(Device):
     def _answer(self, message: str) -> bytes | None:
         header, _, argument = message.partition(" ")
         header, argument = self.fold(header), argument.strip()
-        self._settle()
+        # Before the command, which may clear what has happened meanwhile.
+        self.notice_request()
         if header in self._commands:
             return self._commands[header](argument)
         if header in self._settable and argument:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from math import ceil
 
 import pyvisa
 from pyvisa import constants
@@ -20,6 +21,10 @@ _SERIAL_BUFFERS = (
     constants.BufferOperation.discard_receive_buffer,
     constants.BufferOperation.discard_transmit_buffer,
 )
+# Nobody is heard while a VISA library waits: neither Ctrl-C nor the workbench's stop.
+_LONGEST_WAIT_S = 0.5
+# Bit 6 of the status byte in a serial poll.
+_REQUESTS_SERVICE = 0x40
 
 
 class Transport(abc.ABC):
@@ -36,12 +41,21 @@ class Transport(abc.ABC):
         What waiting is measured by.
     stream : bool
         True where only a newline marks the end of a message (socket, serial line), which a binary block may contain.
+
+    Attributes
+    ----------
+    service_requests : bool
+        Whether the instrument can be waited for with `await_request`; False unless the link says otherwise.
+    while_waiting : callable
+        Called again and again in that wait; what it raises ends the wait.
     """
 
     def __init__(self, resource_name: str, clock: Clock, stream: bool = False) -> None:
         self.resource_name = resource_name
         self.clock = clock
         self.stream = stream
+        self.service_requests = False
+        self.while_waiting: Callable[[], None] = lambda: None
         self.terminator = TERMINATOR
         self._last_command = ""
 
@@ -69,6 +83,10 @@ class Transport(abc.ABC):
     @timeout_s.setter
     @abc.abstractmethod
     def timeout_s(self, seconds: float) -> None: ...
+
+    def await_request(self, seconds: float) -> bool:
+        """Wait until the instrument requests service; False if it does not within that time."""
+        raise InstrumentError(f"{self.resource_name}: this link carries no service requests")
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
         """Use other ends of messages than a newline: what follows each command, and the character that ends each answer."""
@@ -162,6 +180,7 @@ class VisaTransport(Transport):
         self._failed = False
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
+        self.service_requests = not stream and self._hears_requests()
         self.timeout_s = timeout_s
 
     @property
@@ -188,6 +207,19 @@ class VisaTransport(Transport):
         with self._one_line("gave no answer to", "check power, cable and address, and that no other program uses it"):
             return bytes(self._resource.read_raw())
 
+    def await_request(self, seconds: float) -> bool:
+        """Wait for the event, and poll the instrument for whether it was the one that asked."""
+        deadline_s = self.clock.now() + seconds
+        while (left_s := deadline_s - self.clock.now()) > 0:
+            # Rounded up, so that the deadline is past at the end and not nearly so.
+            wait_ms = ceil(1000 * min(left_s, _LONGEST_WAIT_S)) + 1
+            with self._one_line("failed while it was waited for after", "check cable, address and power"):
+                event = self._resource.wait_on_event(constants.EventType.service_request, wait_ms, capture_timeout=True)
+                if not event.timed_out and self._resource.read_stb() & _REQUESTS_SERVICE:
+                    return True
+            self.while_waiting()
+        return False
+
     def clear(self) -> None:
         """Send a device clear, on a new link if the last exchange failed. Nothing is sent twice: what to repeat is the caller's to know."""
         with self._one_line("could not be cleared after", "switch it off and on"):
@@ -211,8 +243,18 @@ class VisaTransport(Transport):
             self._resource.close()
         self._resource = reopen()
         self._resource.read_termination = ending
+        if self.service_requests:
+            self._hears_requests()
         self.timeout_s = timeout_s
         self._failed = False
+
+    def _hears_requests(self) -> bool:
+        """Have service requests queued, where the resource and its library can."""
+        try:
+            self._resource.enable_event(constants.EventType.service_request, constants.EventMechanism.queue)
+        except (pyvisa.Error, OSError, NotImplementedError):
+            return False
+        return True
 
     @contextmanager
     def _one_line(self, trouble: str, advice: str) -> Iterator[None]:
