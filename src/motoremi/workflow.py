@@ -62,14 +62,15 @@ def ladder_of(session: Session) -> list[Fit]:
     if not session.ladder:
         return []
     measurement = measurement_of(session)
-    return [restore(step["fit"], measurement) for step in session.ladder]
+    return [restore(step.get("fit", {}), measurement) for step in session.ladder]
 
 
 def fit_session(store: Store, method: str = "ant-colony", seed: int = 1, bounds: Mapping[str, tuple[float, float]] | None = None) -> Fit:
     """Fit the model that the ladder stands at (the paper's circuit at first), and every step below it."""
     session = load(store.path)
     measurement = measurement_of(session)
-    effects = session.ladder[-1]["fit"]["effects"] if session.ladder else []
+    # A ladder that this version cannot read is begun anew.
+    effects = session.ladder[-1].get("fit", {}).get("effects", []) if session.ladder else []
     steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds)]
     for effect in effects:
         steps.append(steps[-1].add(effect))
@@ -115,7 +116,10 @@ def compare_session(store: Store, tolerance: Tolerance | None = None) -> Compari
 def stored_tolerance(session: Session) -> Tolerance | None:
     """The tolerance of the last comparison."""
     stored = session.analysis("comparison")
-    return None if stored is None else Tolerance(**stored["tolerance"])
+    try:
+        return None if stored is None else Tolerance(**stored["tolerance"])
+    except (KeyError, TypeError) as error:
+        raise BadInput(f"the stored comparison cannot be read by this version: motoremi compare {session.path} --error-percent 5") from error
 
 
 def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", progress: Progress | None = None) -> Diagnosis:
@@ -179,11 +183,10 @@ def _materials_of(session: Session) -> Materials:
 
 def report_session(store: Store) -> list[Path]:
     """Render the report in all forms into the session's `report/` folder."""
-    from motoremi.report.files import render_all
-    from motoremi.report.model import build_report
+    from motoremi.report.files import render_session
 
-    report = build_report(_materials_of(load(store.path)))
-    return [store.save_file(name, data) for name, data in render_all(report).items()]
+    files = render_session(_materials_of(load(store.path)))
+    return [store.save_file(name, data) for name, data in files.items()]
 
 
 def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
@@ -194,13 +197,16 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     BadInput
         For one session alone, too many, or two of one name.
     """
+    from motoremi.report.files import told_as_unreadable
     from motoremi.report.together import build_together, render_together
 
     # The folder's own name, also for `.` or a path that ends in a slash.
     named = {path.resolve().name: path for path in paths}
     if len(named) < len(paths):
         raise BadInput("two of these sessions have the same name: rename one folder, or the report could not tell them apart")
-    files = render_together(build_together({name: _materials_of(load(path)) for name, path in named.items()}))
+    materials = {name: _materials_of(load(path)) for name, path in named.items()}
+    with told_as_unreadable("one of these sessions"):
+        files = render_together(build_together(materials))
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

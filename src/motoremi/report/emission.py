@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.data.session import Session
 from motoremi.quantities import show, show_band
 from motoremi.report.axes import BLACK, BLUE, ORANGE, PURPLE, frequency_axis, legend_above, panels
-from motoremi.report.parts import Section, Table
+from motoremi.report.parts import Materials, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
 
@@ -132,7 +131,7 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
     return (*texts, *(f"{remark[:1].upper()}{remark[1:]}." for remark in prediction["remarks"]))
 
 
-def emission_section(session: Session) -> Section:
+def emission_section(materials: Materials) -> Section:
     """Measured levels; where a prediction is stored, against it and the limit, and what the spectra's diagnosis found."""
     rows = tuple(
         (
@@ -144,18 +143,18 @@ def emission_section(session: Session) -> Section:
             f"{s.level_dbuv.max():.1f} dBuV at {show(float(s.frequency_hz[np.argmax(s.level_dbuv)]), 'Hz')}",
             f"{int(s.overload.sum())}",
         )
-        for s in session.spectra
+        for s in materials.session.spectra
     )
     columns = ("detector", "condition", "points", "span", "bandwidth", "highest level", "overloaded points")
-    drawn = picture("spectrum", spectrum_figure(session.spectra), "Conducted emission at the LISN.")
-    table, prediction = Table("Spectra", columns, rows), session.analysis("prediction")
+    drawn = picture("spectrum", spectrum_figure(materials.session.spectra), "Conducted emission at the LISN.")
+    table, prediction = Table("Spectra", columns, rows), materials.stored("prediction")
     if prediction is None:
         return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (table,), (drawn,))
-    diagnosis = session.analysis("emission-diagnosis")
+    diagnosis = materials.stored("emission-diagnosis")
     caption = "Measured levels, the levels that source and fitted motor should produce, and the limit with its guard band."
     pictures = [picture("prediction", prediction_figure(prediction), caption), drawn]
     tables = [table, *prediction_tables(prediction)]
-    steps = (session.analysis("emission") or {}).get("steps", ())
+    steps = (materials.stored("emission") or {}).get("steps", ())
     if len(steps) > 1:
         tables.append(_ladder(steps))
     if diagnosis is not None and diagnosis["candidates"]:

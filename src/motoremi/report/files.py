@@ -2,11 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from motoremi.errors import BadInput, MotoremiError
 from motoremi.report.data import render_csv, render_json
+from motoremi.report.gaps import STORED
 from motoremi.report.html import render_html
 from motoremi.report.junit import render_junit
-from motoremi.report.parts import Report
+from motoremi.report.model import build_report
+from motoremi.report.parts import Materials, Report
 from motoremi.report.pdf import can_render_pdf, render_pdf
+
+
+@contextmanager
+def told_as_unreadable(what: str) -> Iterator[None]:
+    """Tell in one line that something stored lacks an entry, or has another kind of thing in its place."""
+    try:
+        yield
+    except MotoremiError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        detail = f"{type(error).__name__}: {error}"
+        raise Unreadable(f"{what} holds results that this version cannot read ({detail}); fit, compare and diagnose again") from error
+
+
+class Unreadable(BadInput):
+    """A stored analysis is not as this version writes it."""
+
+
+def render_session(materials: Materials) -> dict[str, bytes]:
+    """The report of a session in all forms; stored analyses that this version cannot read are left out, and the report says so.
+
+    Raises
+    ------
+    Unreadable
+        If it cannot be made without all of them either: then the stored fit is to blame.
+    """
+    present = [name for name in STORED if materials.stored(name) is not None]
+    # The culprit is found by leaving one out after the other: what an earlier version wrote is nowhere written down.
+    for names in ((), *((name,) for name in present)):
+        with suppress(Unreadable), told_as_unreadable(materials.session.path.name):
+            return render_all(build_report(materials.without(names)))
+    with told_as_unreadable(materials.session.path.name):
+        return render_all(build_report(materials.without(present)))
 
 
 def render_all(report: Report) -> dict[str, bytes]:

@@ -12,6 +12,13 @@ from motoremi.report.parts import Materials, is_result, model_name
 
 # A stored diagnosis rounds nothing: a larger difference means that it was made from another fit.
 SAME_FIT = 1e-3
+# Stored analyses that a report can do without, and how to make them anew; what needs another one comes before it.
+STORED = {
+    "diagnosis": "motoremi diagnose",
+    "emission-diagnosis": "motoremi diagnose --emission",
+    "emission": "motoremi diagnose --emission",
+    "prediction": "motoremi predict",
+}
 # Calibration laboratories recommend a year for impedance analysers and receivers alike.
 OLD_CALIBRATION_DAYS = 365
 
@@ -114,13 +121,18 @@ def _of_the_analysis(materials: Materials) -> list[str]:
             found.append(f"the data do not determine {', '.join(steps[-1].undetermined())}")
     if materials.comparison is None:
         found.append("the model was not compared with the measurement: nothing is judged")
+    found += [
+        f"the stored {name} was made by another version and cannot be read: {again}"
+        for name, again in STORED.items()
+        if name in materials.unreadable
+    ]
     if materials.diagnosis is None:
-        found.append("no diagnosis was made")
+        found += [] if "diagnosis" in materials.unreadable else ["no diagnosis was made"]
     elif steps and not _diagnosed(steps, materials.diagnosis):
         found.append("the diagnosis was made from another fit than those shown here: diagnose again")
     if not session.spectra:
         found.append("no emission spectrum was measured")
-    elif session.analysis("prediction") is None:
+    elif materials.stored("prediction") is None and "prediction" not in materials.unreadable:
         found.append("the spectra were not held against a limit")
     return found
 

@@ -35,7 +35,7 @@ def headline(materials: Materials) -> tuple[Line, ...]:
     if steps:
         lines += [_after(steps[-1], diagnosis), ("Noise floor", f"{steps[-1].floor_percent:.2g} % rms", "plain")]
     lines.append(_judged(materials.comparison))
-    prediction = materials.session.analysis("prediction")
+    prediction = materials.stored("prediction")
     if prediction is not None:
         lines.append(_emission(prediction))
     if diagnosis is not None:

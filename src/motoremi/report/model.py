@@ -80,8 +80,8 @@ def _data(materials: Materials) -> JsonDict:
         "ladder": [{**step.to_dict(), "result": is_result(step)} for step in materials.steps],
         "comparison": None if materials.comparison is None else materials.comparison.to_dict(),
         "diagnosis": materials.diagnosis,
-        "prediction": _without_levels(session.analysis("prediction")),
-        "emission_diagnosis": session.analysis("emission-diagnosis"),
-        "emission_ladder": (session.analysis("emission") or {}).get("steps", []),
+        "prediction": _without_levels(materials.stored("prediction")),
+        "emission_diagnosis": materials.stored("emission-diagnosis"),
+        "emission_ladder": (materials.stored("emission") or {}).get("steps", []),
         "warnings": list(gaps(materials)),
     }

@@ -6,7 +6,9 @@ Text from outside is cleaned when a value is made, so that no rendering can forg
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from motoremi.arrays import JsonDict
@@ -32,12 +34,30 @@ class Materials:
         Of the model that stands.
     diagnosis : dict, optional
         As `Diagnosis.to_dict` gives it.
+    unreadable : frozenset of str
+        Stored analyses that are left out, because this version cannot read them.
     """
 
     session: Session
     steps: tuple[Fit, ...]
     comparison: Comparison | None
     diagnosis: JsonDict | None
+    unreadable: frozenset[str] = frozenset()
+
+    def stored(self, name: str) -> JsonDict | None:
+        """What `analysis/<name>.json` holds; None if there is none, or it is left out."""
+        # A prediction holds thousands of levels: it is parsed once a report.
+        if name not in self._parsed:
+            self._parsed[name] = None if name in self.unreadable else self.session.analysis(name)
+        return self._parsed[name]
+
+    def without(self, names: Collection[str]) -> Materials:
+        """The same with these stored analyses left out."""
+        return dataclasses.replace(self, diagnosis=None if "diagnosis" in names else self.diagnosis, unreadable=frozenset(names))
+
+    @cached_property
+    def _parsed(self) -> dict[str, JsonDict | None]:
+        return {}
 
 
 def is_result(fit: Fit) -> bool:

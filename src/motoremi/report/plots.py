@@ -36,6 +36,7 @@ from motoremi.report.axes import (
     panels,
 )
 from motoremi.report.parts import model_name
+from motoremi.report.peaks import clear_maxima
 from motoremi.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ __all__ = [
 TITLES = {"short": "short-circuit sweep (winding)", "open": "open-circuit sweep (terminal to frame)"}
 UNCERTAINTY = "expanded uncertainty (k = 2)"
 MOST_CANDIDATES = 10
+# A resonance is named if |Z| falls by as much on both sides, or rises.
+CLEAR_DB = 3.0
 # Below odds of 30 to 1 two candidates count as one family: 2 ln(1/0.03).
 TOLD_APART = 7.0
 
@@ -124,11 +127,9 @@ def fit_figure(fit: Fit) -> Figure:
 
 def _mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> None:
     """Name the frequencies of the clear maxima and minima of |Z|."""
-    from scipy.signal import find_peaks
-
     level = 20 * np.log10(magnitude_ohm)
     for sign, marker, above in ((1, "v", True), (-1, "^", False)):
-        for index in find_peaks(sign * level, prominence=3)[0]:
+        for index in clear_maxima(sign * level, CLEAR_DB):
             place = (frequency_hz[index], magnitude_ohm[index])
             axes.plot(*place, marker, color=BLACK, markersize=4)
             axes.annotate(

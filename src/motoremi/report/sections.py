@@ -55,7 +55,7 @@ def _sections(materials: Materials, session_sha256: str) -> Iterator[Section]:
     if materials.diagnosis is not None:
         yield diagnosis_section(materials.diagnosis)
     if materials.session.spectra:
-        yield emission_section(materials.session)
+        yield emission_section(materials)
     yield identity_section(materials.session, session_sha256)
     yield procedure_section(materials.session)
 

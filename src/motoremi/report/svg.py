@@ -37,14 +37,16 @@ def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
         What it shows, for those who cannot see it; the name by default.
     """
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    buffer = io.BytesIO()
+    buffer = io.StringIO()
     # A fixed salt makes identifiers, and so the bytes, reproducible; text stays text, which is small and can be searched.
     with _settings, warnings.catch_warnings(), matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none", "path.simplify": True}):
         # Text stays text: the page's reader may well have the letters that matplotlib's fonts lack.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue().decode("utf-8")
+        # Straight to the canvas: `savefig` would draw every figure twice, the first time for its layout alone.
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
     # The XML prolog and the document type, which points outside, have no place within a page.
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -128,7 +128,7 @@ def _changes(first: Materials, other: Materials, before: Mapping[str, RepeatedSw
 def _figures(name: str, materials: Materials) -> JsonDict:
     """One session's verdicts and figures."""
     start, steps, diagnosis = materials.session.start, materials.steps, materials.diagnosis
-    prediction = materials.session.analysis("prediction")
+    prediction = materials.stored("prediction")
     results = [step for step in steps if is_result(step)]
     return {
         "session": name,

@@ -1,0 +1,33 @@
+"""Clear maxima of a curve."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+
+
+def clear_maxima(level: FloatArray, prominence: float) -> list[int]:
+    """Indices of the maxima that stand out by at least `prominence`, the middle one of equal points.
+
+    The same as `scipy.signal.find_peaks`, whose import alone takes a third of a second: a fifth of a report.
+
+    Parameters
+    ----------
+    level : array, shape (n,)
+    prominence : float
+        How far the curve falls on both sides before it rises above the maximum or ends; in the unit of `level`.
+    """
+    edges = np.flatnonzero(np.diff(level)) + 1
+    first, last = np.append(0, edges), np.append(edges, level.size) - 1
+    run = level[first]
+    tops = 1 + np.flatnonzero((run[1:-1] > run[:-2]) & (run[1:-1] > run[2:]))
+    return [int(at) for at in (first[tops] + last[tops]) // 2 if _stands_out(level, at) >= prominence]
+
+
+def _stands_out(level: FloatArray, at: int) -> float:
+    higher = np.flatnonzero(level > level[at])
+    after = int(np.searchsorted(higher, at))
+    left = higher[after - 1] if after else 0
+    right = higher[after] if after < higher.size else level.size
+    return float(level[at] - max(level[left : at + 1].min(), level[at:right].min()))
