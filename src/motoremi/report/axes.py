@@ -17,13 +17,18 @@ if TYPE_CHECKING:
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
 GREY, BAND_GREY = "#bbbbbb", "#f1f1f1"
 LONGEST_LABEL = 60
+# Room in inches; matplotlib's own layout measures every text twice, which takes a quarter of the time of a report.
+EDGE, LINE, TICK, BELOW, BETWEEN = 0.07, 0.17, 0.12, 0.52, 0.16
+TITLE, LEGEND_LINE, LETTER = 0.28, 0.19, 0.0085
+RIGHT = 0.25
+LEGEND_COLUMNS = 4
 
 
 def panels(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Figure, Any]:
     """A figure (size in inches) and its axes in rows and columns; panels above each other share their frequencies."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height))
     return figure, figure.subplots(rows, columns, squeeze=False, sharex="col" if rows > 1 else False, gridspec_kw=grid or None)
 
 
@@ -80,7 +85,42 @@ def grid(axes: Axes) -> None:
 def legend_above(figure: Figure, *sources: Axes) -> None:
     """One legend for the whole figure, where it hides no curve."""
     entries = {label: handle for axes in sources for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=min(4, len(entries)), fontsize=8, frameon=False)
+    arrange(figure, -(-len(entries) // LEGEND_COLUMNS))
+    columns = min(LEGEND_COLUMNS, len(entries))
+    figure.legend(list(entries.values()), list(entries), loc="upper center", borderaxespad=0.2, ncols=columns, fontsize=8, frameon=False)
+
+
+def arrange(figure: Figure, legend_lines: int) -> None:
+    """Give every text its room: what stands beside, below and above the panels, and the legend over them all."""
+    width, height = figure.get_size_inches()
+    every = figure.axes
+    rows, columns = every[0].get_gridspec().get_geometry()
+    titled = any(axes.get_title() for axes in every)
+    named = LINE * max(1 + axes.get_ylabel().count("\n") if axes.get_ylabel() else 0 for axes in every)
+    left = EDGE + named + max(_tick_labels_in(axes) for axes in every) + TICK
+    top = EDGE + TITLE * titled + LEGEND_LINE * legend_lines
+    panel_width = width / columns - left - RIGHT
+    panel_height = (height - top - BELOW - BETWEEN * (rows - 1)) / rows
+    figure.subplots_adjust(
+        left=left / width,
+        right=1 - RIGHT / width,
+        bottom=BELOW / height,
+        top=1 - top / height,
+        wspace=(left + RIGHT) / panel_width,
+        hspace=BETWEEN / panel_height,
+    )
+    for axes in every:
+        # Not where matplotlib would put them after another look at all tick labels, and in one line down the figure.
+        axes.yaxis.set_label_coords((EDGE + named - left) / panel_width, 0.5)
+
+
+def _tick_labels_in(axes: Axes) -> float:
+    """Width of the longest number or name beside a vertical axis, in inches."""
+    low, high = sorted(axes.get_ylim())
+    axis = axes.yaxis
+    shown = axis.get_major_formatter().format_ticks([value for value in axis.get_majorticklocs() if low <= value <= high])
+    points = axis.get_majorticklabels()[0].get_fontsize() if len(shown) else 0.0
+    return LETTER * points * max(map(len, shown), default=0)
 
 
 def literal(text: str) -> str:

@@ -28,6 +28,7 @@ from motoremi.report.axes import (
     PURPLE,
     SKY,
     VERMILION,
+    arrange,
     frequency_axis,
     grid,
     legend_above,
@@ -267,9 +268,10 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
     panel.set_xlim(0.8, 3 * max([*behind, 10]) ** 1.4)
     panel.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
     panel.set_yticks(range(len(candidates)), [literal(str(c["effect"])) for c in candidates], fontsize=8)
-    panel.set_xlabel("1 + ΔBIC to the best: less is better, beyond the dotted line the data tell them apart")
+    panel.set_xlabel("1 + ΔBIC to the best: less is better, beyond the dotted line the data tell them apart", loc="right")
     handles = [Patch(facecolor=looks[kind][0], hatch=looks[kind][1], edgecolor="white", label=kind) for kind in looks if kind in kinds]
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+    arrange(figure, 1)
+    figure.legend(handles=handles, loc="upper center", borderaxespad=0.2, ncols=3, fontsize=8, frameon=False)
     return figure
 
 
