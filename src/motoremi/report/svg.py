@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 # Matplotlib's settings are global: two threads of the workbench must not change them at once.
 _settings = threading.Lock()
 _GEOMETRY = re.compile(r'\b(?:d|x|y|transform|points)="[^"]*"')
-_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_FURTHER_DIGITS = re.compile(r"(?<=\.\d\d)\d+")
 
 
 def picture(name: str, figure: Figure, caption: str) -> Picture:
@@ -53,5 +53,5 @@ def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
     # Nothing refers to groups; identifiers that something refers to are hashes with the salt, so no two plots of a page share one.
     text = re.sub(r'<g id="[^"]*"', "<g", text)
     # A hundredth of a point cannot be seen and makes up half of the file.
-    text = _GEOMETRY.sub(lambda found: _LONG_NUMBER.sub(lambda number: f"{float(number.group()):.2f}", found.group()), text)
+    text = _GEOMETRY.sub(lambda found: _FURTHER_DIGITS.sub("", found.group()), text)
     return text.replace("<svg", f'<svg role="img" aria-label="{html.escape(label or name)}"', 1)
