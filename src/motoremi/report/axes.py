@@ -94,7 +94,8 @@ def arrange(figure: Figure, legend_lines: int) -> None:
     """Give every text its room: what stands beside, below and above the panels, and the legend over them all."""
     width, height = figure.get_size_inches()
     every = figure.axes
-    rows, columns = every[0].get_gridspec().get_geometry()
+    spec = every[0].get_gridspec()
+    rows, columns = spec.get_geometry() if spec is not None else (1, 1)
     titled = any(axes.get_title() for axes in every)
     named = LINE * max(1 + axes.get_ylabel().count("\n") if axes.get_ylabel() else 0 for axes in every)
     left = EDGE + named + max(_tick_labels_in(axes) for axes in every) + TICK
@@ -119,7 +120,7 @@ def _tick_labels_in(axes: Axes) -> float:
     low, high = sorted(axes.get_ylim())
     axis = axes.yaxis
     shown = axis.get_major_formatter().format_ticks([value for value in axis.get_majorticklocs() if low <= value <= high])
-    points = axis.get_majorticklabels()[0].get_fontsize() if len(shown) else 0.0
+    points = float(axis.get_majorticklabels()[0].get_fontsize()) if shown else 0.0
     return LETTER * points * max(map(len, shown), default=0)
 
 

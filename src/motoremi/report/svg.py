@@ -45,7 +45,7 @@ def to_svg(figure: Figure, name: str = "plot", label: str = "") -> str:
         # Text stays text: the page's reader may well have the letters that matplotlib's fonts lack.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         # Straight to the canvas: `savefig` would draw every figure twice, the first time for its layout alone.
-        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     text = buffer.getvalue()
     # The XML prolog and the document type, which points outside, have no place within a page.
     text = text[text.index("<svg") :]
