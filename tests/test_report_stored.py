@@ -131,7 +131,10 @@ def test_the_command_ends_well(whole: Path, tmp_path: Path, monkeypatch: pytest.
     assert caught.value.code == 0
     assert "cannot be read: motoremi diagnose" in (folder / "report" / "report.html").read_text(encoding="utf-8")
     capsys.readouterr()
-    for command in (["report", str(folder), str(whole), "--out", str(tmp_path / "both")], ["plot", str(folder), "ranking"]):
+    for command in (
+        ["report", str(folder), str(whole), "--out", str(tmp_path / "both")],
+        ["plot", str(folder), "ranking", "--out", str(tmp_path / "ranking.svg")],
+    ):
         monkeypatch.setattr("sys.argv", ["motoremi", *command])
         with pytest.raises(SystemExit) as caught:
             main()
