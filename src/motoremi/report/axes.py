@@ -18,7 +18,7 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B
 GREY, BAND_GREY = "#bbbbbb", "#f1f1f1"
 LONGEST_LABEL = 60
 # Room in inches; matplotlib's own layout measures every text twice, which takes a quarter of the time of a report.
-EDGE, LINE, TICK, BELOW, BETWEEN = 0.07, 0.17, 0.12, 0.52, 0.16
+EDGE, LINE, TICK, BELOW, BETWEEN = 0.07, 0.19, 0.18, 0.52, 0.16
 TITLE, LEGEND_LINE, LETTER = 0.28, 0.19, 0.0085
 RIGHT = 0.25
 LEGEND_COLUMNS = 4
