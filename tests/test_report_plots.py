@@ -79,6 +79,27 @@ def test_plots_are_as_a_bench_engineer_reads_them(session, what):
     assert {to_rgb(line.get_color()) for line in curves if len(set(to_rgb(line.get_color()))) > 1} <= COLOURS
 
 
+@pytest.mark.parametrize("what", PLOTS)
+def test_no_text_is_cut_or_covers_another(session, what):
+    """The plots place their texts themselves; here matplotlib measures them."""
+    figure = figure_of(session, what, "Cf", "core-loss")
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        name = axes.yaxis.label.get_window_extent()
+        shown = [label.get_window_extent() for label in axes.get_yticklabels() if label.get_text()]
+        low, high = axes.get_window_extent().intervaly
+        shown = [box for box in shown if low <= (box.y0 + box.y1) / 2 <= high]
+        assert not axes.get_ylabel() or all(name.x1 <= box.x0 for box in shown)
+        assert all(figure.bbox.x0 <= box.x0 for box in [*shown, name])
+        # Ticks beyond the ends of an axis have a label too, which is not drawn.
+        left, right = axes.get_window_extent().intervalx
+        numbers = [label.get_window_extent() for label in axes.get_xticklabels()]
+        below = [axes.xaxis.label.get_window_extent(), *(box for box in numbers if left - 1 <= (box.x0 + box.x1) / 2 <= right + 1)]
+        assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 and box.y0 >= figure.bbox.y0 for box in below if box.width)
+    panels = max(axes.get_window_extent().y1 for axes in figure.axes)
+    assert all(panels <= legend.get_window_extent().y0 + 2 for legend in figure.legends)
+
+
 def test_wrong_use_is_one_line(session, measure, tmp_path):
     for words in (("plot", session, "nonsense"), ("plot", session, "inspection"), ("plot", session, "signature")):
         assert CliRunner().invoke(app, [str(word) for word in words]).exit_code != 0
