@@ -266,9 +266,14 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
 
     Without `polished`, the solution on the thinned grid is taken as it is.
     """
-    search, found, full = scouted.search, scouted.found, scouted.task.full
+    full = scouted.task.full
     # Both problems of the likelihood have the same unknowns.
     final = polish(full, scouted.likely.distinct(1 if scouted.right else 2), iterations=150 if polished else 0, damping=WARM)
+    if polished and scouted.right and final.objective[final.best] > good_enough(full):
+        # What looked right on a few points is not on all.
+        scouted = searched_through(scouted)
+        final = final.joined(polish(full, scouted.likely.distinct(2), damping=WARM))
+    search, found = scouted.search, scouted.found
     if thorough and final.objective[final.best] > good_enough(full):
         colony = Colony(search, np.random.default_rng(seed), np.concatenate([scouted.starts, found.u]))
         colony.walk(GENERATIONS)
