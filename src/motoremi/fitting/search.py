@@ -26,7 +26,9 @@ EFFECT_POINTS = 80
 # Steps of a glance: for all start values, for the best of each group, for the best few.
 MUCH_BETTER = 0.02
 GLANCE_STEPS = (4, 12, 12)
+# Steps by the likelihood: few, but more where the analyser's errors blur what the search can see.
 FEW_STEPS = 6
+STEPS_IF_BLURRED = 20
 FIRST_STEPS = 7
 MOST_LEADERS = 9
 FOLLOWED = 6
@@ -225,7 +227,9 @@ def glance(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1, be
         part = polish(search, u, iterations=steps, **ROUGH, enough=enough)
         u, evaluations = part.distinct(3), evaluations + part.evaluations
     found = dataclasses.replace(part, evaluations=evaluations)
-    return Scouted(task, search, thinned, first, group, enough, found, _judged(search, thinned, found, FEW_STEPS))
+    blurred = found.objective[found.best] < search.observed.expected_objective
+    likely = _judged(search, thinned, found, STEPS_IF_BLURRED if blurred else FEW_STEPS)
+    return Scouted(task, search, thinned, first, group, enough, found, likely)
 
 
 def _leaders(objective: FloatArray, group: int) -> np.ndarray:
