@@ -54,7 +54,8 @@ def effects_(
     say(f"  formula      {effect.formula}")
     for parameter in effect.parameters:
         span = f"{show(parameter.low, parameter.unit)} to {show(parameter.high, parameter.unit)}"
-        say(f"  {parameter.name:20s} {span}: {parameter.reason}")
+        usual = "" if parameter.usual is None else f" (usually {' to '.join(show(value, parameter.unit) for value in parameter.usual)})"
+        say(f"  {parameter.name:20s} {span}{usual}: {parameter.reason}")
     for title, text in (
         ("vanishes for", effect.limit),
         ("signature", effect.signature),

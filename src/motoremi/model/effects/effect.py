@@ -84,7 +84,10 @@ class Effect:
         plain = {key: getattr(self, key) for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source", "repeatable")}
         plain["identifiers"] = list(self.identifiers)
         plain["look_alikes"] = list(self.look_alikes)
-        plain["parameters"] = [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high, "reason": p.reason} for p in self.parameters]
+        plain["parameters"] = [
+            {"name": p.name, "unit": p.unit, "low": p.low, "high": p.high, "usual": p.usual and list(p.usual), "reason": p.reason}
+            for p in self.parameters
+        ]
         return plain
 
 
