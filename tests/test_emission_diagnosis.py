@@ -60,7 +60,7 @@ def test_effects_vanish_in_their_limit(effect):
     limits = {
         "arc-breakdown": {"voltage_v": 1e-9, "rise_s": 1e-8, "spread": 0.0},
         "commutation-jitter": {"missing_share": 0.0, "jitter_s": 1e-12},
-        "chopper": {"amplitude_v": 1e-9, "frequency_hz": 2e4, "duty": 0.5, "rise_s": 1e-7},
+        "chopper": {"amplitude_v": 1e-9, "frequency_hz": 2e4, "width_s": 2.5e-5, "rise_s": 1e-7},
         "background-noise": {"level_dbuv": -200.0, "slope_db": 0.0},
         "lisn-deviation": {"inductance_factor": 1.0},
         "cable-resonance": {"length_m": 1e-6, "impedance_ohm": 100.0},

@@ -12,6 +12,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from motoremi.data.plain import plain
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.storage import write_whole
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
-from motoremi.emission.diagnose import EmissionDiagnosis, diagnose_emission
+from motoremi.emission.diagnose import diagnose_emission
 from motoremi.emission.fit import Problem
 from motoremi.emission.predict import motor_function
 from motoremi.emission.setup import Setup, scan_frequencies
@@ -39,6 +40,8 @@ REPEATS = 3
 SHARE_OF_NONE = 0.25
 # A tachometer at the shaft.
 SPEED_ERROR = 0.01
+# An effect that changes the readings by less than what the receiver itself is off by cannot be seen.
+LEAST_CHANGE_DB = float(np.hypot(emission.OFFSET_DB, emission.RIPPLE_DB))
 
 
 @dataclass(frozen=True)
@@ -80,13 +83,39 @@ class SpectrumCase:
 
     def spectra(self) -> list[Spectrum]:
         """Peak and average of one scan, 150 kHz to 30 MHz in 4.5 kHz."""
-        read = emission.measure(self.motor(), self.stand(), scan_frequencies(), self.motor_seed, quasi_peak=False)
-        return [Spectrum(detector, read.frequency_hz, read.level(detector)) for detector in ("peak", "average")]
+        return _scanned(self.motor_seed, self.hidden)
+
+    def detectable(self) -> bool:
+        """Whether what is hidden changes a detector's readings by more than the receiver's own error, rms over some octave.
+
+        Judged from the truth with and without it, all else and all chance the same; the catalogue's formulas have no part in it.
+        """
+        if not self.hidden:
+            return True
+        return largest_change_db(self.spectra(), _scanned(self.motor_seed, ())) >= LEAST_CHANGE_DB
 
     def stated(self) -> Setup:
         """What the bench book says: the speed, with its error."""
         error = float(np.random.default_rng([self.seed, self.index, 2]).normal(0.0, SPEED_ERROR))
         return Setup(Source(repetition_hz=self.stand().repetition_hz * (1 + error)), assumed=())
+
+
+@lru_cache(maxsize=4)
+def _scanned(motor_seed: int, hidden: tuple[str, ...]) -> list[Spectrum]:
+    stand = emission.Stand.random(motor_seed, hidden)
+    read = emission.measure(SimulatedMotor.random(motor_seed), stand, scan_frequencies(), motor_seed, quasi_peak=False)
+    return [Spectrum(detector, read.frequency_hz, read.level(detector)) for detector in ("peak", "average")]
+
+
+def largest_change_db(one: Sequence[Spectrum], other: Sequence[Spectrum]) -> float:
+    """By how much two scans differ: rms over the octave, and on the detector, where they differ most."""
+    largest = 0.0
+    for first, second in zip(one, other, strict=True):
+        difference = first.level_dbuv - second.level_dbuv
+        for low in np.arange(np.log2(first.frequency_hz[0]), np.log2(first.frequency_hz[-1]) - 1, 0.5):
+            inside = (first.frequency_hz >= 2**low) & (first.frequency_hz < 2 ** (low + 1))
+            largest = max(largest, float(np.sqrt(np.mean(difference[inside] ** 2))))
+    return largest
 
 
 def draw(seed: int, index: int) -> SpectrumCase:
@@ -104,6 +133,7 @@ class PlayedSpectrum:
     answer: Answer
     error_before_db: float
     error_after_db: float
+    detectable: bool = True
 
     @property
     def outcome(self) -> Outcome:
@@ -115,28 +145,31 @@ class PlayedSpectrum:
         return {
             **asdict(self.case),
             **asdict(self.answer),
+            "detectable": self.detectable,
             "outcome": self.outcome,
             "error_before_db": self.error_before_db,
             "error_after_db": self.error_after_db,
         }
 
 
-def diagnosed(case: SpectrumCase) -> EmissionDiagnosis:
-    """The diagnosis of a case as a user would have it: fit the sweeps, then look at the spectra."""
+def problem_of(case: SpectrumCase) -> Problem:
+    """What a user would have: the fitted sweeps, the spectra, the stated speed."""
     fitted, stated = fit(dc_motor(), case.sweeps()), case.stated()
-    return diagnose_emission(Problem(case.spectra(), motor_function(fitted, stated), stated))
+    return Problem(case.spectra(), motor_function(fitted, stated), stated)
 
 
 def play(case: SpectrumCase) -> PlayedSpectrum:
-    """Diagnose one case."""
-    started = time.process_time()
+    """Diagnose one case; the seconds are those of the diagnosis."""
+    detectable = case.detectable()
     try:
-        found = diagnosed(case)
+        problem = problem_of(case)
+        started = time.process_time()
+        found = diagnose_emission(problem)
     except Exception as error:  # a crash is an answer too, and the worst; the others go on
-        return PlayedSpectrum(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), np.nan, np.nan)
+        return PlayedSpectrum(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), np.nan, np.nan, detectable)
     seconds = time.process_time() - started
     answer = Answer(found.verdict, found.effects, found.families, found.confidence, seconds=seconds)
-    return PlayedSpectrum(case, answer, found.base.rms_error_db, found.best.rms_error_db)
+    return PlayedSpectrum(case, answer, found.base.rms_error_db, found.best.rms_error_db, detectable)
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedSpectrum]:
@@ -160,16 +193,17 @@ def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None)
 
 
 def summary(played: Sequence[PlayedSpectrum]) -> JsonDict:
-    """The figures of a scoreboard of spectra."""
-    with_effect = [one for one in played if one.case.hidden]
+    """The figures of a scoreboard of spectra; effects too weak to be seen are counted, but no goal speaks of them."""
+    with_effect = [one for one in played if one.case.hidden and one.detectable]
     without = [one for one in played if not one.case.hidden]
     named = [one for one in with_effect if one.outcome in ("right", "family")]
     by_kind: dict[str, Counter[str]] = defaultdict(Counter)
     confusion: dict[str, Counter[str]] = defaultdict(Counter)
     for one in played:
         truth = " + ".join(one.case.hidden) or "none"
-        by_kind[truth][one.outcome] += 1
-        confusion[truth][" + ".join(one.answer.effects) or one.answer.verdict] += 1
+        by_kind[truth][one.outcome if one.detectable else "too weak to see"] += 1
+        if one.detectable:
+            confusion[truth][" + ".join(one.answer.effects) or one.answer.verdict] += 1
     errors = np.array([one.error_after_db for one in named])
     return {
         "schema": "motoremi.scoreboard-spectra/1",
@@ -187,7 +221,7 @@ def summary(played: Sequence[PlayedSpectrum]) -> JsonDict:
         "by_kind": {kind: dict(counts) for kind, counts in sorted(by_kind.items())},
         "confusion": {kind: dict(counts) for kind, counts in sorted(confusion.items())},
         "seconds": {"median": float(np.nanmedian([one.answer.seconds for one in played]))},
-        "wrong": [one.to_dict() for one in played if one.outcome not in ("right", "family")],
+        "wrong": [one.to_dict() for one in played if one.detectable and one.outcome not in ("right", "family")],
     }
 
 
@@ -223,10 +257,14 @@ def markdown(result: JsonDict) -> str:
             "",
             f"Error before adding: median {before['median']:.2f} dB rms; after: median {after['median']:.2f}, largest {after['largest']:.2f} dB.",
         ]
-    lines += ["", f"One case: median {result['seconds']['median']:.1f} s of processor time, truth and fit of the motor included."]
+    weak = sum(counts.get("too weak to see", 0) for counts in result["by_kind"].values())
+    if weak:
+        seen = f"changes the readings of no detector by {LEAST_CHANGE_DB:.1f} dB rms in any octave, what the receiver itself is off by"
+        lines += ["", f"{weak} times what was hidden {seen}: too weak to see, and in no goal."]
+    lines += ["", f"One diagnosis: median {result['seconds']['median']:.1f} s of processor time."]
     outcomes = sorted({key for counts in result["by_kind"].values() for key in counts})
     lines += ["", "| hidden | " + " | ".join(outcomes) + " | named |", "|---" * (len(outcomes) + 2) + "|"]
     for kind, counts in result["by_kind"].items():
-        named = ", ".join(f"{name} {count}" for name, count in sorted(result["confusion"][kind].items(), key=lambda pair: -pair[1]))
+        named = ", ".join(f"{name} {count}" for name, count in sorted(result["confusion"].get(kind, {}).items(), key=lambda pair: -pair[1]))
         lines.append(f"| {kind} | " + " | ".join(str(counts.get(key, "")) for key in outcomes) + f" | {named} |")
     return "\n".join(lines) + "\n"

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.arrays import BoolArray, FloatArray, JsonDict, Progress
+from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
 from motoremi.emission.fit import EmissionFit, Problem, fit_spectra
-from motoremi.emission.observe import find_comb, observations, sharpened
+from motoremi.emission.observe import observations
+from motoremi.emission.starts import chopper_starts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,14 +26,11 @@ LARGEST_FAMILY = 3
 # A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; with the right effect it comes to 0.1 to 2.
 GOOD_CHI2 = 5.0
 BOUND_PENALTY = 3.0
-# An effect that lowers the error by less than this share describes the receiver's ripple.
-LEAST_FALL = 0.1
 # An effect that takes away so much of the squared error, this far ahead of all others, is named even if it does not explain everything.
 MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
 # How often the catalogue or the noise model is wrong in a way that no evidence shows.
 DOUBT, DOUBT_OF_MOST = 0.03, 0.25
 PRIOR_OF_NONE = 0.5
-_COMB_HZ, _SLOW_HZ = (9e3, 60e3), (2.5e3, 9.5e3)
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))
 
 
@@ -130,68 +128,15 @@ def _with_floor(problem: Problem, starts: Sequence[Mapping[str, float]]) -> list
 def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
     """The model with one more effect, refitted from where it stands and from the start."""
     effect = find_source_effect(name)
-    own: list[Mapping[str, float]] = [*effect.starts, *(_comb_starts(problem) if name == "chopper" else ())]
     bases = [dict(before.parameters)]
     if not before.effects:
         # Without the effect the base may have been bent to its limits: try it unbent as well.
         bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
-    starts = [{**base, **{f"{name}.{key}": value for key, value in start.items()}} for start in own or [{}] for base in bases]
+    starts = []
+    for base in bases:
+        own = chopper_starts(problem, base) if name == "chopper" else effect.starts or [{}]
+        starts += [{**base, **{f"{name}.{key}": value for key, value in start.items()}} for start in own]
     return fit_spectra(problem, (*before.effects, name), starts, keep=3)
-
-
-def _comb_starts(problem: Problem) -> list[Mapping[str, float]]:
-    sweeps = problem.full.get("average") or problem.full[problem.detectors[0]]
-    frequency, level = sweeps[0]
-    low = frequency < 5e6
-    if low.sum() < 100:
-        return []
-    comb = find_comb(frequency[low], level[low], *_COMB_HZ)
-    if comb is None:
-        return _unresolved_starts(frequency, level, low)
-    spacing = sharpened(frequency, level, comb)
-    gain_db = 20 * np.log10(np.abs(problem.setup.path.transfer(problem.grid_hz, problem.motor_ohm)))
-    line = spacing * np.arange(np.ceil(frequency[0] / spacing), frequency[-1] // spacing)
-    at = np.searchsorted(frequency, line - (frequency[1] - frequency[0]) / 2)
-    # The receiver is tuned beside the line: what the filter takes off is put back.
-    beside = 6.02 * ((frequency[at] - line) / (0.5 * problem.setup.receiver.band.bandwidth_hz)) ** 2
-    height_db = level[at] + beside - np.interp(line, problem.grid_hz, gain_db)
-    resolved: list[Mapping[str, float]] = [
-        {"amplitude_v": volt, "frequency_hz": spacing, "duty": duty, "rise_s": 6e-8} for duty, volt in _duties(line / spacing, height_db)
-    ]
-    return [*resolved, *_unresolved_starts(frequency, level, low)]
-
-
-def _unresolved_starts(frequency: FloatArray, level: FloatArray, low: BoolArray) -> list[Mapping[str, float]]:
-    """For a chopper slower than the bandwidth: its lines run together, but the two edges of a pulse cancel at multiples of 1/(pulse width)."""
-    gaps = find_comb(frequency[low], -level[low], *_COMB_HZ)
-    if gaps is None:
-        return []
-    spacing = sharpened(frequency, -level, gaps)
-    return [
-        {"amplitude_v": volt, "frequency_hz": float(rate), "duty": float(rate / spacing), "rise_s": 8e-8}
-        for rate in np.geomspace(*_SLOW_HZ, 20)
-        for volt in (2.0, 10.0)
-        if 0.04 < rate / spacing < 0.96
-    ]
-
-
-def _duties(number: FloatArray, height_db: FloatArray) -> list[tuple[float, float]]:
-    """Duty cycles, and the amplitudes that go with them, whose |sin(pi k d)|/k looks like the lines k; more lines tell it more sharply."""
-    found = np.linspace(0.02, 0.5, 241)
-    width = 0.001
-    for most in (60, 240, 960):
-        used = number <= max(most, number[0] + 20)
-        tries = (found[:, None] + width * np.linspace(-1, 1, 9)).ravel()
-        shape = 20 * np.log10(np.maximum(np.abs(np.sin(np.pi * number[used] * tries[:, None])), 0.05) / number[used])
-        left = height_db[used] - shape
-        middle = np.median(left, axis=1)
-        scatter = np.mean(np.minimum(np.abs(left - middle[:, None]), 10.0), axis=1)
-        best = np.argsort(scatter)[:6]
-        found, amplitude = tries[best], middle[best]
-        width *= 60 / most * 0.5 if most > 60 else 0.5
-    # Effective value of a line: sqrt(2) A |sin(pi k d)|/(pi k).
-    volts = 1e-6 * 10 ** (amplitude / 20) * np.pi / np.sqrt(2)
-    return [(float(duty), float(np.clip(volt, 0.03, 70.0))) for duty, volt in zip(found[:4], volts[:4], strict=True)]
 
 
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:
@@ -211,7 +156,7 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     seen = tuple(observations([_as_spectrum(problem, detector) for detector in problem.detectors]))
     where = where_it_fails(start)
     gain = candidates[0].log_evidence - start.log_evidence if candidates else -np.inf
-    if gain < LEAST_GAIN or candidates[0].fit.rms_error_db > (1 - LEAST_FALL) * start.rms_error_db:
+    if gain < LEAST_GAIN:
         return _nothing_to_add(start, candidates, probabilities, where, seen)
     best, families = candidates[0].fit, _family(candidates)
     names: tuple[str, ...] = (candidates[0].effect.name,)
@@ -314,5 +259,4 @@ def where_it_fails(fit: EmissionFit) -> tuple[JsonDict, ...]:
 
 
 def _as_spectrum(problem: Problem, detector: str) -> Spectrum:
-    frequency, level = problem.full[detector][0]
-    return Spectrum(detector, frequency, level, problem.setup.receiver.band.bandwidth_hz)
+    return Spectrum(detector, problem.grid, problem.whole[detector], problem.setup.receiver.band.bandwidth_hz)

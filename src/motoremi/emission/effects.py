@@ -82,8 +82,10 @@ def _jitter(setup: Setup, values: Values) -> Setup:
 
 
 def _chopper(setup: Setup, values: Values) -> Setup:
-    rise = min(values["rise_s"], 0.5 * min(values["duty"], 1 - values["duty"]) / values["frequency_hz"])
-    return replace(setup, source=replace(setup.source, chopper=Chopper(values["amplitude_v"], values["frequency_hz"], values["duty"], rise)))
+    frequency = values["frequency_hz"]
+    duty = min(values["width_s"] * frequency, 0.99)
+    rise = min(values["rise_s"], 0.5 * min(duty, 1 - duty) / frequency)
+    return replace(setup, source=replace(setup.source, chopper=Chopper(values["amplitude_v"], frequency, duty, rise)))
 
 
 def _broadband(setup: Setup, values: Values) -> Setup:
@@ -135,11 +137,11 @@ EFFECTS: tuple[SourceEffect, ...] = (
     ),
     SourceEffect(
         "chopper", "source", "PWM chopper: a comb that does not hang on the speed",
-        "line k: 2 A d |sinc(pi k d)| |sinc(pi k frequency_hz rise_s)|",
+        "line k: 2 A d |sinc(pi k d)| |sinc(pi k frequency_hz rise_s)|, d = width_s frequency_hz",
         (
             Parameter("amplitude_v", "V", 0.02, 80.0, "part of the supply that drives common-mode current"),
             Parameter("frequency_hz", "Hz", 2e3, 60e3, "usual choppers of DC motors"),
-            Parameter("duty", "", 0.03, 0.97, "any", scale="linear"),
+            Parameter("width_s", "s", 5e-7, 4.8e-4, "of the pulses: duty cycle over frequency_hz; duty and 1 - duty look alike"),
             Parameter("rise_s", "s", 5e-9, 1e-6, "power switches"),
         ),
         "amplitude_v -> 0",
@@ -147,7 +149,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         ("arc-breakdown", "background-noise"),
         "another speed: the comb stays where it is",
         "physics notes D.5",
-        tuple({"amplitude_v": 8.0, "frequency_hz": f, "duty": 0.4, "rise_s": 8e-8} for f in (3e3, 4.2e3, 6e3, 8.5e3)),
+        (),
         _chopper,
         ("other-speed", "scan again at another speed: a chopper's comb stays where it is, commutation moves"),
     ),

@@ -8,12 +8,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.effects import changed, find_source_effect
+from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Ambient, MotorImpedance, Setup
+from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
 
@@ -23,20 +26,23 @@ if TYPE_CHECKING:
 # Points that a fit works on, for each detector: all below this frequency, where combs can be told line by line, and so many above.
 _ALL_BELOW_HZ = 1.2e6
 _ABOVE = 260
-# Ripple of the receiver and what the formulas leave (measured against the time domain): on the peak the luck of the highest event besides.
-_RIPPLE_DB = 0.4
-_MODEL_DB = {"peak": 0.45, "quasi-peak": 0.45, "average": 0.2, "rms-average": 0.2}
+# What the formulas leave, measured against the time domain, without what is smooth along frequency.
+_MODEL_DB = {"peak": 0.25, "quasi-peak": 0.25, "average": 0.15, "rms-average": 0.15}
 # By how much the motor's resonances may lie elsewhere than the fitted circuit has them.
 _DETUNING = 0.004
-# Beyond so many standard deviations a point (a station, a glitch) counts in proportion only.
+# Beyond so many standard deviations a point (a glitch) counts in proportion only.
 _ROBUST = 2.5
-# Neighbours share noise and ripple: so many points in truth say as much as one.
-CORRELATED = 8.0
+# Neighbours are read one after the other, but what a model does not know they share: so many points say as much as one.
+CORRELATED = 2.0
+# A station in the model is worth it if it explains more than its frequency and its two levels cost.
+_STATION_COST = 8.0
+# Curvature of the flat distribution that stands for a range: one that the data do not narrow counts nothing.
+_FLAT = 2 * np.pi
 
 BASE: tuple[tuple[Parameter, float | None], ...] = (
     (Parameter("step_v", "V", 0.05, 4.0, "drop of a carbon brush, below the least voltage of an arc"), None),
     (Parameter("rise_s", "s", 5e-8, 5e-6, "a segment leaves the brush"), None),
-    (Parameter("floor_dbuv", "dBuV", -30.0, 12.0, "of the receiver, average", scale="linear"), None),
+    (Parameter("floor_dbuv", "dBuV", -30.0, 12.0, "of the receiver, average; expected from noise figure and attenuator", scale="linear"), 8.0),
     (Parameter("offset_db", "dB", -4.0, 4.0, "error of the receiver", scale="linear"), 0.8),
     (Parameter("speed_factor", "", 0.9, 1.1, "stated speed against the real one"), 0.015),
     (Parameter("lisn_factor", "", 0.7, 1.4, "choke within its tolerance"), 0.08),
@@ -141,22 +147,27 @@ class Problem:
         grid = levels[next(iter(levels))][0][0]
         if grid.size < 30:
             raise BadInput(f"{grid.size} points that are not overloaded are too few to say which effect is missing")
-        self.grid_hz = grid[_chosen(grid)]
         self.detectors = tuple(levels)
-        self.measured_dbuv = np.concatenate(
-            [np.mean([np.interp(self.grid_hz, f, level) for f, level in sweeps], axis=0) for sweeps in levels.values()]
-        )
+        whole = {detector: np.mean([np.interp(grid, f, level) for f, level in sweeps], axis=0) for detector, sweeps in levels.items()}
+        self.stations = find_stations(grid, whole, setup.receiver.band)
+        chosen = _chosen(grid, self.stations)
+        self.grid_hz = grid[chosen]
+        self.measured_dbuv = np.concatenate([level[chosen] for level in whole.values()])
         self.frequency_hz = np.tile(self.grid_hz, len(self.detectors))
         size = self.grid_hz.size
         self.where = {detector: slice(index * size, (index + 1) * size) for index, detector in enumerate(self.detectors)}
         self.motor_ohm: ComplexArray = np.asarray(motor(self.grid_hz), dtype=np.complex128)
-        self.sigma_db = self._sigma()
-        self.full = levels
+        self.sigma_db = self._sigma(np.concatenate([scatter_db(level)[chosen] for level in whole.values()]))
+        self.ripple = ripple_columns(self.grid_hz, len(self.detectors))
+        self.grid = grid
+        self.whole = whole
 
-    def _sigma(self) -> FloatArray:
+    def _sigma(self, scatter: FloatArray) -> FloatArray:
         transfer_db = 20 * np.log10(np.abs(self.setup.path.transfer(self.grid_hz, self.motor_ohm)))
         slope = np.abs(np.gradient(transfer_db, np.log(self.grid_hz))) * _DETUNING
-        return np.concatenate([np.sqrt(_RIPPLE_DB**2 + _MODEL_DB[detector] ** 2 + slope**2) for detector in self.detectors])
+        formula = np.concatenate([np.hypot(_MODEL_DB[detector], slope) for detector in self.detectors])
+        sigma: FloatArray = np.hypot(scatter, formula)
+        return sigma
 
     @cached_property
     def repetition_known(self) -> bool:
@@ -186,24 +197,28 @@ class Problem:
         path = replace(stated.path, lisn=stated.path.lisn.deviating(values["lisn_factor"]))
         ambient = self.ambient if "background-noise" in effects else None
         setup = replace(stated, source=source, path=path, floor_dbuv=values["floor_dbuv"], ambient=ambient)
+        if "background-noise" in effects and ambient is None:
+            setup = replace(setup, stations=self.stations)
         return changed(setup, [name for name in effects if not (name == "background-noise" and ambient is not None)], values)
 
     def error(self, effects: Sequence[str], values: Mapping[str, float]) -> FloatArray:
         """Measured minus model in dB."""
-        levels = self.setup_for(effects, values).levels(self.grid_hz, self.motor_ohm)
+        levels = self.setup_for(effects, values).levels(self.grid_hz, self.motor_ohm, "quasi-peak" in self.where)
         model = np.concatenate([levels[detector] for detector in self.where])  # type: ignore[index]
         error: FloatArray = self.measured_dbuv - model - values["offset_db"]
         return error
 
 
-def _chosen(grid: FloatArray) -> FloatArray:
+def _chosen(grid: FloatArray, stations: Sequence[Station]) -> NDArray[np.intp]:
     low = np.flatnonzero(grid <= _ALL_BELOW_HZ)
     high = np.flatnonzero(grid > _ALL_BELOW_HZ)
     if high.size > _ABOVE:
         high = high[np.unique(np.searchsorted(grid[high], np.geomspace(grid[high[0]], grid[high[-1]], _ABOVE)).clip(0, high.size - 1))]
     if low.size > 2 * _ABOVE:
         low = low[:: low.size // _ABOVE]
-    return np.concatenate([low, high])
+    tops = np.searchsorted(grid, [station.frequency_hz for station in stations])
+    beside = (tops[:, None] + np.arange(-2, 3)).ravel().clip(0, grid.size - 1)
+    return np.unique(np.concatenate([low, high, beside])).astype(np.intp)
 
 
 def _to_unit(parameter: Parameter, value: float) -> float:
@@ -230,46 +245,104 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
     keep : int
         How many of the starts are followed.
     """
-    unknowns = problem.parameters(effects)
-    names = [p.name for p, _ in unknowns]
-
-    def values_of(x: FloatArray) -> dict[str, float]:
-        return {p.name: _from_unit(p, float(u)) for (p, _), u in zip(unknowns, x, strict=True)}
-
-    def residuals(x: FloatArray) -> FloatArray:
-        values = values_of(x)
-        errors = problem.error(effects, values) / problem.sigma_db
-        priors = [
-            (np.log(values[p.name]) if p.scale == "log" else values[p.name]) / sigma * _PRIOR_WEIGHT for p, sigma in unknowns if sigma is not None
-        ]
-        return np.concatenate([_softened(errors), priors])
-
+    posterior = _Posterior(problem, tuple(effects))
+    unknowns = posterior.unknowns
     points = [np.array([np.clip(_to_unit(p, start.get(p.name, p.middle)), 0.01, 0.99) for p, _ in unknowns], dtype=np.float64) for start in starts]
-    ranked = sorted(points, key=lambda x: float(np.sum(residuals(x) ** 2)))
-    best_x, best_cost = ranked[0], np.inf
-    # The formulas are smooth but not exact to the last digit: wider steps than usual for the slopes. Line 1000 of a comb moves by a
-    # bandwidth when the comb's frequency moves by a thousandth of it.
-    steps = [1e-7 if name == "chopper.frequency_hz" else 1e-4 for name in names]
-    for start in ranked[:keep]:
-        found = least_squares(
-            residuals, start, bounds=(0.0, 1.0), diff_step=steps, x_scale=1e3 * np.array(steps), max_nfev=25, ftol=1e-4, xtol=1e-9, gtol=1e-6
+    ranked = sorted(points, key=posterior.at_start)
+    best = min((posterior.polished(start) for start in ranked[:keep]), key=lambda found: float(found.cost))
+    return posterior.fit(best.x, float(best.cost))
+
+
+class _Posterior:
+    """Residuals whose squares add up to twice the negative log posterior: of points and priors; the receiver's ripple is unknown too."""
+
+    def __init__(self, problem: Problem, effects: tuple[str, ...]) -> None:
+        self.problem, self.effects = problem, effects
+        self.unknowns = problem.parameters(effects)
+        self.size = len(self.unknowns)
+        self.columns = -problem.ripple / problem.sigma_db[:, None]
+        # The formulas are smooth but not exact to the last digit: wider steps than usual for the slopes. But line 1000 of a comb moves by its
+        # spacing when the comb's frequency moves by a thousandth of it, and so does what the two edges of a pulse cancel.
+        self.steps = np.array([1e-7 if p.name in ("chopper.frequency_hz", "chopper.width_s") else 1e-4 for p, _ in self.unknowns])
+        self._last: tuple[FloatArray, FloatArray] | None = None
+
+    def values(self, x: FloatArray) -> dict[str, float]:
+        """By name."""
+        return {p.name: _from_unit(p, float(u)) for (p, _), u in zip(self.unknowns, x, strict=False)}
+
+    def _errors(self, x: FloatArray) -> FloatArray:
+        """In standard deviations, without the ripple."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            self._last = x.copy(), self.problem.error(self.effects, self.values(x)) / self.problem.sigma_db
+        return self._last[1]
+
+    def _priors(self, x: FloatArray) -> FloatArray:
+        values = self.values(x)
+        centre = {"floor_dbuv": self.problem.setup.receiver.floor_dbuv}
+        return np.array(
+            [
+                ((np.log(values[p.name]) if p.scale == "log" else values[p.name]) - centre.get(p.name, 0.0)) / sigma
+                for p, sigma in self.unknowns
+                if sigma is not None
+            ]
         )
-        if found.cost < best_cost:
-            best_x, best_cost = found.x, float(found.cost)
-    values = values_of(best_x)
-    error = problem.error(effects, values)
-    count = error.size
-    chi2 = float(np.sum(_softened(error / problem.sigma_db) ** 2))
-    freedom = len(names) - len(BASE)
-    evidence = -best_cost / CORRELATED - 0.5 * freedom * np.log(count / CORRELATED)
-    at_bound = tuple(name for name, u in zip(names, best_x, strict=True) if "." in name and (u < 1e-3 or u > 1 - 1e-3))
-    return EmissionFit(
-        problem, tuple(effects), values, chi2 / max(1, count - len(names)), float(np.sqrt(np.mean(error**2))), float(evidence), at_bound
-    )
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Of all unknowns: the model's in units of their ranges, then those of the ripple."""
+        at, ripple = x[: self.size], x[self.size :]
+        points = _softened(self._errors(at) + self.columns @ ripple) / np.sqrt(CORRELATED)
+        return np.concatenate([points, self._priors(at), ripple])
+
+    def slopes(self, x: FloatArray) -> FloatArray:
+        """Of the residuals."""
+        at, ripple = x[: self.size], x[self.size :]
+        error, prior = self._errors(at), self._priors(at)
+        raw, priors = np.empty((error.size, self.size)), np.empty((prior.size, self.size))
+        for index, step in enumerate(self.steps):
+            moved = at.copy()
+            moved[index] += step if moved[index] + step <= 1 else -step
+            by = moved[index] - at[index]
+            raw[:, index], priors[:, index] = (self._errors(moved) - error) / by, (self._priors(moved) - prior) / by
+        slopes = np.zeros((error.size + prior.size + ripple.size, x.size))
+        hard = _softening(error + self.columns @ ripple)[:, None] / np.sqrt(CORRELATED)
+        slopes[: error.size, : self.size], slopes[: error.size, self.size :] = hard * raw, hard * self.columns
+        slopes[error.size : error.size + prior.size, : self.size] = priors
+        slopes[error.size + prior.size :, self.size :] = np.eye(ripple.size)
+        return slopes
+
+    def at_start(self, x: FloatArray) -> float:
+        """How bad a start is."""
+        return float(np.sum(_softened(self._errors(x)) ** 2))
+
+    def polished(self, start: FloatArray) -> OptimizeResult:
+        """The nearest minimum."""
+        free = self.columns.shape[1]
+        low, high = (np.concatenate([np.full(self.size, end), np.full(free, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
+        return least_squares(
+            self.residuals, np.concatenate([start, np.zeros(free)]), jac=self.slopes, bounds=(low, high),
+            x_scale=np.concatenate([1e3 * self.steps, np.ones(free)]), max_nfev=25, ftol=1e-4, xtol=1e-9, gtol=1e-6,
+        )  # fmt: skip
+
+    def fit(self, x: FloatArray, cost: float) -> EmissionFit:
+        """What a minimum says: its evidence is the integral over all unknowns around it (Laplace)."""
+        problem, values = self.problem, self.values(x[: self.size])
+        error = problem.error(self.effects, values)
+        slopes = self.slopes(x)
+        flat = [_FLAT if index < self.size and self.unknowns[index][1] is None else 0.0 for index in range(x.size)]
+        _, volume = np.linalg.slogdet(slopes.T @ slopes + np.diag(flat))
+        own = [p.name for p, _ in self.unknowns if "." in p.name]
+        stations = len(problem.stations) if "background-noise" in self.effects and problem.ambient is None else 0
+        evidence = -cost - 0.5 * volume + 0.5 * len(own) * np.log(_FLAT) - _STATION_COST * stations
+        left = _softened(error / problem.sigma_db + self.columns @ x[self.size :])
+        chi2 = float(np.sum(left**2)) / max(1, error.size - x.size)
+        at_bound = tuple(p.name for (p, _), u in zip(self.unknowns, x, strict=False) if p.name in own and (u < 1e-3 or u > 1 - 1e-3))
+        return EmissionFit(problem, self.effects, values, chi2, float(np.sqrt(np.mean(error**2))), float(evidence), at_bound)
 
 
-# Priors are not diluted by the correlation of the points.
-_PRIOR_WEIGHT = np.sqrt(CORRELATED)
+def _softening(errors: FloatArray) -> FloatArray:
+    """Slope of `_softened`."""
+    size = np.maximum(np.abs(errors), _ROBUST)
+    return np.where(np.abs(errors) <= _ROBUST, 1.0, _ROBUST / np.sqrt(_ROBUST * (2 * size - _ROBUST)))
 
 
 def _softened(errors: FloatArray) -> FloatArray:

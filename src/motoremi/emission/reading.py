@@ -56,7 +56,13 @@ def separate(repetition_hz: float, band: Band) -> bool:
 
 
 def read_events(
-    frequency_hz: FloatArray, density_vs: FloatArray, repetition_hz: float, band: Band, jitter_s: float = 0.0, missing_share: float = 0.0
+    frequency_hz: FloatArray,
+    density_vs: FloatArray,
+    repetition_hz: float,
+    band: Band,
+    jitter_s: float = 0.0,
+    missing_share: float = 0.0,
+    weigh: bool = True,
 ) -> Readings:
     """Detector readings of short events whose density hardly changes within the bandwidth.
 
@@ -72,12 +78,13 @@ def read_events(
         Standard deviation of the moments.
     missing_share : float
         Share of events that do not come.
+    weigh : bool
+        Whether the quasi-peak reading of separate events, which is worked out step by step, is wanted; without it, it is the peak.
     """
     height = math.sqrt(2) * density_vs * band.impulse_bandwidth_hz
     coming = repetition_hz * (1 - missing_share)
     if separate(repetition_hz, band):
-        unit = _separate_unit(coming, band)
-        return unit.scaled(height)
+        return _separate_unit(coming, band, weigh).scaled(height)
     place = np.abs(frequency_hz / repetition_hz - np.round(frequency_hz / repetition_hz))
     scatter = np.minimum(2 * np.pi * frequency_hz * jitter_s, _SCATTERS[-1])
     tables = _touching_units(repetition_hz / band.bandwidth_hz, band, jitter_s > 0, round(missing_share, 3))
@@ -87,14 +94,15 @@ def read_events(
     return Readings(peak, quasi_peak, average, rms)
 
 
-def _separate_unit(coming_hz: float, band: Band) -> Readings:
+def _separate_unit(coming_hz: float, band: Band, weigh: bool) -> Readings:
     average = coming_hz / band.impulse_bandwidth_hz
     pulse_energy_s = math.sqrt(math.pi) * band.pulse_sigma_s
     # Effective value over 1/corner, then the mean of those values: below the corner most of them are empty.
     within = max(coming_hz, band.rms_corner_hz)
     rms = math.sqrt(pulse_energy_s * within) * min(1.0, coming_hz / band.rms_corner_hz)
     one = np.ones(1)
-    return Readings(one, pulse_weight(band, coming_hz) * one, average * one, rms * one)
+    weight = pulse_weight(band, coming_hz) if weigh else 1.0
+    return Readings(one, weight * one, average * one, rms * one)
 
 
 def _between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
@@ -134,7 +142,9 @@ def _touching_units(relative_rate: float, band: Band, jitters: bool, missing_sha
     return size.max(axis=-1), envelope_weight(band, size), size.mean(axis=-1), np.sqrt(np.mean(size**2, axis=-1))
 
 
-def read_comb(frequency_hz: FloatArray, repetition_hz: float, density: Callable[[FloatArray], ComplexArray], band: Band) -> Readings:
+def read_comb(
+    frequency_hz: FloatArray, repetition_hz: float, density: Callable[[FloatArray], ComplexArray], band: Band, weigh: bool = True
+) -> Readings:
     """Detector readings of a strictly periodic source, line by line; its density may change within the bandwidth.
 
     Parameters
@@ -145,6 +155,8 @@ def read_comb(frequency_hz: FloatArray, repetition_hz: float, density: Callable[
     density : callable
         Complex density of one period at the receiver, V s, at any frequencies.
     band : Band
+    weigh : bool
+        Whether the quasi-peak reading, which costs most, is wanted; without it, it is the peak.
     """
     reach = math.ceil(1.7 * band.bandwidth_hz / repetition_hz)
     nearest = np.round(frequency_hz / repetition_hz).astype(np.intp)
@@ -158,17 +170,25 @@ def read_comb(frequency_hz: FloatArray, repetition_hz: float, density: Callable[
     moments = max(8, 4 * reach)
     envelope: FloatArray = np.abs(passed @ np.exp(2j * np.pi * np.outer(steps, np.arange(moments)) / moments))
     rms = np.sqrt(np.mean(envelope**2, axis=1))
-    shown = envelope[:, :: max(1, moments // _SHOWN)]
-    return Readings(envelope.max(axis=1), envelope_weight(band, shown), envelope.mean(axis=1), rms)
+    peak = envelope.max(axis=1)
+    weighted = envelope_weight(band, envelope[:, :: max(1, moments // _SHOWN)]) if weigh else peak
+    return Readings(peak, weighted, envelope.mean(axis=1), rms)
 
 
 def noise_unit(band: Band, dwell_s: float) -> Readings:
     """Gaussian noise as the detectors read it, for an average of 1; the peak grows with the time spent."""
     effective = 2 / math.sqrt(math.pi)
     independent = max(2.0, 2 * dwell_s * band.noise_bandwidth_hz)
-    quantiles = np.sqrt(-np.log1p(-(np.arange(2000) + 0.5) / 2000)) * effective
     one = np.ones(1)
-    return Readings(effective * math.sqrt(math.log(independent)) * one, envelope_weight(band, quantiles[None]), one, effective * one)
+    # The mean of the highest of many powers that are distributed exponentially.
+    highest = effective * math.sqrt(math.log(independent) + np.euler_gamma)
+    return Readings(highest * one, _noise_weight(band) * one, one, effective * one)
+
+
+@lru_cache(maxsize=4)
+def _noise_weight(band: Band) -> float:
+    quantiles = np.sqrt(-np.log1p(-(np.arange(2000) + 0.5) / 2000)) * 2 / math.sqrt(math.pi)
+    return float(envelope_weight(band, quantiles[None])[0])
 
 
 def rician_mean(sine: FloatArray, noise_average: FloatArray) -> FloatArray:

@@ -19,6 +19,7 @@ from motoremi.emission.path import LISN_50UH, Cable, Path, find_lisn
 from motoremi.emission.reading import Readings
 from motoremi.emission.receiver import Receiver
 from motoremi.emission.source import Source, repetition_hz
+from motoremi.emission.stations import Station, read_stations
 from motoremi.errors import BadInput
 
 # Frequencies in hertz, shape (n,) -> impedance in ohm.
@@ -54,6 +55,8 @@ class Setup:
         Average reading of the receiver's noise, if it was measured.
     broadband_dbuv, broadband_slope_db : float, optional
         Ambient noise at 1 MHz on the average detector, and how it falls in dB a decade.
+    stations : tuple of Station
+        Lines that stand in the ambient noise.
     ambient : Ambient, optional
         A sweep with the motor off.
     assumed : tuple of str
@@ -66,10 +69,11 @@ class Setup:
     floor_dbuv: float | None = None
     broadband_dbuv: float | None = None
     broadband_slope_db: float = 0.0
+    stations: tuple[Station, ...] = ()
     ambient: Ambient | None = None
     assumed: tuple[str, ...] = ("source", "cable", "receiver")
 
-    def levels(self, frequency_hz: FloatArray, motor_ohm: ComplexArray) -> dict[Detector, FloatArray]:
+    def levels(self, frequency_hz: FloatArray, motor_ohm: ComplexArray, weigh: bool = True) -> dict[Detector, FloatArray]:
         """Predicted levels in dBuV of all detectors.
 
         Parameters
@@ -77,8 +81,12 @@ class Setup:
         frequency_hz : ndarray, shape (n,)
         motor_ohm : ndarray of complex, shape (n,)
             Z_open (common mode) or Z_short (differential mode).
+        weigh : bool
+            Whether the quasi-peak levels, which cost most of the time, are wanted; without it they are left out.
         """
-        return self.receiver.read(self.source, frequency_hz, self.path.transfer(frequency_hz, motor_ohm), self._noise(frequency_hz))
+        transfer = self.path.transfer(frequency_hz, motor_ohm)
+        lines = read_stations(frequency_hz, self.stations, self.receiver.band) if self.stations else None
+        return self.receiver.read(self.source, frequency_hz, transfer, self._noise(frequency_hz), lines, weigh)
 
     def _noise(self, frequency_hz: FloatArray) -> Readings:
         if self.ambient is not None:

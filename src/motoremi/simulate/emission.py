@@ -34,6 +34,8 @@ SAMPLE_RATE_HZ = 16384 * 4.5e3
 RECORD_S = 0.05
 # The weighting detectors see the record so often: the meter needs the better part of a second.
 REPEATS = 16
+# What the receiver's readings are off by: its offset and the ripple of its front end, standard deviations.
+OFFSET_DB, RIPPLE_DB = 0.7, 0.4
 _GRID_HZ = 4e3
 _TAPS = 24
 _LADDER = 60
@@ -106,7 +108,7 @@ class Stand:
             # Within the tolerance of the network.
             "lisn_factor": float(np.exp(rng.normal(0.0, 0.07))),
             "floor_dbuv": uniform(rng, -10.0, 5.0),
-            "offset_db": float(rng.normal(0.0, 0.7)),
+            "offset_db": float(rng.normal(0.0, OFFSET_DB)),
         }
         for number, name in enumerate(SOURCE_EFFECTS):
             own = np.random.default_rng([seed, 12, number])
@@ -261,7 +263,7 @@ def measure(motor: SimulatedMotor, stand: Stand, frequency_hz: ArrayLike, seed: 
     read = read_waveform(samples, SAMPLE_RATE_HZ, frequency, quasi_peak=quasi_peak, noise_dbuv=stand.floor_dbuv, repeats=REPEATS, seed=seed)
     rng = np.random.default_rng([seed, 14])
     knots = np.geomspace(1e5, 4e7, 9)
-    ripple = CubicSpline(np.log(knots), rng.normal(0.0, 0.4, knots.size))(np.log(frequency))
+    ripple = CubicSpline(np.log(knots), rng.normal(0.0, RIPPLE_DB, knots.size))(np.log(frequency))
     levels = [read.level(name) + stand.offset_db + ripple + rng.normal(0.0, 0.15, frequency.size) for name in (*DETECTORS, "rms-average")]
     return Reading(frequency, *levels)
 

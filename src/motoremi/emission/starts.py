@@ -1,0 +1,109 @@
+"""Start values of a chopper, read off the spectrum: its period and the width of its pulses are ripple of the levels along frequency.
+
+Levels in dB add what is multiplied: lines at multiples of 1/T are a ripple cos(2 pi f T), and the two edges of a pulse, which cancel where
+f d T is a whole number, one of -cos(2 pi f d T). A cosine transform over the whole scan tells T to some nanoseconds, also where the lines are no
+wider apart than the receiver's bandwidth and hardly stand out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from motoremi.arrays import FloatArray
+from motoremi.emission.fit import Problem
+
+# Of the chopper and of its pulses.
+_SLOWEST_HZ, _FASTEST_HZ = 2.5e3, 60e3
+_SHORTEST_S = 1.5e-6
+# Structure wider than this along frequency is not a chopper's; a point that is further off says no more.
+_WIDEST_HZ, _MOST_DB = 700e3, 10.0
+# Zero padding, and how many ripples are followed.
+_PADDING, _PERIODS, _WIDTHS = 16, 4, 4
+_RATES_HZ = np.geomspace(_SLOWEST_HZ, 9e3, 16)
+_DUTIES = (0.1, 0.25, 0.4)
+_VOLT, _RISE_S = 5.0, 5e-8
+_RISES_S = np.geomspace(1e-8, 4e-7, 24)
+_KEPT = 6
+
+
+def chopper_starts(problem: Problem, others: Mapping[str, float]) -> list[dict[str, float]]:
+    """Start values of amplitude, frequency, width and rise time.
+
+    Parameters
+    ----------
+    problem : Problem
+    others : mapping
+        Values of the model without a chopper.
+    """
+    level = problem.whole.get("average", next(iter(problem.whole.values())))
+    periods, widths = _ripples(problem.grid, level)
+    pairs = [(1 / rate, duty) for rate in (3e3, 4.5e3, 6.5e3) for duty in _DUTIES]
+    pairs += [(1 / rate, width * rate) for rate in _RATES_HZ for width in widths]
+    for period in periods:
+        pairs += [(period, duty) for duty in (*(width / period for width in widths), _duty_of_lines(problem, level, period))]
+    rough = _nearest([_sized(problem, others, 1 / period, duty * period, _RISE_S) for period, duty in pairs if 0.03 < duty < 0.97])
+    # Ramps have zeros of their own, which a fit does not step over.
+    return _nearest([_sized(problem, others, one["frequency_hz"], one["width_s"], float(rise)) for one in rough for rise in _RISES_S])
+
+
+def _nearest(sized: list[tuple[float, dict[str, float]]]) -> list[dict[str, float]]:
+    return [start for _, start in sorted(sized, key=lambda pair: pair[0])[:_KEPT]]
+
+
+def _ripples(frequency_hz: FloatArray, level_dbuv: FloatArray) -> tuple[list[float], list[float]]:
+    """Periods and widths of pulses, in s, strongest first; none where the scan is too short."""
+    step = float(np.median(np.diff(frequency_hz)))
+    even_hz = np.arange(frequency_hz[0], frequency_hz[-1], step)
+    if even_hz[-1] - even_hz[0] < 2 * _WIDEST_HZ:
+        return [], []
+    # Points that were left out, overloaded ones for example, are bridged.
+    level = np.interp(even_hz, frequency_hz, level_dbuv)
+    smooth = uniform_filter1d(level, max(3, round(_WIDEST_HZ / step)), mode="nearest")
+    detail = np.clip(level - smooth, -_MOST_DB, _MOST_DB) * np.hanning(level.size)
+    size = _PADDING * 2 ** int(np.ceil(np.log2(detail.size)))
+    delay_s = np.arange(size) / (size * step)
+    # The transform repeats after 1/step, but for the phase of the first frequency.
+    ripple = np.real(np.fft.ifft(detail, size) * size * np.exp(2j * np.pi * frequency_hz[0] * delay_s))
+    return (
+        _highest(delay_s, ripple, 1 / _FASTEST_HZ, min(1 / step, 1 / _SLOWEST_HZ), _PERIODS),
+        _highest(delay_s, -ripple, _SHORTEST_S, min(1 / step, 0.5 / _SLOWEST_HZ), _WIDTHS),
+    )
+
+
+def _highest(delay_s: FloatArray, ripple: FloatArray, shortest_s: float, longest_s: float, count: int) -> list[float]:
+    inside = np.flatnonzero((delay_s >= shortest_s) & (delay_s <= longest_s))[1:-1]
+    tops = inside[(ripple[inside] > ripple[inside - 1]) & (ripple[inside] >= ripple[inside + 1])]
+    return [float(delay_s[top]) for top in tops[np.argsort(-ripple[tops])][:count]]
+
+
+def _duty_of_lines(problem: Problem, level_dbuv: FloatArray, period_s: float) -> float:
+    """The duty cycle whose |sin(pi k d)|/k looks like the lines k; more lines tell it more sharply."""
+    frequency, spacing = problem.grid, 1 / period_s
+    gain_db = 20 * np.log10(np.abs(problem.setup.path.transfer(problem.grid_hz, problem.motor_ohm)))
+    number = np.arange(np.ceil(frequency[0] / spacing), frequency[-1] // spacing)
+    at = np.searchsorted(frequency, number * spacing - (frequency[1] - frequency[0]) / 2)
+    # The receiver is tuned beside the line: what the filter takes off is put back.
+    beside = 6.02 * ((frequency[at] - number * spacing) / (0.5 * problem.setup.receiver.band.bandwidth_hz)) ** 2
+    height_db = level_dbuv[at] + beside - np.interp(number * spacing, problem.grid_hz, gain_db)
+    found, width = np.linspace(0.02, 0.5, 241), 0.001
+    for most in (60, 240, 960):
+        used = number <= max(most, number[0] + 20)
+        tries = (found[:, None] + width * np.linspace(-1, 1, 9)).ravel()
+        shape = 20 * np.log10(np.maximum(np.abs(np.sin(np.pi * number[used] * tries[:, None])), 0.05) / number[used])
+        left = height_db[used] - shape
+        scatter = np.mean(np.minimum(np.abs(left - np.median(left, axis=1)[:, None]), 10.0), axis=1)
+        found = tries[np.argsort(scatter)[:6]]
+        width *= 60 / most * 0.5
+    return float(found[0])
+
+
+def _sized(problem: Problem, others: Mapping[str, float], rate_hz: float, width_s: float, rise_s: float) -> tuple[float, dict[str, float]]:
+    """A start with the amplitude that puts the average where it was measured, and how far it is off then."""
+    start = {"amplitude_v": _VOLT, "frequency_hz": rate_hz, "width_s": width_s, "rise_s": rise_s}
+    error = problem.error(("chopper",), {**others, **{f"chopper.{key}": value for key, value in start.items()}})
+    above_db = float(np.median(error[problem.where.get("average", slice(None))]))
+    left = float(np.mean(np.minimum(np.abs(error - above_db), _MOST_DB)))
+    return left, {**start, "amplitude_v": float(np.clip(_VOLT * 10 ** (above_db / 20), 0.03, 70.0))}
