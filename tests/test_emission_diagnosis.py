@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,27 +10,31 @@ import pytest
 from typer.testing import CliRunner
 
 from motoremi.blind.scoring import Answer
-from motoremi.blind.spectra import PlayedSpectrum, SpectrumCase, draw, markdown, summary
+from motoremi.blind.spectra import PlayedSpectrum, SpectrumCase, draw, largest_change_db, markdown, summary
 from motoremi.cli.app import app
 from motoremi.data.files import read_spectra
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.background import ambient_of
+from motoremi.emission.band import BAND_B
 from motoremi.emission.diagnose import add_effect, diagnose_emission, fit_base
 from motoremi.emission.effects import changed, find_source_effect, is_source_effect, source_effects
 from motoremi.emission.fit import Problem, restored
 from motoremi.emission.observe import find_comb, observations, repetition_from, sharpened
+from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Source
+from motoremi.emission.starts import chopper_starts
+from motoremi.emission.stations import find_stations
 from motoremi.errors import BadInput
-from motoremi.simulate.emission import SOURCE_EFFECTS, Stand, measure, motor_off
+from motoremi.simulate.emission import OFFSET_DB, RIPPLE_DB, SOURCE_EFFECTS, Stand, measure, motor_off
 from motoremi.simulate.motor import SimulatedMotor
 
 DATA = Path(__file__).parent / "data"
 SCAN_HZ = scan_frequencies()
 
 
-def problem(seed: int, effects: tuple[str, ...] = (), stated: bool = True, with_background: bool = False) -> Problem:
-    motor, stand = SimulatedMotor.random(seed), Stand.random(seed, effects)
+def problem(seed: int, effects: tuple[str, ...] = (), stated: bool = True, with_background: bool = False, **changes: float) -> Problem:
+    motor, stand = SimulatedMotor.random(seed), replace(Stand.random(seed, effects), **changes)
     read = measure(motor, stand, SCAN_HZ, seed, quasi_peak=False)
     setup = Setup(Source(repetition_hz=stand.repetition_hz), assumed=() if stated else ("source",))
     ambient = None
@@ -92,6 +97,70 @@ def test_a_hidden_effect_is_named_and_the_error_falls(effect):
     assert told["candidates"][0]["delta_bic"] == pytest.approx(0.0)
     assert found.where
     assert effect in repr(found)
+
+
+# Lines 12 kHz apart are hardly wider apart than the receiver's bandwidth; at 4 kHz the pulses run together in pairs.
+@pytest.mark.parametrize(("rate_hz", "duty"), [(12.0e3, 0.31), (4.0e3, 0.72), (27e3, 0.45)])
+def test_a_chopper_is_found_line_by_line(rate_hz, duty):
+    case = problem(1011, ("chopper",), chopper_hz=rate_hz, chopper_duty=duty)
+    starts = chopper_starts(case, fit_base(case).parameters)
+    if rate_hz > 9e3:
+        # Line 1000 of the comb within a tenth of the spacing.
+        assert min(abs(start["frequency_hz"] / rate_hz - 1) for start in starts) < 1e-4
+    found = diagnose_emission(case)
+    assert found.effects == ("chopper",)
+    # What the receiver's offset and ripple leave, three standard deviations of them.
+    assert found.best.rms_error_db < 3 * np.hypot(OFFSET_DB, RIPPLE_DB)
+    parameters = found.best.own_parameters("chopper")
+    width = parameters["width_s"]["value"] * rate_hz
+    assert min(abs(width - duty), abs(1 - width - duty)) < 1e-3
+
+
+def test_scatter_and_ripple():
+    rng = np.random.default_rng(4)
+    slope = np.linspace(60, 20, 3000)
+    measured = scatter_db(slope + rng.normal(0.0, 0.5, 3000))
+    # The middle of 61 absolute values of a normal distribution is known to 10 to 15 %.
+    assert np.median(measured) == pytest.approx(0.5, rel=0.05)
+    assert measured.min() > 0.25
+    assert scatter_db(slope).max() == pytest.approx(0.1)
+    assert scatter_db(slope + 20 * (np.arange(3000) % 3 == 0)).max() == pytest.approx(1.2)
+    columns = ripple_columns(SCAN_HZ, 2)
+    assert columns.shape[0] == 2 * SCAN_HZ.size
+    size = np.sqrt(np.sum(columns**2, axis=1))
+    # Half a decibel of the receiver and a fifth of each detector, at the knots.
+    assert size[0] == pytest.approx(np.hypot(0.5, 0.2))
+    assert 0.4 < size.min() < size.max() < 0.7
+
+
+def test_stations_are_told_from_a_comb():
+    rng = np.random.default_rng(5)
+    noise = rng.normal(10.0, 0.4, SCAN_HZ.size)
+
+    def with_lines(lines_hz, dbuv):
+        fall = -6.02 * ((SCAN_HZ[:, None] - np.asarray(lines_hz)) / 4.5e3) ** 2
+        return 10 * np.log10(10 ** (noise / 10) + np.sum(10 ** ((dbuv + fall) / 10), axis=1))
+
+    levels = {"peak": with_lines([801.2e3, 6.0534e6], 43.0) + 9.0, "average": with_lines([801.2e3, 6.0534e6], 40.0)}
+    found = find_stations(SCAN_HZ, levels, BAND_B)
+    assert [station.frequency_hz for station in found] == pytest.approx([801.2e3, 6.0534e6], abs=300.0)
+    assert [station.average_dbuv for station in found] == pytest.approx([40.0, 40.0], abs=0.5)
+    gap = np.delete(np.arange(SCAN_HZ.size), slice(1000, 1003))
+    assert len(find_stations(SCAN_HZ[gap], {name: level[gap] for name, level in levels.items()}, BAND_B)) == 2
+    comb = with_lines(np.arange(1, 40) * 31e3 + 150e3, 40.0)
+    assert find_stations(SCAN_HZ, {"peak": comb, "average": comb}, BAND_B) == ()
+    assert find_stations(SCAN_HZ, {"average": noise}, BAND_B) == ()
+    assert find_stations(SCAN_HZ[::3], {"average": comb[::3]}, BAND_B) == ()
+
+
+def test_stations_are_part_of_the_background():
+    case = problem(1012, ("background-noise",), broadband_dbuv=12.0, broadband_slope_db=0.0, floor_dbuv=0.0)
+    assert case.stations
+    found = diagnose_emission(case)
+    assert found.effects == ("background-noise",)
+    assert found.best.setup().stations == case.stations
+    assert not found.base.setup().stations
+    assert found.best.rms_error_db < 3 * np.hypot(OFFSET_DB, RIPPLE_DB)
 
 
 def test_a_background_sweep_explains_itself():
@@ -166,6 +235,7 @@ def test_summary_counts():
     def played(hidden: tuple[str, ...], verdict: str, effects: tuple[str, ...] = (), after: float = 0.5) -> PlayedSpectrum:
         return PlayedSpectrum(SpectrumCase(1, 0, hidden, 1), Answer(verdict, effects, (), 0.9, seconds=1.0), 5.0, after)
 
+    weak = replace(played(("lisn-deviation",), "adequate"), detectable=False)
     result = {
         "seed": 1,
         **summary(
@@ -175,6 +245,7 @@ def test_summary_counts():
                 played(("arc-breakdown",), "missing-effect", ("chopper",)),
                 played((), "adequate"),
                 played((), "missing-effect", ("chopper",)),
+                weak,
             ]
         ),
     }
@@ -184,6 +255,18 @@ def test_summary_counts():
     assert result["goals"]["error after adding at most 2 dB rms"]["value"] == 1.0
     assert len(result["wrong"]) == 3
     assert "| chopper |" in markdown(result)
+    assert "1 times what was hidden" in markdown(result)
+
+
+def test_what_is_too_weak_to_see_is_told_from_the_truth():
+    assert draw(5, 0).detectable()
+    case = SpectrumCase(1, 0, ("chopper",), 1004)
+    assert case.detectable()
+    frequency_hz = np.geomspace(1e6, 8e6, 1000)
+    flat = [Spectrum("average", frequency_hz, np.full(1000, 30.0))]
+    bent = [Spectrum("average", frequency_hz, 30.0 + 2.0 * (frequency_hz > 4e6))]
+    assert largest_change_db(flat, flat) == 0.0
+    assert largest_change_db(flat, bent) == pytest.approx(2.0, rel=0.1)
 
 
 def test_scoreboard_command(tmp_path):

@@ -113,7 +113,7 @@ def test_noise_reads_as_the_formula_says():
     read = read_waveform(samples, sample_rate_hz, 150e3 + 4.5e3 * np.arange(80))
     average = sigma_v * np.sqrt(BAND_B.noise_bandwidth_hz / (sample_rate_hz / 2)) / noise_unit(BAND_B, 1.0).rms_average[0]
     unit = noise_unit(BAND_B, 1.0)
-    for name, tolerance in (("peak", 0.6), ("quasi_peak", 0.5), ("average", 0.1), ("rms_average", 0.2)):
+    for name, tolerance in (("peak", 0.4), ("quasi_peak", 0.5), ("average", 0.1), ("rms_average", 0.2)):
         assert np.mean(getattr(read, name)) == pytest.approx(dbuv(average * getattr(unit, name)[0]), abs=tolerance), name
     own = TimeDomainReceiver(sample_rate_hz, [200e3, 400e3], noise_dbuv=7.0, quasi_peak=False)
     own.feed(np.zeros(round(sample_rate_hz)))
@@ -141,8 +141,8 @@ def test_missing_and_scattering_events():
     assert full["average"][0] - half["average"][0] == pytest.approx(6.02, abs=0.05)
     assert full["peak"][0] == pytest.approx(half["peak"][0], abs=0.05)
     scattered = receiver.read(Source(1000.0, 0.0, arc=Arc(12.0, 50e-9, 0.2)), frequency_hz, one)
-    # The highest of 50 with 20 % of scatter: 1 + 0.2 sqrt(2 ln 50).
-    assert scattered["peak"][0] - full["peak"][0] == pytest.approx(20 * np.log10(1.56), abs=0.15)
+    highest = np.mean(1 + 0.2 * np.random.default_rng(6).standard_normal((20000, 50)).max(axis=1))
+    assert scattered["peak"][0] - full["peak"][0] == pytest.approx(20 * np.log10(highest), abs=0.05)
     lines, smeared = (receiver.read(Source(12e3, 12.0, 50e-9, jitter_s=jitter), np.array([1.206e6]), one) for jitter in (0.0, 1e-6))
     assert smeared["peak"][0] - lines["peak"][0] > 1.0  # between two lines noise fills the gap
 

@@ -112,7 +112,7 @@ def largest_change_db(one: Sequence[Spectrum], other: Sequence[Spectrum]) -> flo
     largest = 0.0
     for first, second in zip(one, other, strict=True):
         difference = first.level_dbuv - second.level_dbuv
-        for low in np.arange(np.log2(first.frequency_hz[0]), np.log2(first.frequency_hz[-1]) - 1, 0.5):
+        for low in np.arange(np.log2(first.frequency_hz[0]), np.log2(first.frequency_hz[-1]) - 1 + 1e-9, 0.5):
             inside = (first.frequency_hz >= 2**low) & (first.frequency_hz < 2 ** (low + 1))
             largest = max(largest, float(np.sqrt(np.mean(difference[inside] ** 2))))
     return largest

@@ -19,12 +19,12 @@ from motoremi.emission.starts import chopper_starts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Log evidence that an effect must bring to be believed, and within which two effects cannot be told apart.
-LEAST_GAIN = 10.0
+# Log evidence that an effect must bring to be believed (some 150 to 1), and within which two effects cannot be told apart.
+LEAST_GAIN = 5.0
 FAMILY_GAP = 3.0
 LARGEST_FAMILY = 3
-# A model whose robust chi2 is above this (some 2.3 dB rms) leaves something unexplained; with the right effect it comes to 0.1 to 2.
-GOOD_CHI2 = 5.0
+# A model whose robust chi2 is above this leaves something unexplained; with the right effect it comes to 0.1 to 1.3.
+GOOD_CHI2 = 3.0
 BOUND_PENALTY = 3.0
 # An effect that takes away so much of the squared error, this far ahead of all others, is named even if it does not explain everything.
 MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
