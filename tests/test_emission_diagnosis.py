@@ -18,8 +18,9 @@ from motoremi.emission.background import ambient_of
 from motoremi.emission.band import BAND_B
 from motoremi.emission.diagnose import add_effect, diagnose_emission, fit_base
 from motoremi.emission.effects import changed, find_source_effect, is_source_effect, source_effects
-from motoremi.emission.fit import Problem, restored
+from motoremi.emission.fit import restored
 from motoremi.emission.observe import find_comb, observations, repetition_from, sharpened
+from motoremi.emission.problem import Problem
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Source

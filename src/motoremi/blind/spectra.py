@@ -24,8 +24,8 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.data.storage import write_whole
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.emission.diagnose import diagnose_emission
-from motoremi.emission.fit import Problem
 from motoremi.emission.predict import motor_function
+from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Source
 from motoremi.errors import BadInput

@@ -12,8 +12,9 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
-from motoremi.emission.fit import EmissionFit, Problem, fit_spectra
+from motoremi.emission.fit import EmissionFit, fit_spectra
 from motoremi.emission.observe import observations
+from motoremi.emission.problem import Problem
 from motoremi.emission.starts import chopper_starts
 
 if TYPE_CHECKING:

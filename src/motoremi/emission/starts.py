@@ -8,12 +8,13 @@ wider apart than the receiver's bandwidth and hardly stand out.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from motoremi.arrays import FloatArray
-from motoremi.emission.fit import Problem
+from motoremi.emission.problem import Problem
 
 # Of the chopper and of its pulses.
 _SLOWEST_HZ, _FASTEST_HZ = 2.5e3, 60e3
@@ -42,6 +43,8 @@ def chopper_starts(problem: Problem, others: Mapping[str, float]) -> list[dict[s
     periods, widths = _ripples(problem.grid, level)
     pairs = [(1 / rate, duty) for rate in (3e3, 4.5e3, 6.5e3) for duty in _DUTIES]
     pairs += [(1 / rate, width * rate) for rate in _RATES_HZ for width in widths]
+    # The pulse and the gap after it show alike, and make up the period together.
+    pairs += [(one + other, one / (one + other)) for one, other in combinations(widths, 2)]
     for period in periods:
         pairs += [(period, duty) for duty in (*(width / period for width in widths), _duty_of_lines(problem, level, period))]
     rough = _nearest([_sized(problem, others, 1 / period, duty * period, _RISE_S) for period, duty in pairs if 0.03 < duty < 0.97])

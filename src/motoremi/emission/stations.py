@@ -13,7 +13,7 @@ from motoremi.emission.band import Band
 from motoremi.emission.reading import Readings
 
 # A station stands out from its surroundings (so many points either side), and is over so many points beside its top.
-_STANDS_OUT_DB = 6.0
+_STANDS_OUT_DB = 5.0
 _AROUND, _OVER = 20, 3
 # More lines than this near each other are a comb, more than that in the whole span as well.
 _MOST_NEAR, _MOST = 4, 40
@@ -74,12 +74,12 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
 
 
 def _stands_out(level_dbuv: FloatArray) -> BoolArray:
-    """Points that are the highest nearby, well above their surroundings, and over as quickly as the filter allows."""
+    """Points that are the highest nearby, well above their surroundings, and over on one side at least as quickly as the filter allows."""
     inner = slice(_OVER, -_OVER)
     highest = maximum_filter1d(level_dbuv, 2 * _OVER - 1) == level_dbuv
     above = level_dbuv - median_filter(level_dbuv, size=2 * _AROUND + 1, mode="nearest") > _STANDS_OUT_DB
     narrow = np.zeros(level_dbuv.size, dtype=bool)
-    beside = np.maximum(level_dbuv[: -2 * _OVER], level_dbuv[2 * _OVER :])
+    beside = np.minimum(level_dbuv[: -2 * _OVER], level_dbuv[2 * _OVER :])
     narrow[inner] = level_dbuv[inner] - beside > _STANDS_OUT_DB - 1
     return np.asarray(highest & above & narrow)
 

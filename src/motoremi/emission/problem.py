@@ -1,0 +1,140 @@
+"""What a fit of spectra is held against: the points chosen, what each may be off by, and the set-up that a set of values means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.effects import changed, find_source_effect
+from motoremi.emission.scatter import ripple_columns, scatter_db
+from motoremi.emission.setup import Ambient, MotorImpedance, Setup
+from motoremi.emission.stations import Station, find_stations
+from motoremi.errors import BadInput
+from motoremi.model.parameter import Parameter
+
+# Points that a fit works on, for each detector: all below this frequency, where combs can be told line by line, and so many above.
+_ALL_BELOW_HZ = 1.2e6
+_ABOVE = 260
+# What the formulas leave, measured against the time domain, without what is smooth along frequency.
+_MODEL_DB = {"peak": 0.25, "quasi-peak": 0.25, "average": 0.15, "rms-average": 0.15}
+# By how much the motor's resonances may lie elsewhere than the fitted circuit has them.
+_DETUNING = 0.004
+
+BASE: tuple[tuple[Parameter, float | None], ...] = (
+    (Parameter("step_v", "V", 0.05, 4.0, "drop of a carbon brush, below the least voltage of an arc"), None),
+    (Parameter("rise_s", "s", 5e-8, 5e-6, "a segment leaves the brush"), None),
+    (Parameter("floor_dbuv", "dBuV", -30.0, 12.0, "of the receiver, average; expected from noise figure and attenuator", scale="linear"), 8.0),
+    (Parameter("offset_db", "dB", -4.0, 4.0, "error of the receiver", scale="linear"), 0.8),
+    (Parameter("speed_factor", "", 0.9, 1.1, "stated speed against the real one"), 0.015),
+    (Parameter("lisn_factor", "", 0.7, 1.4, "choke within its tolerance"), 0.08),
+)
+
+
+class Problem:
+    """Measured spectra, the motor, and the set-up as stated.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Of the running motor; several of one detector are averaged.
+    motor : callable
+        Impedance that the source sees.
+    setup : Setup
+    ambient : Ambient, optional
+        A sweep with the motor off.
+
+    Raises
+    ------
+    BadInput
+        Without a spectrum that can be used.
+    """
+
+    def __init__(self, spectra: Sequence[Spectrum], motor: MotorImpedance, setup: Setup, ambient: Ambient | None = None) -> None:
+        if not spectra:
+            raise BadInput("there is no spectrum of the running motor to compare with")
+        self.setup, self.ambient = replace(setup, ambient=None), ambient
+        levels: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+        for spectrum in spectra:
+            usable = ~spectrum.overload
+            levels.setdefault(spectrum.detector, []).append((spectrum.frequency_hz[usable], spectrum.level_dbuv[usable]))
+        grid = levels[next(iter(levels))][0][0]
+        if grid.size < 30:
+            raise BadInput(f"{grid.size} points that are not overloaded are too few to say which effect is missing")
+        self.detectors = tuple(levels)
+        whole = {detector: np.mean([np.interp(grid, f, level) for f, level in sweeps], axis=0) for detector, sweeps in levels.items()}
+        self.stations = find_stations(grid, whole, setup.receiver.band)
+        chosen = _chosen(grid, self.stations)
+        self.grid_hz = grid[chosen]
+        self.measured_dbuv = np.concatenate([level[chosen] for level in whole.values()])
+        self.frequency_hz = np.tile(self.grid_hz, len(self.detectors))
+        size = self.grid_hz.size
+        self.where = {detector: slice(index * size, (index + 1) * size) for index, detector in enumerate(self.detectors)}
+        self.motor_ohm: ComplexArray = np.asarray(motor(self.grid_hz), dtype=np.complex128)
+        self.sigma_db = self._sigma(np.concatenate([scatter_db(level)[chosen] for level in whole.values()]))
+        self.ripple = ripple_columns(self.grid_hz, len(self.detectors))
+        self.grid = grid
+        self.whole = whole
+
+    def _sigma(self, scatter: FloatArray) -> FloatArray:
+        transfer_db = 20 * np.log10(np.abs(self.setup.path.transfer(self.grid_hz, self.motor_ohm)))
+        slope = np.abs(np.gradient(transfer_db, np.log(self.grid_hz))) * _DETUNING
+        formula = np.concatenate([np.hypot(_MODEL_DB[detector], slope) for detector in self.detectors])
+        sigma: FloatArray = np.hypot(scatter, formula)
+        return sigma
+
+    @cached_property
+    def repetition_known(self) -> bool:
+        """Whether speed and segments, or the repetition, were stated."""
+        return "source" not in self.setup.assumed
+
+    def parameters(self, effects: Sequence[str]) -> list[tuple[Parameter, float | None]]:
+        """Unknowns with the standard deviation of their prior, if they have one."""
+        found = [(p, (None if p.name == "speed_factor" and not self.repetition_known else sigma)) for p, sigma in BASE]
+        if not self.repetition_known:
+            found = [(replace(p, low=0.05, high=20.0) if p.name == "speed_factor" else p, sigma) for p, sigma in found]
+        for name in effects:
+            if name == "background-noise" and self.ambient is not None:
+                continue
+            found += [(replace(p, name=f"{name}.{p.name}"), None) for p in find_source_effect(name).parameters]
+        return found
+
+    def setup_for(self, effects: Sequence[str], values: Mapping[str, float]) -> Setup:
+        """The set-up with all values in it."""
+        stated = self.setup
+        source = replace(
+            stated.source,
+            step_v=values["step_v"],
+            rise_s=values["rise_s"],
+            repetition_hz=stated.source.repetition_hz * values["speed_factor"],
+        )
+        path = replace(stated.path, lisn=stated.path.lisn.deviating(values["lisn_factor"]))
+        ambient = self.ambient if "background-noise" in effects else None
+        setup = replace(stated, source=source, path=path, floor_dbuv=values["floor_dbuv"], ambient=ambient)
+        if "background-noise" in effects and ambient is None:
+            setup = replace(setup, stations=self.stations)
+        return changed(setup, [name for name in effects if not (name == "background-noise" and ambient is not None)], values)
+
+    def error(self, effects: Sequence[str], values: Mapping[str, float]) -> FloatArray:
+        """Measured minus model in dB."""
+        levels = self.setup_for(effects, values).levels(self.grid_hz, self.motor_ohm, "quasi-peak" in self.where)
+        model = np.concatenate([levels[detector] for detector in self.where])  # type: ignore[index]
+        error: FloatArray = self.measured_dbuv - model - values["offset_db"]
+        return error
+
+
+def _chosen(grid: FloatArray, stations: Sequence[Station]) -> NDArray[np.intp]:
+    low = np.flatnonzero(grid <= _ALL_BELOW_HZ)
+    high = np.flatnonzero(grid > _ALL_BELOW_HZ)
+    if high.size > _ABOVE:
+        high = high[np.unique(np.searchsorted(grid[high], np.geomspace(grid[high[0]], grid[high[-1]], _ABOVE)).clip(0, high.size - 1))]
+    if low.size > 2 * _ABOVE:
+        low = low[:: low.size // _ABOVE]
+    tops = np.searchsorted(grid, [station.frequency_hz for station in stations])
+    beside = (tops[:, None] + np.arange(-2, 3)).ravel().clip(0, grid.size - 1)
+    return np.unique(np.concatenate([low, high, beside])).astype(np.intp)
