@@ -56,7 +56,8 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
     levels = {detector: np.interp(even_hz, frequency_hz, level) for detector, level in levels_dbuv.items()}
     average = levels.get("average", next(iter(levels.values())))
     peak = levels.get("peak", average)
-    tops = np.flatnonzero(_stands_out(average) & _stands_out(peak))
+    # On the peak a station may hide below the commutation.
+    tops = np.flatnonzero(_stands_out(average))
     near = np.array([np.sum(np.abs(tops - top) <= _AROUND) for top in tops])
     if tops.size > _MOST or np.any(near > _MOST_NEAR):
         return ()
@@ -68,13 +69,13 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
         # On the average it stands in power on its surroundings, on the peak in voltage.
         tuned_hz, beside_db = float(even_hz[top] + offset * step), fall_db * offset**2
         own_average = 10 * np.log10(10 ** (average[top] / 10) - 10 ** (np.median(average[around]) / 10))
-        own_peak = 20 * np.log10(10 ** (peak[top] / 20) - 10 ** (np.median(peak[around]) / 20))
+        own_peak = 20 * np.log10(max(10 ** (peak[top] / 20) - 10 ** (np.median(peak[around]) / 20), 1e-9))
         found.append(Station(tuned_hz, float(own_average + beside_db), float(max(own_peak, own_average) + beside_db)))
     return tuple(found)
 
 
 def _stands_out(level_dbuv: FloatArray) -> BoolArray:
-    """Points that are the highest nearby, well above their surroundings, and over on one side at least as quickly as the filter allows."""
+    """Points that are the highest nearby, well above their surroundings, and on one side at least over as quickly as the filter allows."""
     inner = slice(_OVER, -_OVER)
     highest = maximum_filter1d(level_dbuv, 2 * _OVER - 1) == level_dbuv
     above = level_dbuv - median_filter(level_dbuv, size=2 * _AROUND + 1, mode="nearest") > _STANDS_OUT_DB
