@@ -104,7 +104,7 @@ def test_a_hidden_effect_is_named_and_the_error_falls(effect):
 @pytest.mark.parametrize(("rate_hz", "duty"), [(12.0e3, 0.31), (4.0e3, 0.72), (27e3, 0.45)])
 def test_a_chopper_is_found_line_by_line(rate_hz, duty):
     case = problem(1011, ("chopper",), chopper_hz=rate_hz, chopper_duty=duty)
-    starts = chopper_starts(case, fit_base(case).parameters)
+    starts = chopper_starts(case, (), fit_base(case).parameters)
     if rate_hz > 9e3:
         # Line 1000 of the comb within a tenth of the spacing.
         assert min(abs(start["frequency_hz"] / rate_hz - 1) for start in starts) < 1e-4

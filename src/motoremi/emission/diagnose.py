@@ -135,7 +135,7 @@ def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
         bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
     starts = []
     for base in bases:
-        own = chopper_starts(problem, base) if name == "chopper" else effect.starts or [{}]
+        own = chopper_starts(problem, before.effects, base) if name == "chopper" else effect.starts or [{}]
         starts += [{**base, **{f"{name}.{key}": value for key, value in start.items()}} for start in own]
     return fit_spectra(problem, (*before.effects, name), starts, keep=3)
 
@@ -161,10 +161,12 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
         return _nothing_to_add(start, candidates, probabilities, where, seen)
     best, families = candidates[0].fit, _family(candidates)
     names: tuple[str, ...] = (candidates[0].effect.name,)
-    if best.chi2_reduced > GOOD_CHI2:
-        second = _ranked(problem, best, progress)
-        if second and second[0].log_evidence - best.log_evidence > LEAST_GAIN and second[0].fit.chi2_reduced <= GOOD_CHI2:
-            best, names, families = second[0].fit, (*names, second[0].effect.name), ()
+    chance = _share(probabilities, names[0], families)
+    second = _ranked(problem, best, progress)
+    if second and second[0].log_evidence - candidates[0].log_evidence > LEAST_GAIN and second[0].fit.chi2_reduced <= GOOD_CHI2:
+        # With the second in place nothing but the first may be left of its family: only the second's is told.
+        chance, families = _share(_probabilities(best, second), second[0].effect.name, _family(second)), _family(second)
+        best, names = second[0].fit, (*names, second[0].effect.name)
     explained = 1 - (best.rms_error_db / start.rms_error_db) ** 2
     ahead = len(candidates) == 1 or candidates[0].log_evidence - candidates[1].log_evidence > FAR_AHEAD
     whole = best.chi2_reduced <= GOOD_CHI2
@@ -182,7 +184,6 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     if not whole:
         doubt = DOUBT_OF_MOST
         reasons.append(f"that is most of it, but not all: {best.rms_error_db:.1f} dB rms are left")
-    chance = sum(probabilities[name] for name in {*names[:1], *(families[0] if families else ())})
     return EmissionDiagnosis(
         verdict, names, families, (1 - doubt) * chance, start, best, tuple(candidates), probabilities, where,
         _following(names, families), tuple(reasons), seen,
@@ -213,6 +214,11 @@ def _probabilities(start: EmissionFit, candidates: Sequence[Candidate]) -> dict[
 def _family(candidates: Sequence[Candidate]) -> tuple[tuple[str, ...], ...]:
     near = [c.effect.name for c in candidates if candidates[0].log_evidence - c.log_evidence < FAMILY_GAP]
     return (tuple(near),) if len(near) > 1 else ()
+
+
+def _share(probabilities: Mapping[str, float], name: str, families: Sequence[Sequence[str]]) -> float:
+    """Probability of an effect and of those that cannot be told from it."""
+    return sum(probabilities[one] for one in {name, *(families[0] if families else ())})
 
 
 def _nothing_to_add(

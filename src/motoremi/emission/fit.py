@@ -17,6 +17,9 @@ from motoremi.emission.setup import Setup
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# From many starts so many are followed for so many steps before the best of them are followed to their ends.
+_GLANCES, _SHORT = 20, 5
+
 
 @dataclass(frozen=True, eq=False)
 class EmissionFit:
@@ -102,6 +105,10 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
     unknowns = posterior.unknowns
     points = [np.array([np.clip(to_unit(p, start.get(p.name, p.middle)), 0.01, 0.99) for p, _ in unknowns], dtype=np.float64) for start in starts]
     ranked = sorted(points, key=posterior.at_start)
+    if len(ranked) > _GLANCES:
+        # What a start is worth shows when step, offset and ripple have moved a little to meet it.
+        glances = sorted((posterior.polished(start, _SHORT) for start in ranked[:_GLANCES]), key=lambda found: float(found.cost))
+        ranked = [found.x[: posterior.size] for found in glances]
     best = min((posterior.polished(start) for start in ranked[:keep]), key=lambda found: float(found.cost))
     values = posterior.values(best.x)
     rms_error_db = float(np.sqrt(np.mean(problem.error(effects, values) ** 2)))

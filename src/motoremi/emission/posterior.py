@@ -94,13 +94,13 @@ class Posterior:
         """How bad a start is."""
         return float(np.sum(_softened(self._errors(x)) ** 2))
 
-    def polished(self, start: FloatArray) -> OptimizeResult:
-        """The nearest minimum."""
+    def polished(self, start: FloatArray, steps: int = 25) -> OptimizeResult:
+        """The nearest minimum, or the way to it."""
         free = self.columns.shape[1]
         low, high = (np.concatenate([np.full(self.size, end), np.full(free, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
         return least_squares(
             self.residuals, np.concatenate([start, np.zeros(free)]), jac=self.slopes, bounds=(low, high),
-            x_scale=np.concatenate([1e3 * self.steps, np.ones(free)]), max_nfev=25, ftol=1e-4, xtol=1e-9, gtol=1e-6,
+            x_scale=np.concatenate([1e3 * self.steps, np.ones(free)]), max_nfev=steps, ftol=1e-4, xtol=1e-9, gtol=1e-6,
         )  # fmt: skip
 
     def volume(self, x: FloatArray) -> float:

@@ -7,7 +7,7 @@ wider apart than the receiver's bandwidth and hardly stand out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -27,17 +27,19 @@ _RATES_HZ = np.geomspace(_SLOWEST_HZ, 9e3, 16)
 _DUTIES = (0.1, 0.25, 0.4)
 _VOLT, _RISE_S = 5.0, 5e-8
 _RISES_S = np.geomspace(1e-8, 4e-7, 24)
-_KEPT = 6
+_KEPT = 4
 
 
-def chopper_starts(problem: Problem, others: Mapping[str, float]) -> list[dict[str, float]]:
+def chopper_starts(problem: Problem, effects: Sequence[str], others: Mapping[str, float]) -> list[dict[str, float]]:
     """Start values of amplitude, frequency, width and rise time.
 
     Parameters
     ----------
     problem : Problem
+    effects : sequence of str
+        Of the model without a chopper.
     others : mapping
-        Values of the model without a chopper.
+        Its values.
     """
     level = problem.whole.get("average", next(iter(problem.whole.values())))
     periods, widths = _ripples(problem.grid, level)
@@ -47,9 +49,9 @@ def chopper_starts(problem: Problem, others: Mapping[str, float]) -> list[dict[s
     pairs += [(one + other, one / (one + other)) for one, other in combinations(widths, 2)]
     for period in periods:
         pairs += [(period, duty) for duty in (*(width / period for width in widths), _duty_of_lines(problem, level, period))]
-    rough = _nearest([_sized(problem, others, 1 / period, duty * period, _RISE_S) for period, duty in pairs if 0.03 < duty < 0.97])
+    rough = _nearest([_sized(problem, effects, others, 1 / period, duty * period, _RISE_S) for period, duty in pairs if 0.03 < duty < 0.97])
     # Ramps have zeros of their own, which a fit does not step over.
-    return _nearest([_sized(problem, others, one["frequency_hz"], one["width_s"], float(rise)) for one in rough for rise in _RISES_S])
+    return _nearest([_sized(problem, effects, others, one["frequency_hz"], one["width_s"], float(rise)) for one in rough for rise in _RISES_S])
 
 
 def _nearest(sized: list[tuple[float, dict[str, float]]]) -> list[dict[str, float]]:
@@ -103,10 +105,12 @@ def _duty_of_lines(problem: Problem, level_dbuv: FloatArray, period_s: float) ->
     return float(found[0])
 
 
-def _sized(problem: Problem, others: Mapping[str, float], rate_hz: float, width_s: float, rise_s: float) -> tuple[float, dict[str, float]]:
+def _sized(
+    problem: Problem, effects: Sequence[str], others: Mapping[str, float], rate_hz: float, width_s: float, rise_s: float
+) -> tuple[float, dict[str, float]]:
     """A start with the amplitude that puts the average where it was measured, and how far it is off then."""
     start = {"amplitude_v": _VOLT, "frequency_hz": rate_hz, "width_s": width_s, "rise_s": rise_s}
-    error = problem.error(("chopper",), {**others, **{f"chopper.{key}": value for key, value in start.items()}})
+    error = problem.error((*effects, "chopper"), {**others, **{f"chopper.{key}": value for key, value in start.items()}})
     above_db = float(np.median(error[problem.where.get("average", slice(None))]))
     left = float(np.mean(np.minimum(np.abs(error - above_db), _MOST_DB)))
     return left, {**start, "amplitude_v": float(np.clip(_VOLT * 10 ** (above_db / 20), 0.03, 70.0))}
