@@ -19,7 +19,7 @@ from motoremi.emission.band import BAND_B
 from motoremi.emission.diagnose import add_effect, diagnose_emission, fit_base
 from motoremi.emission.effects import changed, find_source_effect, is_source_effect, source_effects
 from motoremi.emission.fit import restored
-from motoremi.emission.observe import find_comb, observations, repetition_from, sharpened
+from motoremi.emission.observe import find_comb, observations, repetition_from
 from motoremi.emission.problem import Problem
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Setup, scan_frequencies
@@ -199,7 +199,6 @@ def test_combs():
     comb = find_comb(frequency_hz, level)
     assert comb is not None
     assert comb.spacing_hz == pytest.approx(spacing, rel=2e-3)
-    assert sharpened(frequency_hz, level, comb) == pytest.approx(spacing, rel=1e-4)
 
 
 def test_what_the_converter_spectra_show():

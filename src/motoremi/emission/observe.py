@@ -37,18 +37,15 @@ class Comb:
     score: float
 
 
-def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray, lowest_hz: float | None = None, highest_hz: float | None = None) -> Comb | None:
-    """The comb that stands out, or None.
+def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray) -> Comb | None:
+    """The comb that stands out, spaced by twice the step to a tenth of the span, or None.
 
     Parameters
     ----------
     frequency_hz, level_dbuv : ndarray, shape (n,)
-    lowest_hz, highest_hz : float, optional
-        Of the spacing; by default twice the step and a tenth of the span.
     """
     step = float(np.median(np.diff(frequency_hz[: max(3, frequency_hz.size // 4)])))
-    low = 2.1 * step if lowest_hz is None else lowest_hz
-    high = (frequency_hz[-1] - frequency_hz[0]) / 10 if highest_hz is None else highest_hz
+    low, high = 2.1 * step, (frequency_hz[-1] - frequency_hz[0]) / 10
     if high <= low or frequency_hz.size < 40:
         return None
     best: list[Comb] = []
@@ -77,18 +74,6 @@ def _refined(frequency_hz: FloatArray, level_dbuv: FloatArray, spacing: float) -
     scores = np.cos(2 * np.pi * part_hz / tries[:, None]) @ detail / power
     top = int(np.argmax(scores))
     return Comb(float(tries[top]), float(scores[top]))
-
-
-def sharpened(frequency_hz: FloatArray, level_dbuv: FloatArray, comb: Comb) -> float:
-    """The spacing from ever higher lines: the hundredth tells it ten times better than the tenth."""
-    spacing, tops = comb.spacing_hz, comb.spacing_hz * _LINES * np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-    per_line = max(2, int(spacing / np.median(np.diff(frequency_hz))))
-    detail = level_dbuv - median_filter(level_dbuv, size=2 * per_line + 1, mode="nearest")
-    for top in tops[tops < 2 * frequency_hz[-1]]:
-        inside = frequency_hz <= top
-        tries = spacing * (1 + np.linspace(-1, 1, 41) * 0.6 * spacing / top)
-        spacing = float(tries[np.argmax(np.cos(2 * np.pi * frequency_hz[inside] / tries[:, None]) @ detail[inside])])
-    return spacing
 
 
 def repetition_from(peak: Spectrum, average: Spectrum) -> float | None:
