@@ -117,6 +117,13 @@ def test_a_chopper_is_found_line_by_line(rate_hz, duty):
     assert min(abs(width - duty), abs(1 - width - duty)) < 1e-3
 
 
+def test_two_effects_are_named_by_their_evidence():
+    found = diagnose_emission(problem(1013, ("arc-breakdown", "cable-resonance"), cable_m=6.0, cable_ohm=120.0))
+    assert set(found.effects) == {"arc-breakdown", "cable-resonance"}
+    assert found.best.rms_error_db < 3 * np.hypot(OFFSET_DB, RIPPLE_DB)
+    assert 0 < found.confidence < 1
+
+
 def test_scatter_and_ripple():
     rng = np.random.default_rng(4)
     slope = np.linspace(60, 20, 3000)
