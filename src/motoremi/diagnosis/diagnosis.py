@@ -33,6 +33,8 @@ EXCHANGES = 2
 PRIOR_OF_NONE = 0.5
 # Log evidence that a further effect must bring, beyond its share of the prior, to be believed.
 LEAST_GAIN = 4.0
+# A model that describes the data is left alone unless the odds for a further effect are twenty to one.
+LEAST_DOUBT = 0.05
 # Members of a family have at least this share of the best one's posterior.
 FAMILY_SHARE = 0.01
 # More names than these tell nobody anything; what the others would add is taken off the confidence.
@@ -186,7 +188,7 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     weight = effective_share(candidates[0].fit if candidates[0].good else fit)
     probabilities = _posterior(fit, candidates, weight)
     none = 1 - sum(probabilities.values())
-    if is_good(fit) and (none >= 0.5 or weight * (candidates[0].log_evidence - fit.log_evidence) < LEAST_GAIN):
+    if is_good(fit) and (none >= LEAST_DOUBT or weight * (candidates[0].log_evidence - fit.log_evidence) < LEAST_GAIN):
         return _adequate(fit, candidates, probabilities, none, where)
     explanation = _explain(fit, candidates, progress)
     if not is_good(explanation.best):

@@ -28,6 +28,8 @@ SEARCHED_FACTOR = 10.0
 SEARCHED_IN_THE_DARK = 2
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 4
+# A second effect that leaves so many times the best one's chi-squared is no rival of it.
+HOPELESS_FACTOR = 30.0
 # From how many of the best single effects a second one is looked for, and from how many in all; how many pairs are then searched through.
 BEAM = 3
 MOST_FIRST = 5
@@ -276,7 +278,8 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
     while waiting and len(tried) < MOST_FIRST:
         first = waiting.pop(0)
         tried.append(first)
-        for more in (_seconds, _firsts):
+        # What the data favour most, alone or as a second effect, deserves a look from both sides.
+        for more in (_seconds,) if 1 < len(tried) <= BEAM else (_seconds, _firsts):
             found = more(by_name, first, looks, progress)
             looks.update(found)
             right = [pair for pair in found if found[pair].right]
@@ -321,5 +324,6 @@ def _beside(first: Candidate, looks: Looks, progress: Progress | None) -> list[C
     """Candidates for the second effect beside a first one, best evidence first."""
     seen = {pair[1]: look for pair, look in looks.items() if pair[0] == first.effect}
     # One that was looked at as a second effect only has not been seen beside the others.
-    missing = {} if len(seen) > 1 else glances(first.fit, progress)
-    return refitted(first.fit, missing | seen)
+    found = ({} if len(seen) > 1 else glances(first.fit, progress)) | seen
+    limit = HOPELESS_FACTOR * min(look.objective for look in found.values())
+    return refitted(first.fit, {name: look for name, look in found.items() if look.objective <= limit})
