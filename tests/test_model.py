@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 import pytest
-from scipy.special import iv
+from scipy.special import iv, ive
 
 from motoremi.errors import BadInput
+from motoremi.model import laws
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, catalogue, find_effect, identifiers
 from motoremi.model.laws import COPPER_MU_SIGMA
@@ -220,3 +221,16 @@ def test_catalogue_tells_what_a_person_needs():
         for parameter in effect.parameters:
             assert parameter.low < parameter.high
             assert parameter.reason
+
+
+@pytest.mark.parametrize("radius_m", [1e-12, 1e-7, 1e-5, 1e-4, 1.5e-3, 2e-2, 1.0])
+def test_table_of_round_wires_is_the_bessel_functions(radius_m):
+    s = 2j * np.pi * np.geomspace(40, 110e6, 301)
+    value, (slope,) = laws.skin_factor(s, np.array([radius_m]))
+    x = radius_m * np.sqrt(s * COPPER_MU_SIGMA)
+    exact = x * ive(0, x) / ive(1, x) / 2
+    # A tiny real part keeps the law off the table.
+    _, (exact_slope,) = laws.skin_factor(s * (1 + 1e-15j), np.array([radius_m]))
+    # Cubics in steps of 0.0025 err by h^4/384 of the fourth derivative, their slopes by h^3/24 of it.
+    np.testing.assert_allclose(value, exact, rtol=1e-11)
+    np.testing.assert_allclose(slope * radius_m, exact_slope * radius_m, atol=1e-8 * np.abs(exact).max())

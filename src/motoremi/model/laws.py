@@ -68,14 +68,14 @@ def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistanc
 
 def skin_factor(s: ComplexArray, radius: Any) -> ValueAndSlopes:
     """Round copper wire: x I0(x) / (2 I1(x)), x = radius sqrt(s mu0 sigma). 1 for a thin wire."""
-    if np.any(s.real):
-        root = np.sqrt(s * COPPER_MU_SIGMA)
-        value, slope = _round_wire(radius * root)
-        return value, (slope * root,)
     # On the frequency axis x lies on one ray: a table along its logarithm is ten times quicker than Bessel functions and as exact.
     table = _round_wire_table()
     place = (np.log(radius) + 0.5 * np.log(np.abs(s) * COPPER_MU_SIGMA) - _LOWEST) / _STEP
-    index = np.clip(place.astype(np.intp), 0, table.shape[1] - 1)
+    if np.any(s.real) or np.any(place < 0) or np.any(place >= table.shape[1]):
+        root = np.sqrt(s * COPPER_MU_SIGMA)
+        value, slope = _round_wire(radius * root)
+        return value, (slope * root,)
+    index = place.astype(np.intp)
     t = place - index
     c0, c1, c2, c3 = table[:, index]
     return c0 + t * (c1 + t * (c2 + t * c3)), ((c1 + t * (2 * c2 + 3 * t * c3)) / (_STEP * radius),)
