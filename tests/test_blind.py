@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from motoremi.blind.cases import Case, catalogue_kinds, draw_many
+from motoremi.blind.cases import Case, catalogue_kinds, draw, draw_many
 from motoremi.blind.challenge import SEALED, make_challenge, reveal
 from motoremi.blind.scoreboard import Played, play_all, summary
 from motoremi.blind.scoring import Answer, hit, named_exactly, outcome
 from motoremi.blind.table import markdown, write_all
 from motoremi.cli.app import app
 from motoremi.data.session import load, verify
+from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.errors import BadInput
+from motoremi.fitting.fit import fit
+from motoremi.model.motor import dc_motor
 
 
 def answer(verdict: str = "missing-effect", *effects: str, families: tuple[tuple[str, ...], ...] = (), confidence: float = 0.9) -> Answer:
@@ -161,3 +164,11 @@ def test_a_game_is_the_same_in_any_number_of_processes():
         assert (one.case, one.outcome) == (other.case, other.outcome)
         assert one.answer.effects == other.answer.effects
         assert one.answer.confidence == pytest.approx(other.answer.confidence, rel=1e-9)
+
+
+def test_of_two_equal_curves_the_one_of_usual_size_comes_first():
+    # A relaxing slot insulation is exactly a bearing film of more than a nanofarad, which no textbook's bearing has.
+    case = draw(555, 43)
+    assert case.hidden == ("dielectric-relaxation@Cr",)
+    found = diagnose(fit(dc_motor(), case.sweeps()))
+    assert found.families == (("dielectric-relaxation@Cr", "bearing-film"),)

@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
-from workbench_tools import ATTACKS, bench_of, client_of, listening, make_session, served, until
+from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.workbench.desk import Desk
@@ -28,10 +28,7 @@ RUN = {"procedure": "impedance_only", "bench": "simulated", "motor": "M1", "oper
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory) -> Path:
-    folder = make_session(tmp_path_factory.mktemp("fitted") / "s")
-    Desk(folder).fit()
-    Desk(folder).diagnose()
-    return folder
+    return make_fitted_session(tmp_path_factory.mktemp("fitted") / "s")
 
 
 @pytest.fixture

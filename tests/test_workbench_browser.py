@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
-from workbench_tools import ATTACKS, bench_of, make_session, served
+from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
 from motoremi.data.session import load, reopen
 from motoremi.data.spectrum import Spectrum
@@ -187,10 +187,7 @@ def test_the_story_by_clicks(browser, tmp_path):
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory) -> Path:
-    folder = make_session(tmp_path_factory.mktemp("browser") / "fitted")
-    Desk(folder).fit()
-    Desk(folder).diagnose()
-    return folder
+    return make_fitted_session(tmp_path_factory.mktemp("browser") / "fitted")
 
 
 def test_the_story_by_keys(browser, fitted):

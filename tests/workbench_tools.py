@@ -19,6 +19,7 @@ from starlette.testclient import TestClient
 from motoremi.data.session import SessionWriter
 from motoremi.data.spectrum import Spectrum
 from motoremi.workbench.app import Workbench, make_app
+from motoremi.workbench.desk import Desk
 from motoremi.workbench.server import Server
 from motoremi.workbench.shelf import Shelf
 
@@ -63,6 +64,14 @@ def make_session(folder: Path, seed: int = 7, effects: tuple[str, ...] = ("eddy-
         writer.add_spectrum(Spectrum("peak", FREQUENCY_HZ, 60 - 10 * (FREQUENCY_HZ / 30e6)))
         writer.close("done")
     return folder
+
+
+def make_fitted_session(folder: Path) -> Path:
+    """Such a session, fitted and diagnosed."""
+    desk = Desk(make_session(folder))
+    desk.fit()
+    desk.diagnose()
+    return desk.path
 
 
 @contextmanager

@@ -222,7 +222,7 @@ def _fitted(measurement: Measurement) -> CausalModel:
     seen = observed(measurement, None, "likelihood", np.inf)
     sweep = seen.sweeps[0]
     measured: ComplexArray = sweep.measured
-    reference = float(np.exp(np.mean(np.log(np.abs(sweep.measured)))))
+    reference = float(np.exp(np.mean(np.log(np.abs(measured)))))
     unit = float(2 * np.pi * np.exp(np.mean(np.log(sweep.frequency_hz))))
     reflection: ComplexArray = np.asarray((measured - reference) / (measured + reference), dtype=np.complex128)
     shares = np.sum(seen.directions**2, axis=0)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from scipy.fft import dct
@@ -38,6 +38,11 @@ PAIRS_SEARCHED = 4
 SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
+
+
+# A first effect and a second one.
+Pair: TypeAlias = tuple[str, str]
+Name = TypeVar("Name", str, Pair)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +170,7 @@ def simplest_form(fit: Fit, effect: str) -> float:
     for index, parameter in enumerate(problem.unknowns):
         if parameter.special is None or not parameter.name.startswith(f"{label}."):
             continue
-        away = fit.unknowns[index] - problem.vector({**fit.parameters, parameter.name: parameter.special})[index]
+        away = fit.unknowns[index] - problem.unknown(index, parameter.special)
         variance = max(float(fit.covariance[index, index]), 1e-18)
         factor = np.log((problem.high[index] - problem.low[index]) / np.sqrt(2 * np.pi * variance)) - 0.5 * away**2 / variance
         gained += float(np.logaddexp(0.0, factor) - np.log(2))
@@ -182,7 +187,7 @@ def usual_size(fit: Fit, effect: str) -> float:
     for index, parameter in enumerate(problem.unknowns):
         if parameter.usual is None or not (parameter.name.startswith(f"{label}.") or "." not in parameter.name):
             continue
-        low, high = (problem.vector({**fit.parameters, parameter.name: value})[index] for value in parameter.usual)
+        low, high = (problem.unknown(index, value) for value in parameter.usual)
         deviation = np.sqrt(max(float(fit.covariance[index, index]), 1e-18))
         inside = float(ndtr((high - fit.unknowns[index]) / deviation) - ndtr((low - fit.unknowns[index]) / deviation))
         density = 0.5 + 0.5 * inside * (problem.high[index] - problem.low[index]) / (high - low)
@@ -219,6 +224,11 @@ def possible_effects(fit: Fit) -> list[str]:
     return names
 
 
+def _nearest(looks: Mapping[Name, Scouted]) -> list[Name]:
+    """Those that describe the data best first."""
+    return sorted(looks, key=lambda name: looks[name].objective)
+
+
 def glances(before: Fit, progress: Progress | None = None) -> dict[str, Scouted]:
     """A quick look at every possible effect; those that lead furthest are followed to their end."""
     names = possible_effects(before)
@@ -227,7 +237,7 @@ def glances(before: Fit, progress: Progress | None = None) -> dict[str, Scouted]
         if progress is not None:
             progress(" + ".join((*before.effects, name)), index, len(names))
         found[name] = glance_at(before, name)
-    nearest = sorted(found, key=lambda name: found[name].objective)
+    nearest = _nearest(found)
     for name in (*nearest[:PURSUED], *(other for other in nearest[PURSUED:] if _alike(other, nearest[0]))):
         found[name] = pursued(found[name])
     return found
@@ -248,7 +258,7 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
         Told the effect's name, how many are done, and of how many.
     """
     looks = glances(before, progress)
-    nearest = sorted(looks, key=lambda name: looks[name].objective)
+    nearest = _nearest(looks)
     best = looks[nearest[0]]
     rivals = [name for name in nearest[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective]
     for name in rivals if best.right else nearest[:SEARCHED_IN_THE_DARK]:
@@ -259,7 +269,7 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
 
 def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
     """Candidates from first looks; best evidence first."""
-    nearest = sorted(looks, key=lambda name: looks[name].objective)
+    nearest = _nearest(looks)
     best = looks[nearest[0]]
     limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[nearest[:POLISHED_IN_THE_DARK][-1]].objective
     ranked = [evaluate(before, name, look, polished=look.objective <= limit) for name, look in looks.items()]
@@ -270,21 +280,20 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
     """The most promising of the single effects as the first of two, and candidates for the second one beside it.
 
     What describes the data best alone need not be one of the two, so the search starts from several; and since the fit of a single
-    effect may lie in a wrong valley, each of them is also looked at as the second one beside all others.
+    effect may lie in a wrong valley, the most promising are also looked at as the second one beside all others.
     """
     by_name = {single.effect: single for single in singles}
-    looks: dict[tuple[str, str], Scouted] = {}
+    looks: dict[Pair, Scouted] = {}
     waiting, tried = [single.effect for single in singles[:BEAM]], list[str]()
     while waiting and len(tried) < MOST_FIRST:
         first = waiting.pop(0)
         tried.append(first)
         # What the data favour most, alone or as a second effect, deserves a look from both sides.
-        for more in (_seconds,) if 1 < len(tried) <= BEAM else (_seconds, _firsts):
-            found = more(by_name, first, looks, progress)
+        for found in _rounds(by_name, first, not 1 < len(tried) <= BEAM, looks, progress):
             looks.update(found)
-            right = [pair for pair in found if found[pair].right]
+            right = {pair: look for pair, look in found.items() if look.right}
             if right:
-                leader = min(right, key=lambda pair: found[pair].objective)[0]
+                leader, _ = _nearest(right)[0]
                 ranked = _beside(by_name[leader], looks, progress)
                 if ranked[0].good:
                     return by_name[leader], ranked
@@ -292,35 +301,36 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
             # What helps as a second effect, whatever the first, may be one of the two though it says little alone.
             reached = {name: min(looks[pair].objective for pair in looks if pair[1] == name) for _, name in looks if name not in tried}
             waiting = sorted(reached, key=lambda name: reached[name])[:1]
-    for pair in sorted(looks, key=lambda pair: looks[pair].objective)[:PAIRS_SEARCHED]:
+    for pair in _nearest(looks)[:PAIRS_SEARCHED]:
         if not looks[pair].right:
             looks[pair] = searched_through(looks[pair])
-    leader, _ = min(looks, key=lambda pair: looks[pair].objective)
+    leader, _ = _nearest(looks)[0]
     return by_name[leader], _beside(by_name[leader], looks, progress)
 
 
-Looks: TypeAlias = Mapping[tuple[str, str], Scouted]
+def _rounds(
+    by_name: Mapping[str, Candidate], effect: str, both_sides: bool, looks: Mapping[Pair, Scouted], progress: Progress | None
+) -> Iterator[dict[Pair, Scouted]]:
+    """Looks at every second effect beside this one, then, if asked for, at this one beside every other."""
+    yield {(effect, name): look for name, look in glances(by_name[effect].fit, progress).items()}
+    if both_sides:
+        yield _firsts(by_name, effect, looks, progress)
 
 
-def _seconds(by_name: Mapping[str, Candidate], first: str, looks: Looks, progress: Progress | None) -> dict[tuple[str, str], Scouted]:
-    """Looks at every second effect beside a first one."""
-    return {(first, name): look for name, look in glances(by_name[first].fit, progress).items()}
-
-
-def _firsts(by_name: Mapping[str, Candidate], second: str, looks: Looks, progress: Progress | None) -> dict[tuple[str, str], Scouted]:
+def _firsts(by_name: Mapping[str, Candidate], second: str, looks: Mapping[Pair, Scouted], progress: Progress | None) -> dict[Pair, Scouted]:
     """Looks at a second effect beside every first one."""
-    found: dict[tuple[str, str], Scouted] = {}
+    found: dict[Pair, Scouted] = {}
     for first in by_name:
         if first != second and (first, second) not in looks:
             if progress is not None:
                 progress(f"{first} + {second}", len(found), len(by_name))
             found[first, second] = glance_at(by_name[first].fit, second)
-    for pair in sorted(found, key=lambda pair: found[pair].objective)[:PURSUED]:
+    for pair in _nearest(found)[:PURSUED]:
         found[pair] = pursued(found[pair])
     return found
 
 
-def _beside(first: Candidate, looks: Looks, progress: Progress | None) -> list[Candidate]:
+def _beside(first: Candidate, looks: Mapping[Pair, Scouted], progress: Progress | None) -> list[Candidate]:
     """Candidates for the second effect beside a first one, best evidence first."""
     seen = {pair[1]: look for pair, look in looks.items() if pair[0] == first.effect}
     # One that was looked at as a second effect only has not been seen beside the others.

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 # Log evidence that an effect must bring to be believed (some 150 to 1), and within which two effects cannot be told apart.
 LEAST_GAIN = 5.0
 FAMILY_GAP = 3.0
-LARGEST_FAMILY = 3
 # A model whose robust chi2 is above this leaves something unexplained; with the right effect it comes to 0.1 to 1.3.
 GOOD_CHI2 = 3.0
 BOUND_PENALTY = 3.0

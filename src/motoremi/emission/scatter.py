@@ -37,6 +37,12 @@ def scatter_db(level_dbuv: FloatArray) -> FloatArray:
     return clipped
 
 
+def even_steps(frequency_hz: FloatArray) -> tuple[FloatArray, float]:
+    """Frequencies in equal steps over a scan, and the step, in Hz: points that were left out, overloaded ones for example, can be bridged."""
+    step_hz = float(np.median(np.diff(frequency_hz)))
+    return np.arange(frequency_hz[0], frequency_hz[-1], step_hz), step_hz
+
+
 def ripple_columns(frequency_hz: FloatArray, detectors: int) -> FloatArray:
     """What the readings of all detectors may be off by, smoothly along frequency, for unknowns of standard deviation 1.
 

@@ -15,6 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from motoremi.arrays import FloatArray
 from motoremi.emission.problem import Problem
+from motoremi.emission.scatter import even_steps
 
 # Of the chopper and of its pulses.
 _SLOWEST_HZ, _FASTEST_HZ = 2.5e3, 60e3
@@ -60,11 +61,9 @@ def _nearest(sized: list[tuple[float, dict[str, float]]]) -> list[dict[str, floa
 
 def _ripples(frequency_hz: FloatArray, level_dbuv: FloatArray) -> tuple[list[float], list[float]]:
     """Periods and widths of pulses, in s, strongest first; none where the scan is too short."""
-    step = float(np.median(np.diff(frequency_hz)))
-    even_hz = np.arange(frequency_hz[0], frequency_hz[-1], step)
+    even_hz, step = even_steps(frequency_hz)
     if even_hz[-1] - even_hz[0] < 2 * _WIDEST_HZ:
         return [], []
-    # Points that were left out, overloaded ones for example, are bridged.
     level = np.interp(even_hz, frequency_hz, level_dbuv)
     smooth = uniform_filter1d(level, max(3, round(_WIDEST_HZ / step)), mode="nearest")
     detail = np.clip(level - smooth, -_MOST_DB, _MOST_DB) * np.hanning(level.size)

@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.emission.band import Band
 from motoremi.emission.reading import Readings
+from motoremi.emission.scatter import even_steps
 
 # A station stands out from its surroundings (so many points either side), and is over so many points beside its top.
 _STANDS_OUT_DB = 5.0
@@ -48,11 +49,9 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
     """
     if frequency_hz.size < 4 * _AROUND:
         return ()
-    step = float(np.median(np.diff(frequency_hz)))
+    even_hz, step = even_steps(frequency_hz)
     if step > 0.6 * band.bandwidth_hz:
         return ()
-    # Points that were left out, overloaded ones for example, are bridged.
-    even_hz = np.arange(frequency_hz[0], frequency_hz[-1], step)
     levels = {detector: np.interp(even_hz, frequency_hz, level) for detector, level in levels_dbuv.items()}
     average = levels.get("average", next(iter(levels.values())))
     peak = levels.get("peak", average)

@@ -148,10 +148,3 @@ def informative_points(frequency_hz: FloatArray, impedance_ohm: ComplexArray, co
     turn = 0.5 * np.hypot(np.diff(np.log(np.abs(impedance_ohm))), np.diff(np.unwrap(np.angle(impedance_ohm))))
     length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), turn))])
     return np.unique(np.searchsorted(length, np.linspace(0, length[-1] * (1 - 1e-12), count)))
-
-
-def wrapped(logarithm: ComplexArray) -> ComplexArray:
-    """The phase moved into ±180 degrees."""
-    phase = np.remainder(logarithm.imag + np.pi, 2 * np.pi) - np.pi
-    result: ComplexArray = logarithm.real + 1j * phase
-    return result

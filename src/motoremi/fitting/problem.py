@@ -19,7 +19,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
-from motoremi.fitting.observed import ObservedSweep, Weights, observed, wrapped
+from motoremi.fitting.observed import ObservedSweep, Weights, observed
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Series, Shunted, Tape
 from motoremi.model.laws import ValueAndSlopes
@@ -171,11 +171,14 @@ class Problem:
         u = np.empty(len(self.unknowns))
         for index, parameter in enumerate(self.unknowns):
             if parameter.name in values:
-                value = float(values[parameter.name])
-                u[index] = np.log(max(value, 1e-300)) if self._log[index] else value / self._scale[index]
+                u[index] = self.unknown(index, float(values[parameter.name]))
             else:
                 u[index] = 0.5 * (self.low[index] + self.high[index]) if self._log[index] else 0.0
         return self.clip(u)
+
+    def unknown(self, index: int, value: float) -> float:
+        """One unknown from its value in SI units, bounds or not."""
+        return float(np.log(max(value, 1e-300)) if self._log[index] else value / self._scale[index])
 
     def named(self, u: FloatArray) -> dict[str, float]:
         """Values in SI units by name."""
@@ -255,7 +258,7 @@ class Problem:
         ahead = self.deviation(u + fraction * step)
         along_step = (step[..., None, :] @ here.jacobian)[..., 0, :]
         before = (here.residual[..., : self.size] + 1j * here.residual[..., self.size :]) / self.observed.weight
-        turned = _parts(wrapped(ahead - before) * self.observed.weight)
+        turned = _parts(_wrapped(ahead - before) * self.observed.weight)
         second = 2 / fraction * (turned / fraction - along_step)
         return _product(here.jacobian, second) - _product(here.along, self._along(second))
 
@@ -290,6 +293,13 @@ def _logarithm(ratio: ComplexArray) -> ComplexArray:
     result = np.empty(ratio.shape, dtype=np.complex128)
     result.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
     result.imag = np.arctan2(ratio.imag, ratio.real)
+    return result
+
+
+def _wrapped(logarithm: ComplexArray) -> ComplexArray:
+    """The phase moved into ±180 degrees."""
+    phase = np.remainder(logarithm.imag + np.pi, 2 * np.pi) - np.pi
+    result: ComplexArray = logarithm.real + 1j * phase
     return result
 
 

@@ -23,14 +23,16 @@ from motoremi.model.motor import Motor
 # Points a sweep for searching; the final polish uses all.
 SEARCH_POINTS = 48
 EFFECT_POINTS = 80
-# Steps of a glance: for all start values, for the best of each group, for the best few.
-MUCH_BETTER = 0.02
+# Steps of a glance: for all start values, for the best of each group (so many groups at most), for the best few.
 GLANCE_STEPS = (4, 12, 12)
+MOST_LEADERS = 9
+# A search may stop once it leaves so much less than the model before.
+MUCH_BETTER = 0.02
 # Steps by the likelihood: few, but more where the analyser's errors blur what the search can see.
 FEW_STEPS = 6
 STEPS_IF_BLURRED = 20
+# Steps for all start values where they are searched through, and how many at least go on up the band.
 FIRST_STEPS = 7
-MOST_LEADERS = 9
 FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
@@ -162,6 +164,7 @@ class Scouted:
 
     Parameters
     ----------
+    task : Task
     search : Problem
         On a thinned grid.
     thinned : Problem
