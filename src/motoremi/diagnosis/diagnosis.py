@@ -12,8 +12,9 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank, rank_pairs
+from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank
 from motoremi.diagnosis.following import next_measurement
+from motoremi.diagnosis.pairs import RIVALS, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.fit import refit_without
@@ -184,7 +185,7 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     Diagnosis
     """
     where = compare(fit).where
-    candidates = rank(fit, progress)
+    candidates = rank(fit, progress=progress)
     weight = effective_share(candidates[0].fit if candidates[0].good else fit)
     probabilities = _posterior(fit, candidates, weight)
     none = 1 - sum(probabilities.values())
@@ -232,14 +233,18 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
     if first.good:
         return alone
     start, ranked = rank_pairs(candidates, progress)
-    kept = start.fit
     if ranked[0].log_evidence - first.log_evidence < LEAST_GAIN:
         return alone
-    for _ in range(EXCHANGES if ranked[0].good else 1):
+    kept = start.fit
+    for _ in range(EXCHANGES):
         pair = ranked[0]
-        other = refit_without(pair.fit, kept.effects[-1])
-        others = rank(other, progress)
-        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, kept.effects[-1]: others})
+        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, kept.effects[-1]: []})
+        if not pair.good:
+            break
+        # The values of the pair lead to a better valley than those found without it.
+        other = refit_without(pair.fit, kept.effects[-1], thorough=False)
+        others = rank(other, RIVALS, pair.fit.parameters, progress)
+        found.rivals[kept.effects[-1]] = others
         if is_good(other):
             return _Explanation((fit, other), {other.effects[-1]: candidates})
         if others[0].log_evidence < pair.log_evidence + LEAST_GAIN:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy.fft import dct
 from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.fitting.fit import glance_at, settled
+from motoremi.fitting.fit import begin_at, settled
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import Scouted, good_enough, pursued, searched_through
+from motoremi.fitting.search import Begun, Scouted, followed, good_enough, pursued, searched_through
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.quantities import show
 
@@ -28,21 +28,13 @@ SEARCHED_FACTOR = 10.0
 SEARCHED_IN_THE_DARK = 2
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 4
-# A second effect that leaves so many times the best one's chi-squared is no rival of it.
-HOPELESS_FACTOR = 30.0
-# From how many of the best single effects a second one is looked for, and from how many in all; how many pairs are then searched through.
-BEAM = 3
-MOST_FIRST = 5
-PAIRS_SEARCHED = 4
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
 SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
 
 
-# A first effect and a second one.
-Pair: TypeAlias = tuple[str, str]
-Name = TypeVar("Name", str, Pair)
+Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,21 +216,32 @@ def possible_effects(fit: Fit) -> list[str]:
     return names
 
 
-def _nearest(looks: Mapping[Name, Scouted]) -> list[Name]:
+def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
     """Those that describe the data best first."""
     return sorted(looks, key=lambda name: looks[name].objective)
 
 
-def glances(before: Fit, progress: Progress | None = None) -> dict[str, Scouted]:
-    """A quick look at every possible effect; those that lead furthest are followed to their end."""
-    names = possible_effects(before)
+def begun_with(
+    pairs: Iterable[tuple[Name, Fit, str]], near: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> dict[Name, Begun]:
+    """First steps of several fits, each with one more effect."""
+    jobs = list(pairs)
     found = {}
-    for index, name in enumerate(names):
+    for index, (name, before, effect) in enumerate(jobs):
         if progress is not None:
-            progress(" + ".join((*before.effects, name)), index, len(names))
-        found[name] = glance_at(before, name)
-    nearest = _nearest(found)
-    for name in (*nearest[:PURSUED], *(other for other in nearest[PURSUED:] if _alike(other, nearest[0]))):
+            progress(" + ".join((*before.effects, effect)), index, len(jobs))
+        found[name] = begin_at(before, effect, near=near)
+    return found
+
+
+def glances(
+    before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> dict[str, Scouted]:
+    """A quick look at every possible effect, or at so many of those that begin best; the nearest are followed to their end."""
+    begun = begun_with(((name, before, name) for name in possible_effects(before)), near, progress)
+    found = {name: followed(begun[name]) for name in nearest(begun)[:most]}
+    first, *others = nearest(found)
+    for name in (first, *others[: PURSUED - 1], *(other for other in others[PURSUED - 1 :] if _alike(other, first))):
         found[name] = pursued(found[name])
     return found
 
@@ -249,19 +252,23 @@ def _alike(one: str, other: str) -> bool:
     return bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
 
 
-def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
+def rank(before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None) -> list[Candidate]:
     """Refit with every possible effect, the promising ones on all points; best evidence first.
 
     Parameters
     ----------
+    most : int, optional
+        Leave it at so many of those that begin best.
+    near : mapping, optional
+        Parameters of a solution with another effect, in SI units.
     progress : callable, optional
         Told the effect's name, how many are done, and of how many.
     """
-    looks = glances(before, progress)
-    nearest = _nearest(looks)
-    best = looks[nearest[0]]
-    rivals = [name for name in nearest[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective]
-    for name in rivals if best.right else nearest[:SEARCHED_IN_THE_DARK]:
+    looks = glances(before, most, near, progress)
+    order = nearest(looks)
+    best = looks[order[0]]
+    rivals = [name for name in order[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective]
+    for name in rivals if best.right else order[:SEARCHED_IN_THE_DARK]:
         if not looks[name].right:
             looks[name] = searched_through(looks[name])
     return refitted(before, looks)
@@ -269,71 +276,8 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
 
 def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
     """Candidates from first looks; best evidence first."""
-    nearest = _nearest(looks)
-    best = looks[nearest[0]]
-    limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[nearest[:POLISHED_IN_THE_DARK][-1]].objective
+    order = nearest(looks)
+    best = looks[order[0]]
+    limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[order[:POLISHED_IN_THE_DARK][-1]].objective
     ranked = [evaluate(before, name, look, polished=look.objective <= limit) for name, look in looks.items()]
     return sorted(ranked, key=lambda candidate: -candidate.log_evidence)
-
-
-def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -> tuple[Candidate, list[Candidate]]:
-    """The most promising of the single effects as the first of two, and candidates for the second one beside it.
-
-    What describes the data best alone need not be one of the two, so the search starts from several; and since the fit of a single
-    effect may lie in a wrong valley, the most promising are also looked at as the second one beside all others.
-    """
-    by_name = {single.effect: single for single in singles}
-    looks: dict[Pair, Scouted] = {}
-    waiting, tried = [single.effect for single in singles[:BEAM]], list[str]()
-    while waiting and len(tried) < MOST_FIRST:
-        first = waiting.pop(0)
-        tried.append(first)
-        # What the data favour most, alone or as a second effect, deserves a look from both sides.
-        for found in _rounds(by_name, first, not 1 < len(tried) <= BEAM, looks, progress):
-            looks.update(found)
-            right = {pair: look for pair, look in found.items() if look.right}
-            if right:
-                leader, _ = _nearest(right)[0]
-                ranked = _beside(by_name[leader], looks, progress)
-                if ranked[0].good:
-                    return by_name[leader], ranked
-        if not waiting:
-            # What helps as a second effect, whatever the first, may be one of the two though it says little alone.
-            reached = {name: min(looks[pair].objective for pair in looks if pair[1] == name) for _, name in looks if name not in tried}
-            waiting = sorted(reached, key=lambda name: reached[name])[:1]
-    for pair in _nearest(looks)[:PAIRS_SEARCHED]:
-        if not looks[pair].right:
-            looks[pair] = searched_through(looks[pair])
-    leader, _ = _nearest(looks)[0]
-    return by_name[leader], _beside(by_name[leader], looks, progress)
-
-
-def _rounds(
-    by_name: Mapping[str, Candidate], effect: str, both_sides: bool, looks: Mapping[Pair, Scouted], progress: Progress | None
-) -> Iterator[dict[Pair, Scouted]]:
-    """Looks at every second effect beside this one, then, if asked for, at this one beside every other."""
-    yield {(effect, name): look for name, look in glances(by_name[effect].fit, progress).items()}
-    if both_sides:
-        yield _firsts(by_name, effect, looks, progress)
-
-
-def _firsts(by_name: Mapping[str, Candidate], second: str, looks: Mapping[Pair, Scouted], progress: Progress | None) -> dict[Pair, Scouted]:
-    """Looks at a second effect beside every first one."""
-    found: dict[Pair, Scouted] = {}
-    for first in by_name:
-        if first != second and (first, second) not in looks:
-            if progress is not None:
-                progress(f"{first} + {second}", len(found), len(by_name))
-            found[first, second] = glance_at(by_name[first].fit, second)
-    for pair in _nearest(found)[:PURSUED]:
-        found[pair] = pursued(found[pair])
-    return found
-
-
-def _beside(first: Candidate, looks: Mapping[Pair, Scouted], progress: Progress | None) -> list[Candidate]:
-    """Candidates for the second effect beside a first one, best evidence first."""
-    seen = {pair[1]: look for pair, look in looks.items() if pair[0] == first.effect}
-    # One that was looked at as a second effect only has not been seen beside the others.
-    found = ({} if len(seen) > 1 else glances(first.fit, progress)) | seen
-    limit = HOPELESS_FACTOR * min(look.objective for look in found.values())
-    return refitted(first.fit, {name: look for name, look in found.items() if look.objective <= limit})

@@ -12,7 +12,7 @@ from motoremi.diagnosis.parts import with_element
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit, summarise
-from motoremi.fitting.search import Task, base_starts, glance, until_right
+from motoremi.fitting.search import Task, base_starts, begin, followed, until_right
 from motoremi.model import laws
 from motoremi.model.circuit import Scaled
 from motoremi.model.motor import Motor
@@ -79,7 +79,7 @@ def _resonating(fit: Fit, element: str) -> dict[str, float]:
     tried = [(0.002, f, 10.0) for f in np.geomspace(frequency.min(), frequency.max(), 24)]
     tried += [(0.04, f, q) for f in np.geomspace(frequency.min(), frequency.max(), 6) for q in (0.5, 10.0)]
     starts = [{**base, "free strength": b, "free resonance": f, "free quality": q} for b, f, q in tried for base in bases]
-    found = until_right(glance(Task(motor, fit.measurement, fit.bounds, fit.held), starts, group=len(bases)))
+    found = until_right(followed(begin(Task(motor, fit.measurement, fit.bounds, fit.held), starts, group=len(bases))))
     return found.thinned.named(found.likely.u[found.likely.best])
 
 

@@ -19,7 +19,7 @@ from motoremi.diagnosis.causal import CausalModel, alone, check_causality
 from motoremi.diagnosis.evidence import is_good
 from motoremi.fitting.fit import fit, settled
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import Task, glance, searched_through
+from motoremi.fitting.search import Task, begin, followed, searched_through
 from motoremi.fitting.starts import data_driven_starts
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
@@ -147,7 +147,7 @@ def _open_alone(both: Fit) -> Fit:
     starts = [{**both.parameters}]
     for winding in _windings(check_causality(measurement).models["open"]):
         starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
-    fits = [settled(searched_through(glance(task, [start])), both, thorough=False) for start in starts]
+    fits = [settled(searched_through(followed(begin(task, [start]))), both, thorough=False) for start in starts]
     good = [one for one in fits if is_good(one)]
     if good:
         return min(good, key=lambda one: abs(np.log(one.parameters["La"] / both.parameters["La"])))

@@ -15,7 +15,7 @@ from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
-from motoremi.fitting.search import Scouted, Task, base_starts, glance, search_base, settle, until_right
+from motoremi.fitting.search import FIRST_STEPS, RIVAL_STEPS, Begun, Scouted, Task, base_starts, begin, followed, search_base, settle, until_right
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 
@@ -112,10 +112,14 @@ def _by_the_paper(task: Task, seed: int) -> Fit:
     return dataclasses.replace(result, warnings=(*result.warnings, remark))
 
 
-def glance_at(
-    before: Fit, effect: str, held: Mapping[str, float] | None = None, limits: Mapping[str, tuple[float, float]] | None = None
-) -> Scouted:
-    """A quick look at a fit with one more effect, on a thinned grid."""
+def begin_at(
+    before: Fit,
+    effect: str,
+    held: Mapping[str, float] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    near: Mapping[str, float] | None = None,
+) -> Begun:
+    """First steps of a fit with one more effect, on a thinned grid; also from the values `near` a solution with a rival in its place."""
     added = find_effect(effect)
     label = added.label_in(before.motor)
     motor = added.added_to(before.motor)
@@ -129,12 +133,15 @@ def glance_at(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
-    bases = base_starts(own, before.measurement, few=len(tried) > 9)
-    if before.effects:
-        # With effects, the search's best and the likelihood's may lie in different valleys.
-        bases.append({**own, **before.parameters})
+    if near:
+        bases, steps = [{**own, **near}, own], RIVAL_STEPS
+    else:
+        bases, steps = base_starts(own, before.measurement, few=len(tried) > 9), FIRST_STEPS
+        if before.effects:
+            # With effects, the search's best and the likelihood's may lie in different valleys.
+            bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return glance(task, starts, group=len(bases), before=(before.motor_error_percent / 100) ** 2)
+    return begin(task, starts, group=len(bases), before=(before.motor_error_percent / 100) ** 2, steps=steps)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
@@ -151,7 +158,7 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
-    return settled(until_right(glance_at(before, effect, held, limits)), before, thorough)
+    return settled(until_right(followed(begin_at(before, effect, held, limits))), before, thorough)
 
 
 def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
@@ -177,7 +184,7 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
         return dataclasses.replace(_by_ants(task, before.seed), elapsed_s=time.perf_counter() - started)
     own = {name: value for name, value in before.parameters.items() if name in names}
     starts = [{**own, **base} for base in base_starts(own, before.measurement, few=False)]
-    return settled(until_right(glance(task, starts)), before, thorough)
+    return settled(until_right(followed(begin(task, starts))), before, thorough)
 
 
 def settled(scouted: Scouted, before: Fit, thorough: bool, polished: bool = True) -> Fit:

@@ -22,9 +22,13 @@ from motoremi.model.motor import Motor
 
 # Points a sweep for searching; the final polish uses all.
 SEARCH_POINTS = 48
+FIRST_POINTS = 40
 EFFECT_POINTS = 80
-# Steps of a glance: for all start values, for the best of each group (so many groups at most), for the best few.
-GLANCE_STEPS = (4, 12, 12)
+# Steps for all start values on few points; for those near a solution with another effect.
+FIRST_STEPS = 4
+RIVAL_STEPS = 12
+# Steps of a glance beyond these: for the best of each group (so many groups at most), for the best few.
+GLANCE_STEPS = (12, 12)
 MOST_LEADERS = 9
 # A search may stop once it leaves so much less than the model before.
 MUCH_BETTER = 0.02
@@ -32,7 +36,7 @@ MUCH_BETTER = 0.02
 FEW_STEPS = 6
 STEPS_IF_BLURRED = 20
 # Steps for all start values where they are searched through, and how many at least go on up the band.
-FIRST_STEPS = 7
+THOROUGH_STEPS = 7
 FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
@@ -200,6 +204,10 @@ class Scouted:
         """Minus twice the log likelihood of the best end, on the thinned grid."""
         return float(self.likely.objective[self.likely.best])
 
+    def values(self) -> dict[str, float]:
+        """Parameters of the best end in SI units."""
+        return self.thinned.named(self.likely.u[self.likely.best])
+
 
 def _judged(search: Problem, thinned: Problem, found: Polished, iterations: int) -> Polished:
     """The best ends of a search polished by the likelihood, still on the thinned grid."""
@@ -207,32 +215,61 @@ def _judged(search: Problem, thinned: Problem, found: Polished, iterations: int)
     return polish(thinned, ends, iterations=iterations, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(thinned))
 
 
-def glance(task: Task, starts: Sequence[Mapping[str, float]], group: int = 1, before: float = np.inf) -> Scouted:
-    """Follow start values that need not lead anywhere: a few steps for all, some more for the better, and a few by the likelihood.
+@dataclass(frozen=True)
+class Begun:
+    """Start values after their first steps, on few points: that tells which effects are worth following.
 
     Parameters
     ----------
     task : Task
-    starts : sequence of mapping
+    starts : ndarray, shape (m, k)
     group : int
         See `Scouted`.
     before : float
         Mean square of ln(Z_model/Z_measured) that is to be improved upon.
+    ends : Polished
     """
+
+    task: Task
+    starts: FloatArray
+    group: int
+    before: float
+    ends: Polished
+
+    @property
+    def objective(self) -> float:
+        """Sum of squares that the best of them leaves."""
+        return float(self.ends.objective[self.ends.best])
+
+
+def _enough(search: Problem, before: float) -> float:
+    return min(0.1 * search.observed.expected_objective, MUCH_BETTER * before * search.size)
+
+
+def begin(
+    task: Task, starts: Sequence[Mapping[str, float]], group: int = 1, before: float = np.inf, steps: int = FIRST_STEPS
+) -> Begun:
+    """A few steps for all start values, which need not lead anywhere; parameters as those of `Begun`."""
+    search = task.thinned(FIRST_POINTS)
+    first = np.array([search.vector(start) for start in starts])
+    ends = polish(search, first, iterations=steps, **ROUGH, enough=_enough(search, before))
+    return Begun(task, first, group, before, ends)
+
+
+def followed(begun: Begun) -> Scouted:
+    """Some more steps for the better ones of what was begun, and a few by the likelihood."""
+    task = begun.task
     search = task.thinned(EFFECT_POINTS)
     thinned = Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
-    first = np.array([search.vector(start) for start in starts])
-    enough = min(0.1 * search.observed.expected_objective, MUCH_BETTER * before * search.size)
-    part = polish(search, first, iterations=GLANCE_STEPS[0], **ROUGH, enough=enough)
-    evaluations = part.evaluations
-    u = part.u[_leaders(part.objective, group)[:MOST_LEADERS]]
-    for steps in GLANCE_STEPS[1:]:
+    enough = _enough(search, begun.before)
+    u, evaluations = begun.ends.u[_leaders(begun.ends.objective, begun.group)[:MOST_LEADERS]], begun.ends.evaluations
+    for steps in GLANCE_STEPS:
         part = polish(search, u, iterations=steps, **ROUGH, enough=enough)
         u, evaluations = part.distinct(3), evaluations + part.evaluations
     found = dataclasses.replace(part, evaluations=evaluations)
     blurred = found.objective[found.best] < search.observed.expected_objective
     likely = _judged(search, thinned, found, STEPS_IF_BLURRED if blurred else FEW_STEPS)
-    return Scouted(task, search, thinned, first, group, enough, found, likely)
+    return Scouted(task, search, thinned, begun.starts, begun.group, enough, found, likely)
 
 
 def _leaders(objective: FloatArray, group: int) -> np.ndarray:
@@ -253,13 +290,13 @@ def pursued(glanced: Scouted) -> Scouted:
 def searched_through(glanced: Scouted) -> Scouted:
     """The same starts once more without haste: more steps before the best are chosen, and the low end of the band comes first."""
     search = glanced.search
-    first = polish(search, glanced.starts, iterations=FIRST_STEPS, **ROUGH)
+    first = polish(search, glanced.starts, iterations=THOROUGH_STEPS, **ROUGH)
     leaders = _leaders(first.objective, glanced.group)
     found = polish(search, first.u[leaders[:MOST_LEADERS]], iterations=40, **ROUGH, enough=glanced.enough)
     if found.objective[found.best] > glanced.enough:
         found = found.joined(_climb(glanced.task, search, glanced.starts[leaders]))
     found = found.joined(glanced.found)
-    return dataclasses.replace(glanced, found=found, likely=_judged(search, glanced.thinned, found, 60))
+    return dataclasses.replace(glanced, found=found, likely=_judged(search, glanced.thinned, found, 60).joined(glanced.likely))
 
 
 def until_right(glanced: Scouted) -> Scouted:
