@@ -17,7 +17,8 @@ from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.pairs import RIVALS, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
-from motoremi.fitting.fit import refit_without
+from motoremi.fitting.fit import settled, trail_without
+from motoremi.fitting.looks import Scouted, glance, pursue
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
@@ -242,7 +243,8 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
         if not pair.good:
             break
         # The values of the pair lead to a better valley than those found without it.
-        other = refit_without(pair.fit, kept.effects[-1], thorough=False)
+        look = glance(trail_without(pair.fit, kept.effects[-1]))
+        other = settled(Scouted(look.trail, pursue(look)), pair.fit, thorough=False)
         others = rank(other, RIVALS, pair.fit.parameters, progress)
         found.rivals[kept.effects[-1]] = others
         if is_good(other):

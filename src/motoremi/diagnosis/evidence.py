@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -11,11 +11,13 @@ from scipy.fft import dct
 from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.fitting.fit import begin_at, settled
+from motoremi.fitting.fit import told, trail_to
+from motoremi.fitting.looks import FEW_POINTS, POINTS, Begun, Ends, Scouted, Trail, begin, follow, pursue, search_through, settle
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import Begun, Scouted, followed, good_enough, pursued, searched_through
+from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.quantities import show
+from motoremi.spread import spread
 
 # Candidates whose first look ends within this factor (and so many units of chi-squared) of one that is right are refitted on all points.
 PROMISING_FACTOR = 2.0
@@ -25,9 +27,11 @@ PURSUED = 6
 # How many of the nearest are searched through: with one that explains everything at hand, those within a factor of its chi-squared.
 SEARCHED = 5
 SEARCHED_FACTOR = 10.0
-SEARCHED_IN_THE_DARK = 2
+SEARCHED_IN_THE_DARK = 3
+# One that leaves so many times the chi-squared of one that explains everything is no rival of it.
+HOPELESS_FACTOR = 100.0
 # How many are refitted on all points where none is right.
-POLISHED_IN_THE_DARK = 4
+POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
 SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
@@ -193,14 +197,6 @@ def looked_elsewhere(fit: Fit, effect: str) -> float:
     return float(scanned * np.log(np.unique(fit.problem.observed.frequency_hz).size))
 
 
-def evaluate(before: Fit, effect: str, scouted: Scouted, polished: bool) -> Candidate:
-    """The candidate that a first look leads to."""
-    fit = settled(scouted, before, thorough=False, polished=polished)
-    bounds = at_bound(fit, effect)
-    prior = simplest_form(fit, effect) + usual_size(fit, effect) - looked_elsewhere(fit, effect) - BOUND_PENALTY * len(bounds)
-    return Candidate(effect, fit, fit.log_evidence + prior, bounds)
-
-
 def possible_effects(fit: Fit) -> list[str]:
     """Effects that could be added to a fit, given its sweeps."""
     names = []
@@ -221,28 +217,38 @@ def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
     return sorted(looks, key=lambda name: looks[name].objective)
 
 
-def begun_with(
-    pairs: Iterable[tuple[Name, Fit, str]], near: Mapping[str, float] | None = None, progress: Progress | None = None
-) -> dict[Name, Begun]:
-    """First steps of several fits, each with one more effect."""
-    jobs = list(pairs)
-    found = {}
-    for index, (name, before, effect) in enumerate(jobs):
+def begun(trails: Mapping[Name, Trail], progress: Progress | None = None) -> dict[Name, Begun]:
+    """The first steps of several trails."""
+
+    def tell(index: int) -> None:
         if progress is not None:
-            progress(" + ".join((*before.effects, effect)), index, len(jobs))
-        found[name] = begin_at(before, effect, near=near)
-    return found
+            progress(" + ".join(list(trails.values())[index].task.motor.effects), index, len(trails))
+
+    ends = spread(begin, list(trails.values()), tell)
+    return {name: Begun(trail, end) for (name, trail), end in zip(trails.items(), ends, strict=True)}
 
 
-def glances(
-    before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None
-) -> dict[str, Scouted]:
+def followed(these: Mapping[Name, Begun]) -> dict[Name, Scouted]:
+    """What was begun, followed."""
+    ends = spread(follow, list(these.values()))
+    return {name: Scouted(one.trail, end) for (name, one), end in zip(these.items(), ends, strict=True)}
+
+
+def improved(looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[Scouted], Ends]) -> None:
+    """Take some looks further that are not right yet: `pursue` them or `search_through`."""
+    left = [name for name in names if not looks[name].right]
+    for name, ends in zip(left, spread(how, [looks[name] for name in left]), strict=True):
+        looks[name] = Scouted(looks[name].trail, ends)
+
+
+def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None) -> dict[str, Scouted]:
     """A quick look at every possible effect, or at so many of those that begin best; the nearest are followed to their end."""
-    begun = begun_with(((name, before, name) for name in possible_effects(before)), near, progress)
-    found = {name: followed(begun[name]) for name in nearest(begun)[:most]}
-    first, *others = nearest(found)
-    for name in (first, *others[: PURSUED - 1], *(other for other in others[PURSUED - 1 :] if _alike(other, first))):
-        found[name] = pursued(found[name])
+    first = begun({name: trail_to(before, name, near=near, points=FEW_POINTS if near else POINTS) for name in possible_effects(before)}, progress)
+    found = followed({name: first[name] for name in nearest(first)[:most]})
+    order = nearest(found)
+    limit = HOPELESS_FACTOR * found[order[0]].objective if found[order[0]].right else np.inf
+    rivals = (*order[:PURSUED], *(name for name in order[PURSUED:] if _alike(name, order[0])))
+    improved(found, (name for name in rivals if found[name].objective <= limit), pursue)
     return found
 
 
@@ -268,16 +274,21 @@ def rank(before: Fit, most: int | None = None, near: Mapping[str, float] | None 
     order = nearest(looks)
     best = looks[order[0]]
     rivals = [name for name in order[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective]
-    for name in rivals if best.right else order[:SEARCHED_IN_THE_DARK]:
-        if not looks[name].right:
-            looks[name] = searched_through(looks[name])
+    improved(looks, rivals if best.right else order[:SEARCHED_IN_THE_DARK], search_through)
     return refitted(before, looks)
 
 
 def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
-    """Candidates from first looks; best evidence first."""
+    """Candidates from looks; best evidence first."""
     order = nearest(looks)
     best = looks[order[0]]
     limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[order[:POLISHED_IN_THE_DARK][-1]].objective
-    ranked = [evaluate(before, name, look, polished=look.objective <= limit) for name, look in looks.items()]
-    return sorted(ranked, key=lambda candidate: -candidate.log_evidence)
+    found = spread(lambda look: settle(look, before.seed, thorough=False, polished=look.objective <= limit), [looks[name] for name in order])
+    fits = [told(looks[name].trail.task, end, before) for name, end in zip(order, found, strict=True)]
+    return sorted((_candidate(name, fit) for name, fit in zip(order, fits, strict=True)), key=lambda candidate: -candidate.log_evidence)
+
+
+def _candidate(effect: str, fit: Fit) -> Candidate:
+    bounds = at_bound(fit, effect)
+    prior = simplest_form(fit, effect) + usual_size(fit, effect) - looked_elsewhere(fit, effect) - BOUND_PENALTY * len(bounds)
+    return Candidate(effect, fit, fit.log_evidence + prior, bounds)

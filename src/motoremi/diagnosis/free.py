@@ -9,10 +9,12 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.diagnosis.evidence import is_good
 from motoremi.diagnosis.parts import with_element
+from motoremi.fitting.looks import Trail, glance, until_right
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit, summarise
-from motoremi.fitting.search import Task, base_starts, begin, followed, until_right
+from motoremi.fitting.search import Task
+from motoremi.fitting.starts import base_starts
 from motoremi.model import laws
 from motoremi.model.circuit import Scaled
 from motoremi.model.motor import Motor
@@ -79,8 +81,8 @@ def _resonating(fit: Fit, element: str) -> dict[str, float]:
     tried = [(0.002, f, 10.0) for f in np.geomspace(frequency.min(), frequency.max(), 24)]
     tried += [(0.04, f, q) for f in np.geomspace(frequency.min(), frequency.max(), 6) for q in (0.5, 10.0)]
     starts = [{**base, "free strength": b, "free resonance": f, "free quality": q} for b, f, q in tried for base in bases]
-    found = until_right(followed(begin(Task(motor, fit.measurement, fit.bounds, fit.held), starts, group=len(bases))))
-    return found.thinned.named(found.likely.u[found.likely.best])
+    found = until_right(glance(Trail(Task(motor, fit.measurement, fit.bounds, fit.held), starts, len(bases))))
+    return found.values()
 
 
 def _scaled(motor: Motor, element: str, corners_hz: FloatArray, parameters: Sequence[Parameter]) -> Motor:

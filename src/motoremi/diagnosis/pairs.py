@@ -6,41 +6,44 @@ those that begin best, and stops as soon as a pair describes the data down to th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.evidence import Candidate, begun_with, glances, nearest, possible_effects, refitted
-from motoremi.fitting.search import Begun, Scouted, followed, pursued, searched_through
+from motoremi.diagnosis.evidence import Candidate, begun, followed, glances, improved, nearest, possible_effects, refitted
+from motoremi.fitting.fit import trail_to
+from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue, search_through
+from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
 Pair: TypeAlias = tuple[str, str]
-# From how many of the best single effects a second one is looked for, and from how many in all.
-BEAM = 4
-MOST_FIRST = 5
-# Of those that begin together, how many are looked at further, and how many of these are pursued to their end. In 43 blind pairs of other
-# seeds the right one was among the first five of its row in nine cases out of ten, and always among the first thirty of all.
+# From how many of the best single effects a second one is looked for, and from how many more where these do not do.
+FIRSTS = 3
+MORE_FIRSTS = 2
+# Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
+# effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
-# The same over all pairs where none of these is right, and how many are searched through then.
+# The same over all pairs where none of these is right.
 FOLLOWED_LATE = 12
-PURSUED_LATE = 6
-SEARCHED_LATE = 2
-# How often better partners are sought for the two of the nearest pair.
+PURSUED_LATE = 4
+# Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
+NEAR_FACTOR = 100.0
+# How often better partners are sought for the two of the nearest pair, and how many pairs are searched through in the end.
 EXCHANGES = 2
-# Rivals for the second place beside a first effect that are looked at once a pair is right.
-RIVALS = 12
+SEARCHED = 2
+# How many rivals for the second place beside a first effect are looked at once a pair is right.
+RIVALS = 10
 # A second effect that leaves so many times the best one's chi-squared is no rival of it.
 HOPELESS_FACTOR = 30.0
-# How many are refitted where none is right.
-REFITTED_IN_THE_DARK = 4
 
 
 def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -> tuple[Candidate, list[Candidate]]:
     """The most promising of the single effects as the first of two, and candidates for the second one beside it.
 
-    What describes the data best alone need not be one of the two, so the search starts from several; and since the fit of a single
-    effect may lie in a wrong valley, the most promising are also looked at as the second one beside all others.
+    What describes the data best alone need not be one of the two, so the search starts from several; since the fit of a single
+    effect may lie in a wrong valley, the most promising is also looked at as the second one beside all others; and from a pair that is
+    near, better partners are sought for each of the two.
 
     Parameters
     ----------
@@ -58,32 +61,60 @@ class _Search:
         self._progress = progress
         self._begun: dict[Pair, Begun] = {}
         self._looks: dict[Pair, Scouted] = {}
+        self._judged: set[Pair] = set()
+        self._exchanged: set[Pair] = set()
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        waiting, tried = list(self._singles)[:BEAM], list[str]()
-        while waiting and len(tried) < MOST_FIRST:
-            first = waiting.pop(0)
-            tried.append(first)
-            self._look(self._row(first), FOLLOWED, PURSUED)
-            if len(tried) == 1 or len(tried) > BEAM:
-                # What the data favour most, alone or as a second effect, deserves a look from both sides.
-                self._look(self._column(first), FOLLOWED, PURSUED)
-            if (found := self._right()) is not None:
+        for stage in (self._first_rows, self._exchanges, self._more_rows, self._exchanges, self._thoroughly):
+            found = stage()
+            if found is not None:
                 return found
-            if not waiting:
-                # What helps as a second effect, whatever the first, may be one of the two though it says little alone.
-                waiting = [second for _, second in nearest(self._looks) if second not in tried][:1]
-        self._look(self._begun, FOLLOWED_LATE, PURSUED_LATE)
-        for _ in range(EXCHANGES):
-            if (found := self._right()) is not None:
-                return found
-            self._exchange(nearest(self._looks)[0])
-        for pair in nearest(self._looks)[:SEARCHED_LATE]:
-            self._looks[pair] = searched_through(self._looks[pair])
-        if (found := self._right()) is not None:
-            return found
         first, _ = nearest(self._looks)[0]
         return self._singles[first], self._beside(first)
+
+    def _first_rows(self) -> tuple[Candidate, list[Candidate]] | None:
+        for index, first in enumerate(list(self._singles)[:FIRSTS]):
+            self._look(self._row(first), FOLLOWED, PURSUED)
+            if (found := self._right()) is not None:
+                return found
+            if index == 0:
+                # What the data favour most deserves a look from both sides.
+                self._look(self._column(first), FOLLOWED, PURSUED)
+                if (found := self._right()) is not None:
+                    return found
+        return None
+
+    def _more_rows(self) -> tuple[Candidate, list[Candidate]] | None:
+        for first in list(self._singles)[FIRSTS : FIRSTS + MORE_FIRSTS]:
+            self._look(self._row(first), FOLLOWED, PURSUED)
+            if (found := self._right()) is not None:
+                return found
+        self._look(list(self._begun), FOLLOWED_LATE, PURSUED_LATE)
+        return self._right()
+
+    def _exchanges(self) -> tuple[Candidate, list[Candidate]] | None:
+        """Look for a better partner of each of two effects that are near, from where the two of them led."""
+        for _ in range(EXCHANGES):
+            pair = nearest(self._looks)[0]
+            look = self._looks[pair]
+            if look.objective > NEAR_FACTOR * surely_right(look.trail.likelihood) or pair in self._exchanged:
+                return None
+            self._exchanged.add(pair)
+            for kept in pair:
+                fit = self._singles[kept].fit
+                near = look.values()
+                trails = {(kept, other): trail_to(fit, other, near=near, points=FEW_POINTS) for other in possible_effects(fit)}
+                started = begun(trails, self._progress)
+                found = followed({name: started[name] for name in nearest(started)[:FOLLOWED]})
+                improved(found, list(found), pursue)
+                self._take(found)
+            if (right := self._right()) is not None:
+                return right
+        return None
+
+    def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
+        improved(self._looks, nearest(self._looks)[:SEARCHED], search_through)
+        return self._right()
 
     def _row(self, first: str) -> list[Pair]:
         """A first effect with every second one."""
@@ -93,36 +124,29 @@ class _Search:
         """A second effect beside every first one."""
         return [(first, second) for first in self._singles if first != second]
 
-    def _look(self, pairs: Iterable[Pair], most: int, most_pursued: int) -> None:
+    def _look(self, pairs: Sequence[Pair], most: int, most_pursued: int) -> None:
         """Begin what has not been begun, follow those that begin best, and pursue the nearest."""
-        wanted = list(pairs)
-        fresh = ((pair, self._singles[pair[0]].fit, pair[1]) for pair in wanted if pair not in self._begun)
-        self._begun.update(begun_with(fresh, progress=self._progress))
-        left = {pair: self._begun[pair] for pair in wanted if pair not in self._looks}
-        found = {pair: followed(left[pair]) for pair in nearest(left)[:most]}
-        self._looks.update(found)
-        for pair in nearest({pair: look for pair, look in self._looks.items() if pair in wanted})[:most_pursued]:
-            self._looks[pair] = pursued(self._looks[pair])
+        fresh = {pair: trail_to(self._singles[pair[0]].fit, pair[1], points=FEW_POINTS) for pair in pairs if pair not in self._begun}
+        self._begun |= begun(fresh, self._progress)
+        left = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
+        found = followed({pair: left[pair] for pair in nearest(left)[:most]})
+        improved(found, nearest(found)[:most_pursued], pursue)
+        self._take(found)
 
-    def _exchange(self, pair: Pair) -> None:
-        """Look for a better partner of each of two effects, from where the two of them led."""
-        near = self._looks[pair].values()
-        for kept in pair:
-            fit = self._singles[kept].fit
-            begun = begun_with((((kept, other), fit, other) for other in possible_effects(fit)), near, self._progress)
-            for name in nearest(begun)[:FOLLOWED]:
-                look = pursued(followed(begun[name]))
-                if name not in self._looks or look.objective < self._looks[name].objective:
-                    self._looks[name] = look
+    def _take(self, looks: Mapping[Pair, Scouted]) -> None:
+        for pair, look in looks.items():
+            if pair not in self._looks or look.objective < self._looks[pair].objective:
+                self._looks[pair] = look
 
     def _right(self) -> tuple[Candidate, list[Candidate]] | None:
         """The nearest pair with its rivals, if it describes the data."""
-        right = {pair: look for pair, look in self._looks.items() if look.right}
+        right = {pair: look for pair, look in self._looks.items() if look.right and pair not in self._judged}
         if not right:
             return None
-        first, _ = nearest(right)[0]
-        ranked = self._beside(first)
-        return (self._singles[first], ranked) if ranked[0].good else None
+        pair = nearest(right)[0]
+        self._judged.add(pair)
+        ranked = self._beside(pair[0])
+        return (self._singles[pair[0]], ranked) if ranked[0].good else None
 
     def _beside(self, first: str) -> list[Candidate]:
         """Candidates for the second effect beside a first one, best evidence first."""

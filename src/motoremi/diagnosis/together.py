@@ -18,8 +18,9 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis.causal import CausalModel, alone, check_causality
 from motoremi.diagnosis.evidence import is_good
 from motoremi.fitting.fit import fit, settled
+from motoremi.fitting.looks import Scouted, Trail, glance, search_through
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import Task, begin, followed, searched_through
+from motoremi.fitting.search import Task
 from motoremi.fitting.starts import data_driven_starts
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
@@ -147,7 +148,8 @@ def _open_alone(both: Fit) -> Fit:
     starts = [{**both.parameters}]
     for winding in _windings(check_causality(measurement).models["open"]):
         starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
-    fits = [settled(searched_through(followed(begin(task, [start]))), both, thorough=False) for start in starts]
+    looks = [glance(Trail(task, [start])) for start in starts]
+    fits = [settled(Scouted(look.trail, search_through(look)), both, thorough=False) for look in looks]
     good = [one for one in fits if is_good(one)]
     if good:
         return min(good, key=lambda one: abs(np.log(one.parameters["La"] / both.parameters["La"])))

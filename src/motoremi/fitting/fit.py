@@ -11,13 +11,18 @@ import numpy as np
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
+from motoremi.fitting.looks import FIRST_STEPS, POINTS, RIVAL_STEPS, Scouted, Trail, glance, settle, until_right
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
-from motoremi.fitting.search import FIRST_STEPS, RIVAL_STEPS, Begun, Scouted, Task, base_starts, begin, followed, search_base, settle, until_right
+from motoremi.fitting.search import Found, Task, search_base
+from motoremi.fitting.starts import base_starts
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
+
+# A step of gain is sought in so much of ln(f) on either side.
+STEP_REACH = 0.15
 
 
 def fit(
@@ -112,14 +117,15 @@ def _by_the_paper(task: Task, seed: int) -> Fit:
     return dataclasses.replace(result, warnings=(*result.warnings, remark))
 
 
-def begin_at(
+def trail_to(
     before: Fit,
     effect: str,
     held: Mapping[str, float] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     near: Mapping[str, float] | None = None,
-) -> Begun:
-    """First steps of a fit with one more effect, on a thinned grid; also from the values `near` a solution with a rival in its place."""
+    points: int = POINTS,
+) -> Trail:
+    """Where to look for a fit with one more effect; given the values of a solution `near`, with a rival in its place, from there above all."""
     added = find_effect(effect)
     label = added.label_in(before.motor)
     motor = added.added_to(before.motor)
@@ -141,7 +147,7 @@ def begin_at(
             # With effects, the search's best and the likelihood's may lie in different valleys.
             bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return begin(task, starts, group=len(bases), before=(before.motor_error_percent / 100) ** 2, steps=steps)
+    return Trail(task, starts, len(bases), (before.motor_error_percent / 100) ** 2, steps, points)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
@@ -158,7 +164,7 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
-    return settled(until_right(followed(begin_at(before, effect, held, limits))), before, thorough)
+    return settled(until_right(glance(trail_to(before, effect, held, limits))), before, thorough)
 
 
 def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
@@ -169,6 +175,15 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
     find_effect(gone)
     if gone not in before.effects:
         raise BadInput(f"{gone} is not in the model; it has {', '.join(before.effects)}")
+    trail = trail_without(before, gone)
+    if not trail.task.motor.effects:
+        started = time.perf_counter()
+        return dataclasses.replace(_by_ants(trail.task, before.seed), elapsed_s=time.perf_counter() - started)
+    return settled(until_right(glance(trail)), before, thorough)
+
+
+def trail_without(before: Fit, gone: str) -> Trail:
+    """Where to look for a fit with one effect less."""
     kept = list(before.effects)
     del kept[len(kept) - 1 - kept[::-1].index(gone)]
     motor = add_effects(dc_motor(), kept)
@@ -179,39 +194,38 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
         {name: b for name, b in before.bounds.items() if name in names},
         {name: value for name, value in before.held.items() if name in names},
     )
-    if not kept:
-        started = time.perf_counter()
-        return dataclasses.replace(_by_ants(task, before.seed), elapsed_s=time.perf_counter() - started)
     own = {name: value for name, value in before.parameters.items() if name in names}
-    starts = [{**own, **base} for base in base_starts(own, before.measurement, few=False)]
-    return settled(until_right(followed(begin(task, starts))), before, thorough)
+    return Trail(task, [{**own, **base} for base in base_starts(own, before.measurement, few=False)])
 
 
-def settled(scouted: Scouted, before: Fit, thorough: bool, polished: bool = True) -> Fit:
-    """The fit that a first look leads to, on all points."""
+def settled(scouted: Scouted, before: Fit, thorough: bool) -> Fit:
+    """The fit that a look leads to, on all points."""
     started = time.perf_counter()
-    task = scouted.task
-    found = settle(scouted, before.seed, thorough, polished)
+    result = told(scouted.trail.task, settle(scouted, before.seed, thorough), before)
+    return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
+
+
+def told(task: Task, found: Found, before: Fit) -> Fit:
+    """A solution found from a fit, with its statistics."""
     result = summarise(task.full, found.u, found.converged, before.method, before.seed, found.evaluations, before.history)
-    return dataclasses.replace(result, elapsed_s=time.perf_counter() - started, search_parameters=found.searched)
+    return dataclasses.replace(result, search_parameters=found.searched)
 
 
 def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     """The frequency at which a step of gain would explain most, over all points."""
     problem = before.problem
-    white = problem.deviation(before.unknowns) - problem.gain_error(before.unknowns)
-    sigma = np.concatenate([noise.sigma for noise in before.measurement.noise])
-    frequency = problem.observed.frequency_hz
-    candidates = np.unique(frequency)[2:-2]
-    gains = []
-    for f in candidates:
-        # A step is seen in the change between the few points on either side, in every sweep that covers it.
-        near = np.abs(np.log(frequency / f)) < 0.15
-        above, below = near & (frequency >= f), near & (frequency < f)
-        if above.sum() < 2 or below.sum() < 2:
-            gains.append(0.0)
-            continue
-        jump = np.mean(white[above]) - np.mean(white[below])
-        variance = np.mean(sigma[near] ** 2) * (1 / above.sum() + 1 / below.sum())
-        gains.append(abs(jump) ** 2 / variance)
-    return {f"{label}.frequency_hz": float(candidates[int(np.argmax(gains))])}
+    order = np.argsort(problem.observed.frequency_hz, kind="stable")
+    position = np.log(problem.observed.frequency_hz[order])
+    white = (problem.deviation(before.unknowns) - problem.gain_error(before.unknowns))[order]
+    variance = np.concatenate([noise.sigma for noise in before.measurement.noise])[order] ** 2
+    places = np.unique(position)[2:-2]
+    # A step is seen in the change between the few points on either side, in every sweep that covers it.
+    low, here, high = (np.searchsorted(position, places + shift) for shift in (-STEP_REACH, 0.0, STEP_REACH))
+    below, above = here - low, high - here
+    whites, variances = (np.concatenate([[0.0], np.cumsum(values)]) for values in (white, variance))
+    with np.errstate(all="ignore"):
+        jump = (whites[high] - whites[here]) / above - (whites[here] - whites[low]) / below
+        noise = (variances[high] - variances[low]) / (high - low) * (1 / above + 1 / below)
+        gain = np.where((below >= 2) & (above >= 2), np.abs(jump) ** 2 / noise, 0.0)
+    step = problem.observed.frequency_hz[order][np.searchsorted(position, places[int(np.argmax(gain))])]
+    return {f"{label}.frequency_hz": float(step)}

@@ -6,7 +6,7 @@ Searching happens on the residual `log` over a thinned grid, where the landscape
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,26 +22,10 @@ from motoremi.model.motor import Motor
 
 # Points a sweep for searching; the final polish uses all.
 SEARCH_POINTS = 48
-FIRST_POINTS = 40
-EFFECT_POINTS = 80
-# Steps for all start values on few points; for those near a solution with another effect.
-FIRST_STEPS = 4
-RIVAL_STEPS = 12
-# Steps of a glance beyond these: for the best of each group (so many groups at most), for the best few.
-GLANCE_STEPS = (12, 12)
-MOST_LEADERS = 9
-# A search may stop once it leaves so much less than the model before.
-MUCH_BETTER = 0.02
-# Steps by the likelihood: few, but more where the analyser's errors blur what the search can see.
-FEW_STEPS = 6
-STEPS_IF_BLURRED = 20
-# Steps for all start values where they are searched through, and how many at least go on up the band.
-THOROUGH_STEPS = 7
+# How many start values at least go on up the band.
 FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
-# Damping to begin with close to the solution, where the linear model holds.
-WARM = 1e-6
 ROUGH = {"tolerance": 1e-7, "relative": 1e-4}
 
 
@@ -133,7 +117,7 @@ def search_base(task: Task, seed: int) -> Found:
             candidates = colony.different(8)
         rough = polish(search, candidates, iterations=40, **ROUGH, enough=likely)
         if round_number > 0 and rough.objective[rough.best] > likely:
-            rough = rough.joined(_climb(task, search, candidates))
+            rough = rough.joined(climb(task, search, candidates))
         evaluations += rough.evaluations
         if rough.objective[rough.best] < searched_objective:
             searched, searched_objective = search.named(rough.u[rough.best]), float(rough.objective[rough.best])
@@ -149,11 +133,11 @@ def search_base(task: Task, seed: int) -> Found:
         if best.objective[best.best] < surely_right(full):
             break
     assert best is not None
-    u, converged, more = _winner(full, best)
+    u, converged, more = winner(full, best)
     return Found(u, converged, evaluations + more, tuple(history), searched)
 
 
-def _winner(problem: Problem, ends: Polished) -> tuple[FloatArray, bool, int]:
+def winner(problem: Problem, ends: Polished) -> tuple[FloatArray, bool, int]:
     """The best end, sharpened if it converged; whether it did; evaluations spent."""
     u, converged = ends.u[ends.best], bool(ends.converged[ends.best])
     if not converged:
@@ -162,179 +146,7 @@ def _winner(problem: Problem, ends: Polished) -> tuple[FloatArray, bool, int]:
     return sharp, True, evaluations
 
 
-@dataclass(frozen=True)
-class Scouted:
-    """Where start values led.
-
-    Parameters
-    ----------
-    task : Task
-    search : Problem
-        On a thinned grid.
-    thinned : Problem
-        The likelihood on the same grid.
-    starts : ndarray, shape (m, k)
-        As unknowns of `search`.
-    group : int
-        Each so many of them in turn start an effect alike, from different values of the elements.
-    enough : float
-        An objective of the search that will do.
-    found : Polished
-        Where they ended.
-    likely : Polished
-        Where the likelihood took the best of those ends.
-    """
-
-    task: Task
-    search: Problem
-    thinned: Problem
-    starts: FloatArray
-    group: int
-    enough: float
-    found: Polished
-    likely: Polished
-
-    @property
-    def right(self) -> bool:
-        """Whether nothing but noise is left."""
-        return self.objective < surely_right(self.thinned)
-
-    @property
-    def objective(self) -> float:
-        """Minus twice the log likelihood of the best end, on the thinned grid."""
-        return float(self.likely.objective[self.likely.best])
-
-    def values(self) -> dict[str, float]:
-        """Parameters of the best end in SI units."""
-        return self.thinned.named(self.likely.u[self.likely.best])
-
-
-def _judged(search: Problem, thinned: Problem, found: Polished, iterations: int) -> Polished:
-    """The best ends of a search polished by the likelihood, still on the thinned grid."""
-    ends = moved(found.distinct(3), search, thinned)
-    return polish(thinned, ends, iterations=iterations, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(thinned))
-
-
-@dataclass(frozen=True)
-class Begun:
-    """Start values after their first steps, on few points: that tells which effects are worth following.
-
-    Parameters
-    ----------
-    task : Task
-    starts : ndarray, shape (m, k)
-    group : int
-        See `Scouted`.
-    before : float
-        Mean square of ln(Z_model/Z_measured) that is to be improved upon.
-    ends : Polished
-    """
-
-    task: Task
-    starts: FloatArray
-    group: int
-    before: float
-    ends: Polished
-
-    @property
-    def objective(self) -> float:
-        """Sum of squares that the best of them leaves."""
-        return float(self.ends.objective[self.ends.best])
-
-
-def _enough(search: Problem, before: float) -> float:
-    return min(0.1 * search.observed.expected_objective, MUCH_BETTER * before * search.size)
-
-
-def begin(
-    task: Task, starts: Sequence[Mapping[str, float]], group: int = 1, before: float = np.inf, steps: int = FIRST_STEPS
-) -> Begun:
-    """A few steps for all start values, which need not lead anywhere; parameters as those of `Begun`."""
-    search = task.thinned(FIRST_POINTS)
-    first = np.array([search.vector(start) for start in starts])
-    ends = polish(search, first, iterations=steps, **ROUGH, enough=_enough(search, before))
-    return Begun(task, first, group, before, ends)
-
-
-def followed(begun: Begun) -> Scouted:
-    """Some more steps for the better ones of what was begun, and a few by the likelihood."""
-    task = begun.task
-    search = task.thinned(EFFECT_POINTS)
-    thinned = Problem(task.motor, task.measurement, task.bounds, task.held, points=EFFECT_POINTS)
-    enough = _enough(search, begun.before)
-    u, evaluations = begun.ends.u[_leaders(begun.ends.objective, begun.group)[:MOST_LEADERS]], begun.ends.evaluations
-    for steps in GLANCE_STEPS:
-        part = polish(search, u, iterations=steps, **ROUGH, enough=enough)
-        u, evaluations = part.distinct(3), evaluations + part.evaluations
-    found = dataclasses.replace(part, evaluations=evaluations)
-    blurred = found.objective[found.best] < search.observed.expected_objective
-    likely = _judged(search, thinned, found, STEPS_IF_BLURRED if blurred else FEW_STEPS)
-    return Scouted(task, search, thinned, begun.starts, begun.group, enough, found, likely)
-
-
-def _leaders(objective: FloatArray, group: int) -> np.ndarray:
-    """Indices of the best of each group, best first: the best of all would follow one valley only, where false ones are easier to reach."""
-    best = np.array([at + int(np.argmin(objective[at : at + group])) for at in range(0, len(objective), group)])
-    return best[np.argsort(objective[best])]
-
-
-def pursued(glanced: Scouted) -> Scouted:
-    """What a glance found, followed to its end."""
-    if glanced.right:
-        return glanced
-    search, thinned = glanced.search, glanced.thinned
-    found = polish(search, glanced.found.u, iterations=40, **ROUGH, enough=glanced.enough)
-    return dataclasses.replace(glanced, found=found.joined(glanced.found), likely=_judged(search, thinned, found, 60).joined(glanced.likely))
-
-
-def searched_through(glanced: Scouted) -> Scouted:
-    """The same starts once more without haste: more steps before the best are chosen, and the low end of the band comes first."""
-    search = glanced.search
-    first = polish(search, glanced.starts, iterations=THOROUGH_STEPS, **ROUGH)
-    leaders = _leaders(first.objective, glanced.group)
-    found = polish(search, first.u[leaders[:MOST_LEADERS]], iterations=40, **ROUGH, enough=glanced.enough)
-    if found.objective[found.best] > glanced.enough:
-        found = found.joined(_climb(glanced.task, search, glanced.starts[leaders]))
-    found = found.joined(glanced.found)
-    return dataclasses.replace(glanced, found=found, likely=_judged(search, glanced.thinned, found, 60).joined(glanced.likely))
-
-
-def until_right(glanced: Scouted) -> Scouted:
-    """As far as it takes: to the end of the glance, or through all starts again."""
-    followed = pursued(glanced)
-    return followed if followed.right else searched_through(followed)
-
-
-def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:
-    """Polish on all points; `thorough` sends ants out as well where the starts do not lead down to the noise.
-
-    Without `polished`, the solution on the thinned grid is taken as it is.
-    """
-    full = scouted.task.full
-    # Both problems of the likelihood have the same unknowns.
-    final = polish(full, scouted.likely.distinct(1 if scouted.right else 2), iterations=150 if polished else 0, damping=WARM)
-    if polished and scouted.right and final.objective[final.best] > good_enough(full):
-        # What looked right on a few points is not on all.
-        scouted = searched_through(scouted)
-        final = final.joined(polish(full, scouted.likely.distinct(2), damping=WARM))
-    search, found = scouted.search, scouted.found
-    if thorough and final.objective[final.best] > good_enough(full):
-        colony = Colony(search, np.random.default_rng(seed), np.concatenate([scouted.starts, found.u]))
-        colony.walk(GENERATIONS)
-        ends = polish(search, colony.different(12), iterations=40, **ROUGH)
-        final = final.joined(polish(full, moved(ends.distinct(3), search, full)))
-        found = found.joined(ends)
-    u, converged, more = _winner(full, final)
-    return Found(
-        u,
-        converged,
-        found.evaluations + scouted.likely.evaluations + final.evaluations + more,
-        (),
-        search.named(found.u[found.best]),
-    )
-
-
-def _climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
+def climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
     """Fit the low end of the band first and raise its upper edge: a wrong resonance higher up cannot mislead what it does not reach."""
     lowest, highest = float(search.observed.frequency_hz.min()), float(search.observed.frequency_hz.max())
     u, evaluations = starts, 0
@@ -345,28 +157,3 @@ def _climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
         u = stage.u[np.argsort(stage.objective)[: max(FOLLOWED, len(u) // 2)]]
     last = polish(search, u, iterations=40, **ROUGH)
     return dataclasses.replace(last, evaluations=last.evaluations + evaluations)
-
-
-def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool) -> list[dict[str, float]]:
-    """Values of the elements to start an effect from.
-
-    A model that lacks an effect bends its elements, so besides the fit itself there are the values that the data give away (the frame's
-    from the difference of the two sweeps, which no effect in the winding touches), and Ra without the losses that it had to carry.
-    """
-    searched = dict(parameters)
-    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1])]
-    if few:
-        return bases
-    bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]
-    if searched.keys() >= {"Cr", "Cf"}:
-        bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
-    return bases
-
-
-def _neutral_frame(capacitance_f: float, measurement: Measurement) -> dict[str, float]:
-    """A frame that keeps its low-frequency capacitance and resonates, well damped, a third of the way below the end of the band."""
-    omega = 2 * np.pi * 0.35 * max(sweep.frequency_hz[-1] for sweep in measurement.sweeps)
-    cr, cf = 0.6 * capacitance_f, 0.4 * capacitance_f
-    in_series = cr * cf / (cr + cf)
-    lr = 1 / (omega**2 * in_series)
-    return {"Cr": cr, "Cf": cf, "Lr": lr, "Rr": 0.7 * float(np.sqrt(lr / in_series))}

@@ -140,3 +140,28 @@ def _zoomed(scan: _FrameScan, resonance: float, damping: float) -> tuple[float, 
     cr = total - cf
     series = cr * cf / total
     return float(cost[row, column]), {"Rr": damping / (resonance * series), "Lr": 1 / (resonance**2 * series), "Cr": cr, "Cf": cf}
+
+
+def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool) -> list[dict[str, float]]:
+    """Values of the elements to start an effect from.
+
+    A model that lacks an effect bends its elements, so besides the fit itself there are the values that the data give away (the frame's
+    from the difference of the two sweeps, which no effect in the winding touches), and Ra without the losses that it had to carry.
+    """
+    searched = dict(parameters)
+    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1])]
+    if few:
+        return bases
+    bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]
+    if searched.keys() >= {"Cr", "Cf"}:
+        bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
+    return bases
+
+
+def _neutral_frame(capacitance_f: float, measurement: Measurement) -> dict[str, float]:
+    """A frame that keeps its low-frequency capacitance and resonates, well damped, a third of the way below the end of the band."""
+    omega = 2 * np.pi * 0.35 * max(sweep.frequency_hz[-1] for sweep in measurement.sweeps)
+    cr, cf = 0.6 * capacitance_f, 0.4 * capacitance_f
+    in_series = cr * cf / (cr + cf)
+    lr = 1 / (omega**2 * in_series)
+    return {"Cr": cr, "Cf": cf, "Lr": lr, "Rr": 0.7 * float(np.sqrt(lr / in_series))}

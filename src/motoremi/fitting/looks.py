@@ -1,0 +1,220 @@
+"""Looks at a fit with one more effect: begun on few points, followed, pursued, searched through, settled.
+
+Each stage takes what the one before found and costs several times as much, so a diagnosis follows only what begins well. Stages return
+plain arrays, which may come from another process.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.fitting.colony import Colony
+from motoremi.fitting.polish import Polished, polish
+from motoremi.fitting.problem import Problem
+from motoremi.fitting.search import GENERATIONS, ROUGH, Found, Task, climb, good_enough, moved, surely_right, winner
+
+# Points a sweep for searching, and to begin with where many effects are looked at; to settle all are used.
+POINTS = 80
+FEW_POINTS = 40
+# Steps for all start values; for those near a solution with another effect.
+FIRST_STEPS = 4
+RIVAL_STEPS = 12
+# Further steps for so many of the better ones, then for the best few.
+MORE_STEPS = (12, 12)
+MOST_LEADERS = 9
+# A search may stop once it leaves so much less than the model before.
+MUCH_BETTER = 0.02
+# Steps by the likelihood: few, but more where the analyser's errors blur what the search can see.
+FEW_STEPS = 6
+STEPS_IF_BLURRED = 20
+# Steps for all start values where they are searched through.
+THOROUGH_STEPS = 7
+# Damping to begin with close to the solution, where the linear model holds.
+WARM = 1e-6
+
+
+@dataclass(frozen=True)
+class Trail:
+    """Where a look starts.
+
+    Parameters
+    ----------
+    task : Task
+    starts : sequence of mapping
+        Start values in SI units, by parameter.
+    group : int
+        Each so many of them in turn start an effect alike, from different values of the elements.
+    before : float
+        Mean square of ln(Z_model/Z_measured) that is to be improved upon.
+    steps, points : int
+        To begin with; points a sweep.
+    """
+
+    task: Task
+    starts: Sequence[Mapping[str, float]]
+    group: int = 1
+    before: float = np.inf
+    steps: int = FIRST_STEPS
+    points: int = POINTS
+
+    @cached_property
+    def search(self) -> Problem:
+        """The search problem."""
+        return self.task.thinned(POINTS)
+
+    @cached_property
+    def likelihood(self) -> Problem:
+        """The likelihood on the same grid."""
+        task = self.task
+        return Problem(task.motor, task.measurement, task.bounds, task.held, points=POINTS)
+
+    @cached_property
+    def first(self) -> FloatArray:
+        """Start values as unknowns of the search problem, shape (m, k)."""
+        return np.array([self.search.vector(start) for start in self.starts])
+
+    def enough(self, search: Problem) -> float:
+        """An objective of the search that will do."""
+        return min(0.1 * search.observed.expected_objective, MUCH_BETTER * self.before * search.size)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A trail after the first steps, which tell whether it is worth following."""
+
+    trail: Trail
+    ends: Polished
+
+    @property
+    def objective(self) -> float:
+        """Sum of squares that the best of them leaves."""
+        return float(self.ends.objective[self.ends.best])
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where a trail led: ends of the search, and where the likelihood took the best of them."""
+
+    found: Polished
+    likely: Polished
+
+    def joined(self, other: Ends) -> Ends:
+        """Those of both."""
+        return Ends(self.found.joined(other.found), self.likely.joined(other.likely))
+
+
+@dataclass(frozen=True)
+class Scouted:
+    """A trail that was followed."""
+
+    trail: Trail
+    ends: Ends
+
+    @cached_property
+    def right(self) -> bool:
+        """Whether nothing but noise is left."""
+        return self.objective < surely_right(self.trail.likelihood)
+
+    @property
+    def objective(self) -> float:
+        """Minus twice the log likelihood of the best end, on the thinned grid."""
+        return float(self.ends.likely.objective[self.ends.likely.best])
+
+    def values(self) -> dict[str, float]:
+        """Parameters of the best end in SI units."""
+        return self.trail.likelihood.named(self.ends.likely.u[self.ends.likely.best])
+
+
+def begin(trail: Trail) -> Polished:
+    """A few steps for all start values, which need not lead anywhere."""
+    few = trail.task.thinned(trail.points)
+    return polish(few, np.array([few.vector(start) for start in trail.starts]), iterations=trail.steps, **ROUGH, enough=trail.enough(few))
+
+
+def follow(begun: Begun) -> Ends:
+    """Some more steps for the better ones of what was begun, and a few by the likelihood."""
+    trail, search = begun.trail, begun.trail.search
+    u, evaluations = begun.ends.u[_leaders(begun.ends.objective, trail.group)], begun.ends.evaluations
+    for steps in MORE_STEPS:
+        part = polish(search, u, iterations=steps, **ROUGH, enough=trail.enough(search))
+        u, evaluations = part.distinct(3), evaluations + part.evaluations
+    found = dataclasses.replace(part, evaluations=evaluations)
+    blurred = found.objective[found.best] < search.observed.expected_objective
+    return Ends(found, _judged(trail, found, STEPS_IF_BLURRED if blurred else FEW_STEPS))
+
+
+def pursue(scouted: Scouted) -> Ends:
+    """What was followed, to its end."""
+    if scouted.right:
+        return scouted.ends
+    trail = scouted.trail
+    found = polish(trail.search, scouted.ends.found.u, iterations=40, **ROUGH, enough=trail.enough(trail.search))
+    return Ends(found, _judged(trail, found, 60)).joined(scouted.ends)
+
+
+def search_through(scouted: Scouted) -> Ends:
+    """The same starts once more without haste: more steps before the best are chosen, and the low end of the band comes first."""
+    trail, search = scouted.trail, scouted.trail.search
+    enough = trail.enough(search)
+    first = polish(search, trail.first, iterations=THOROUGH_STEPS, **ROUGH)
+    found = polish(search, first.u[_leaders(first.objective, trail.group)], iterations=40, **ROUGH, enough=enough)
+    if found.objective[found.best] > enough:
+        found = found.joined(climb(trail.task, search, trail.first))
+    found = found.joined(scouted.ends.found)
+    return Ends(found, _judged(trail, found, 60).joined(scouted.ends.likely))
+
+
+def glance(trail: Trail) -> Scouted:
+    """Begin and follow a trail."""
+    return Scouted(trail, follow(Begun(trail, begin(trail))))
+
+
+def until_right(scouted: Scouted) -> Scouted:
+    """As far as it takes: to the end of the trail, or through all starts again."""
+    pursued = Scouted(scouted.trail, pursue(scouted))
+    return pursued if pursued.right else Scouted(scouted.trail, search_through(pursued))
+
+
+def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:
+    """Polish on all points; `thorough` sends ants out as well where the starts do not lead down to the noise.
+
+    Without `polished`, the solution on the thinned grid is taken as it is.
+    """
+    trail, ends = scouted.trail, scouted.ends
+    full, search = trail.task.full, trail.search
+    # Both problems of the likelihood have the same unknowns.
+    final = polish(full, ends.likely.distinct(1 if scouted.right else 2), iterations=150 if polished else 0, damping=WARM)
+    if polished and scouted.right and final.objective[final.best] > good_enough(full):
+        # What looked right on a few points is not on all.
+        ends = search_through(scouted)
+        final = final.joined(polish(full, ends.likely.distinct(2), damping=WARM))
+    found = ends.found
+    if thorough and final.objective[final.best] > good_enough(full):
+        colony = Colony(search, np.random.default_rng(seed), np.concatenate([trail.first, found.u]))
+        colony.walk(GENERATIONS)
+        more = polish(search, colony.different(12), iterations=40, **ROUGH)
+        final = final.joined(polish(full, moved(more.distinct(3), search, full)))
+        found = found.joined(more)
+    u, converged, evaluations = winner(full, final)
+    evaluations += found.evaluations + ends.likely.evaluations + final.evaluations
+    return Found(u, converged, evaluations, (), search.named(found.u[found.best]))
+
+
+def _leaders(objective: FloatArray, group: int) -> np.ndarray:
+    """Indices of those to go on with: the best of each group, since the best of all may lie in one false valley; then the best of the rest."""
+    best = np.array([at + int(np.argmin(objective[at : at + group])) for at in range(0, len(objective), group)])
+    rest = np.setdiff1d(np.arange(len(objective)), best)
+    return np.concatenate([best[np.argsort(objective[best])], rest[np.argsort(objective[rest])]])[:MOST_LEADERS]
+
+
+def _judged(trail: Trail, found: Polished, iterations: int) -> Polished:
+    """The best ends of a search polished by the likelihood, still on the thinned grid."""
+    likelihood = trail.likelihood
+    ends = moved(found.distinct(3), trail.search, likelihood)
+    return polish(likelihood, ends, iterations=iterations, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(likelihood))
