@@ -29,6 +29,8 @@ FOLLOWED_LATE = 12
 PURSUED_LATE = 4
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
+# Where even the nearest of the first pairs leaves more than so many times that, no pair explains the data: none that did was ever so far.
+FAR_FACTOR = 1000.0
 # How often better partners are sought for the two of the nearest pair, and how many pairs are searched through in the end.
 EXCHANGES = 2
 SEARCHED = 2
@@ -85,6 +87,8 @@ class _Search:
         return None
 
     def _more_rows(self) -> tuple[Candidate, list[Candidate]] | None:
+        if self._far(FAR_FACTOR):
+            return None
         for first in list(self._singles)[FIRSTS : FIRSTS + MORE_FIRSTS]:
             self._look(self._row(first), FOLLOWED, PURSUED)
             if (found := self._right()) is not None:
@@ -96,13 +100,12 @@ class _Search:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
         for _ in range(EXCHANGES):
             pair = nearest(self._looks)[0]
-            look = self._looks[pair]
-            if look.objective > NEAR_FACTOR * surely_right(look.trail.likelihood) or pair in self._exchanged:
+            if self._far(NEAR_FACTOR) or pair in self._exchanged:
                 return None
             self._exchanged.add(pair)
+            near = self._looks[pair].values()
             for kept in pair:
                 fit = self._singles[kept].fit
-                near = look.values()
                 trails = {(kept, other): trail_to(fit, other, near=near, points=FEW_POINTS) for other in possible_effects(fit)}
                 started = begun(trails, self._progress)
                 found = followed({name: started[name] for name in nearest(started)[:FOLLOWED]})
@@ -113,8 +116,15 @@ class _Search:
         return None
 
     def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
+        if self._far(FAR_FACTOR):
+            return None
         improved(self._looks, nearest(self._looks)[:SEARCHED], search_through)
         return self._right()
+
+    def _far(self, factor: float) -> bool:
+        """Whether even the nearest pair leaves more than so many times what noise alone would."""
+        best = self._looks[nearest(self._looks)[0]]
+        return best.objective > factor * surely_right(best.trail.likelihood)
 
     def _row(self, first: str) -> list[Pair]:
         """A first effect with every second one."""
