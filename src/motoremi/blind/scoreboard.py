@@ -49,9 +49,9 @@ def play(case: Case) -> Played:
     detectable = case.detectable()
     try:
         base = fit(dc_motor(), case.sweeps())
-        started = time.process_time()
+        started = time.perf_counter()
         found = diagnose(base)
-        seconds = time.process_time() - started
+        seconds = time.perf_counter() - started
     except Exception as error:  # a crash is an answer too, and the worst; the others go on
         return Played(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), detectable)
     floor = found.best.floor_percent
@@ -122,7 +122,7 @@ def summary(played: Sequence[Played]) -> JsonDict:
         "confusion": {kind: dict(counts) for kind, counts in sorted(confusion.items())},
         "reliability": reliability(played),
         "calibration_error": goals["expected calibration error"]["value"],
-        "seconds": {"median": _finite_median([one.answer.seconds for one in played]), "largest": max(one.answer.seconds for one in played)},
+        "seconds": {**_seconds(played), "by_sort": {sort: _seconds(ones) for sort, ones in sorted(sorts.items())}},
         "troubles": [
             {"index": one.case.index, "hidden": list(one.case.hidden), "trouble": one.answer.trouble} for one in played if one.answer.trouble
         ],
@@ -161,6 +161,8 @@ def _calibration_goal(played: Sequence[Played]) -> JsonDict:
     return {"value": error, "wanted": 0.05, "at_most": True, "cases": len(played), "reached": error <= 0.05}
 
 
-def _finite_median(values: Sequence[float]) -> float | None:
-    finite = [value for value in values if np.isfinite(value)]
-    return float(np.median(finite)) if finite else None
+def _seconds(played: Sequence[Played]) -> JsonDict:
+    finite = [one.answer.seconds for one in played if np.isfinite(one.answer.seconds)]
+    if not finite:
+        return {"cases": 0, "median": None, "most": None, "largest": None}
+    return {"cases": len(finite), "median": float(np.median(finite)), "most": float(np.quantile(finite, 0.9)), "largest": max(finite)}

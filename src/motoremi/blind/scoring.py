@@ -25,7 +25,7 @@ class Answer:
     error_before_floors, error_after_floors : float
         Errors of base and best model in multiples of the noise floor.
     seconds : float
-        Processor time of the diagnosis.
+        The diagnosis took, by the clock.
     trouble : str
         The error message of a diagnosis that crashed.
     """

@@ -21,9 +21,10 @@ def markdown(result: JsonDict) -> str:
         value = "-" if goal["value"] is None else f"{100 * goal['value']:.1f} %"
         state = "" if goal["reached"] is None else "yes" if goal["reached"] else "NO"
         lines.append(f"| {name} | {sign} {100 * goal['wanted']:.0f} % | {value} | {goal['cases']} | {state} |")
-    seconds = result["seconds"]
-    if seconds["median"] is not None:
-        lines += ["", f"One diagnosis: median {seconds['median']:.1f} s, longest {seconds['largest']:.1f} s of processor time."]
+    lines += ["", "| hidden | diagnoses | median | 90 % within | longest |", "|---|---|---|---|---|"]
+    for sort, seconds in (*result["seconds"]["by_sort"].items(), ("all", result["seconds"])):
+        if seconds["cases"]:
+            lines.append(f"| {sort} | {seconds['cases']} | {seconds['median']:.1f} s | {seconds['most']:.1f} s | {seconds['largest']:.1f} s |")
     lines += ["", "| hidden | " + " | ".join(OUTCOMES) + " |", "|---" * (len(OUTCOMES) + 1) + "|"]
     for kind, counts in result["by_kind"].items():
         lines.append(f"| {kind} | " + " | ".join(str(counts.get(outcome, "")) for outcome in OUTCOMES) + " |")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
     from motoremi.arrays import Progress
+
+REDRAWN_S = 0.1
 
 
 class Bars:
@@ -26,6 +29,7 @@ class Bars:
     def __init__(self, live: RichProgress | None) -> None:
         self._live = live
         self._tasks: dict[str, TaskID] = {}
+        self._drawn = 0.0
 
     def bar(self, label: str) -> Progress | None:
         """What moves a bar: takes what is being done, how much is done, how much in all; None where nobody looks."""
@@ -37,6 +41,9 @@ class Bars:
             if label not in self._tasks:
                 self._tasks[label] = live.add_task(label, total=None)
             live.update(self._tasks[label], description=f"{label}: {name}", completed=done, total=total)
+            if time.monotonic() > self._drawn + REDRAWN_S or done == 0:
+                live.refresh()
+                self._drawn = time.monotonic()
 
         return advance
 
@@ -63,5 +70,6 @@ def progress_bars(quiet: bool) -> Iterator[Bars]:
     from rich.progress import Progress as Live
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Live(*columns, console=Console(stderr=True), transient=True) as live:
+    # Drawn as work goes on, not by a thread of its own: beside other threads a diagnosis would not use the second core.
+    with Live(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as live:
         yield Bars(live)

@@ -58,7 +58,7 @@ def challenge_(
 def scoreboard_(
     cases: Annotated[int, typer.Option(help="How many blind cases.", min=1)] = 300,
     seed: Annotated[int | None, typer.Option(help="Which cases; by default nobody knows, and it is printed.", min=0)] = None,
-    jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = max(1, os.cpu_count() or 1),
+    jobs: Annotated[int, typer.Option(help="Processes. With 1 a diagnosis has two cores, as at the bench.", min=1)] = max(1, os.cpu_count() or 1),
     spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, seen in emission spectra.")] = False,
     out: Out = None,
     as_json: AsJson = False,

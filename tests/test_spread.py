@@ -1,0 +1,122 @@
+"""Work on a second core: the same results, wherever it is done and whatever befalls the helper."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pytest
+
+import motoremi as me
+from motoremi import spread as module
+from motoremi.blind.cases import draw
+from motoremi.spread import core_to_spare, spread
+
+needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks on Linux only")
+
+
+@pytest.fixture(autouse=True)
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever this machine has."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+
+
+def slow_square(value: int) -> tuple[int, int]:
+    time.sleep(0.02)
+    return value**2, os.getpid()
+
+
+@needs_fork
+def test_results_come_in_order_from_two_processes() -> None:
+    begun: list[int] = []
+    results = spread(slow_square, range(12), begun.append)
+    assert [value for value, _ in results] == [value**2 for value in range(12)]
+    assert len({process for _, process in results}) == 2
+    own = [index for index, (_, process) in enumerate(results) if process == os.getpid()]
+    assert begun == own
+    assert not multiprocessing.active_children()
+
+
+@needs_fork
+@pytest.mark.parametrize("way", ["error", "exit", "kill"])
+def test_a_helper_that_fails_loses_nothing(way: str) -> None:
+    here = os.getpid()
+
+    def work(value: int) -> int:
+        time.sleep(0.01)
+        if os.getpid() != here:
+            if way == "error":
+                raise ValueError("in the helper")
+            if way == "exit":
+                os._exit(3)
+            os.kill(os.getpid(), 9)
+        return -value
+
+    assert spread(work, range(8)) == [-value for value in range(8)]
+    assert not multiprocessing.active_children()
+
+
+def test_an_error_of_the_work_is_raised() -> None:
+    def work(value: int) -> int:
+        if value == 3:
+            raise ZeroDivisionError("three")
+        return value
+
+    with pytest.raises(ZeroDivisionError, match="three"):
+        spread(work, range(6))
+    assert not multiprocessing.active_children()
+
+
+@needs_fork
+def test_an_interrupt_ends_the_helper_too() -> None:
+    here = os.getpid()
+
+    def work(value: int) -> int:
+        if os.getpid() == here:
+            raise KeyboardInterrupt
+        time.sleep(30)
+        return value
+
+    started = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        spread(work, range(4))
+    assert time.monotonic() - started < 10
+    assert not multiprocessing.active_children()
+
+
+@needs_fork
+def test_no_helper_beside_other_threads_nor_in_a_worker() -> None:
+    assert core_to_spare()
+    done = threading.Event()
+    thread = threading.Thread(target=done.wait)
+    thread.start()
+    try:
+        assert not core_to_spare()
+        assert len({process for _, process in spread(slow_square, range(3))}) == 1
+    finally:
+        done.set()
+        thread.join()
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        assert not pool.submit(core_to_spare).result()
+
+
+def test_one_core_does_it_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
+    assert {process for _, process in spread(slow_square, range(3))} == {os.getpid()}
+
+
+@needs_fork
+def test_a_diagnosis_does_not_depend_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit, on a motor with two hidden effects."""
+    case = next(case for case in (draw(777, index) for index in range(40)) if case.sort == "two")
+    base = me.fit(me.dc_motor(), case.sweeps())
+    both = me.diagnose(base)
+    monkeypatch.setattr(module, "core_to_spare", lambda: False)
+    alone = me.diagnose(base)
+    assert both.to_dict() == alone.to_dict()
+    np.testing.assert_array_equal(both.best.unknowns, alone.best.unknowns)
