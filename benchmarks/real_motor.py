@@ -19,7 +19,7 @@ from motoremi.data.files import read_impedance
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.causal import check_causality
 from motoremi.diagnosis.diagnosis import LEAST_GAIN
-from motoremi.diagnosis.evidence import Candidate, effective_share, rank
+from motoremi.diagnosis.evidence import effective_share, rank
 from motoremi.diagnosis.steps import find_steps
 from motoremi.fitting.fit import refit_without
 from motoremi.model.effects import find_effect
@@ -66,7 +66,7 @@ def one_more(rung: Rung) -> list[Rung]:
     rivals = ", ".join(candidate.effect for candidate in ranked[1:3])
     # The search for candidates is quick; the two that are carried on are searched once more at length.
     searched = [(c, max(c.fit, rung.fit.add(c.effect), key=lambda fit: fit.log_evidence)) for c in ranked[:2]]
-    return [Rung(fit, rung, c.effect, Candidate(c.effect, fit, fit.log_evidence, ()).describe(), rivals) for c, fit in searched]
+    return [Rung(fit, rung, c.effect, dataclasses.replace(c, fit=fit).describe(), rivals) for c, fit in searched]
 
 
 def errors(fit: me.Fit) -> list[float]:

@@ -12,13 +12,11 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, possible_effects, rank
+from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, members, possible_effects, rank, rank_again
 from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.pairs import RIVALS, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
-from motoremi.fitting.fit import settled, trail_without
-from motoremi.fitting.looks import Scouted, glance, pursue
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
@@ -193,6 +191,9 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     if is_good(fit) and (none >= LEAST_DOUBT or weight * (candidates[0].log_evidence - fit.log_evidence) < LEAST_GAIN):
         return _adequate(fit, candidates, probabilities, none, where)
     explanation = _explain(fit, candidates, progress)
+    if explanation.singles is not candidates:
+        candidates = explanation.singles
+        probabilities = _posterior(fit, candidates, effective_share(candidates[0].fit if candidates[0].good else fit))
     if not is_good(explanation.best):
         return _unexplained(fit, explanation, candidates, probabilities, where)
     return _named(fit, explanation, candidates, probabilities, where)
@@ -217,10 +218,13 @@ class _Explanation:
         From base to best, one effect at a time.
     rivals : dict
         For each added effect, the candidates for its place, on top of all the others.
+    singles : list of Candidate
+        Single effects as far as they were looked at, best evidence first.
     """
 
     steps: tuple[Fit, ...]
     rivals: dict[str, list[Candidate]]
+    singles: list[Candidate]
 
     @property
     def best(self) -> Fit:
@@ -229,30 +233,35 @@ class _Explanation:
 
 def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -> _Explanation:
     """One effect if one reaches the noise, else the best pair: each of the two is sought again with the other in place."""
-    first = candidates[0]
-    alone = _Explanation((fit, first.fit), {first.effect: candidates})
-    if first.good:
-        return alone
+    if candidates[0].good:
+        return _alone(fit, candidates)
     start, ranked = rank_pairs(candidates, progress)
-    if ranked[0].log_evidence - first.log_evidence < LEAST_GAIN:
-        return alone
+    if not ranked[0].good:
+        candidates = rank_again(fit, candidates)
+    if candidates[0].good or ranked[0].log_evidence - candidates[0].log_evidence < LEAST_GAIN:
+        return _alone(fit, candidates)
     kept = start.fit
     for _ in range(EXCHANGES):
         pair = ranked[0]
-        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, kept.effects[-1]: []})
+        first = kept.effects[-1]
+        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, first: []}, candidates)
         if not pair.good:
             break
-        # The values of the pair lead to a better valley than those found without it.
-        look = glance(trail_without(pair.fit, kept.effects[-1]))
-        other = settled(Scouted(look.trail, pursue(look)), pair.fit, thorough=False)
-        others = rank(other, RIVALS, pair.fit.parameters, progress)
-        found.rivals[kept.effects[-1]] = others
-        if is_good(other):
-            return _Explanation((fit, other), {other.effects[-1]: candidates})
-        if others[0].log_evidence < pair.log_evidence + LEAST_GAIN:
+        one, other = members(pair.fit, first, pair.effect)
+        if one.good or other.good:
+            single = max((one, other), key=lambda candidate: candidate.log_evidence)
+            rest = (candidate for candidate in candidates if candidate.effect != single.effect)
+            return _alone(fit, sorted((single, *rest), key=lambda candidate: -candidate.log_evidence))
+        seconds = rank(other.fit, RIVALS, pair.fit.parameters, progress)
+        found.rivals[first] = seconds
+        if seconds[0].log_evidence < pair.log_evidence + LEAST_GAIN:
             break
-        kept, ranked = other, others
+        kept, ranked = other.fit, seconds
     return found
+
+
+def _alone(fit: Fit, candidates: list[Candidate]) -> _Explanation:
+    return _Explanation((fit, candidates[0].fit), {candidates[0].effect: candidates}, candidates)
 
 
 def _families(explanation: _Explanation) -> tuple[list[tuple[str, ...]], float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -11,7 +11,7 @@ from scipy.fft import dct
 from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.fitting.fit import told, trail_to
+from motoremi.fitting.fit import told, trail_to, trail_without
 from motoremi.fitting.looks import FEW_POINTS, POINTS, Begun, Ends, Scouted, Trail, begin, follow, pursue, search_through, settle
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import good_enough
@@ -53,12 +53,15 @@ class Candidate:
         Of its model, bounds counted against it; comparable among models of the same data only.
     at_bound : tuple of str
         Parameters of the effect that the data push against a bound.
+    look : Scouted
+        What led there.
     """
 
     effect: str
     fit: Fit
     log_evidence: float
     at_bound: tuple[str, ...]
+    look: Scouted
 
     @property
     def plausible(self) -> bool:
@@ -273,9 +276,27 @@ def rank(before: Fit, most: int | None = None, near: Mapping[str, float] | None 
     looks = glances(before, most, near, progress)
     order = nearest(looks)
     best = looks[order[0]]
-    rivals = [name for name in order[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective]
-    improved(looks, rivals if best.right else order[:SEARCHED_IN_THE_DARK], search_through)
+    if best.right:
+        rivals = (name for name in order[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective)
+        improved(looks, rivals, search_through)
     return refitted(before, looks)
+
+
+def rank_again(before: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates none of which is good, the nearest searched through."""
+    looks = {candidate.effect: candidate.look for candidate in candidates}
+    near = nearest(looks)[:SEARCHED_IN_THE_DARK]
+    improved(looks, near, search_through)
+    changed = refitted(before, {name: looks[name] for name in near})
+    return sorted((*changed, *(one for one in candidates if one.effect not in near)), key=lambda candidate: -candidate.log_evidence)
+
+
+def members(pair: Fit, one: str, other: str) -> tuple[Candidate, Candidate]:
+    """Each of two effects of a fit without the other, from where the two of them led, which is a better valley than it may have found alone."""
+    looks = followed(begun({one: trail_without(pair, other), other: trail_without(pair, one)}))
+    improved(looks, (one, other), pursue)
+    found = {candidate.effect: candidate for candidate in refitted(pair, looks)}
+    return found[one], found[other]
 
 
 def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
@@ -285,10 +306,11 @@ def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
     limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[order[:POLISHED_IN_THE_DARK][-1]].objective
     found = spread(lambda look: settle(look, before.seed, thorough=False, polished=look.objective <= limit), [looks[name] for name in order])
     fits = [told(looks[name].trail.task, end, before) for name, end in zip(order, found, strict=True)]
-    return sorted((_candidate(name, fit) for name, fit in zip(order, fits, strict=True)), key=lambda candidate: -candidate.log_evidence)
+    ranked = [_candidate(name, fit, looks[name]) for name, fit in zip(order, fits, strict=True)]
+    return sorted(ranked, key=lambda candidate: -candidate.log_evidence)
 
 
-def _candidate(effect: str, fit: Fit) -> Candidate:
+def _candidate(effect: str, fit: Fit, look: Scouted) -> Candidate:
     bounds = at_bound(fit, effect)
     prior = simplest_form(fit, effect) + usual_size(fit, effect) - looked_elsewhere(fit, effect) - BOUND_PENALTY * len(bounds)
-    return Candidate(effect, fit, fit.log_evidence + prior, bounds)
+    return Candidate(effect, fit, fit.log_evidence + prior, bounds, look)
