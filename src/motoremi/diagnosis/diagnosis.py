@@ -12,7 +12,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, is_good, members, possible_effects, rank, rank_again
+from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, possible_effects, rank, rank_again, refitted
 from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.pairs import RIVALS, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
@@ -184,7 +184,7 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     Diagnosis
     """
     where = compare(fit).where
-    candidates = rank(fit, progress=progress)
+    candidates = rank(fit, progress)
     weight = effective_share(candidates[0].fit if candidates[0].good else fit)
     probabilities = _posterior(fit, candidates, weight)
     none = 1 - sum(probabilities.values())
@@ -252,7 +252,7 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
             single = max((one, other), key=lambda candidate: candidate.log_evidence)
             rest = (candidate for candidate in candidates if candidate.effect != single.effect)
             return _alone(fit, sorted((single, *rest), key=lambda candidate: -candidate.log_evidence))
-        seconds = rank(other.fit, RIVALS, pair.fit.parameters, progress)
+        seconds = refitted(other.fit, glances(other.fit, RIVALS, pair.fit.parameters, progress))
         found.rivals[first] = seconds
         if seconds[0].log_evidence < pair.log_evidence + LEAST_GAIN:
             break

@@ -245,7 +245,16 @@ def improved(looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[S
 
 
 def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None) -> dict[str, Scouted]:
-    """A quick look at every possible effect, or at so many of those that begin best; the nearest are followed to their end."""
+    """A quick look at every possible effect; the nearest are followed to their end.
+
+    Parameters
+    ----------
+    most : int, optional
+        Leave it at so many of those that begin best.
+    near : mapping, optional
+        Parameters of a solution with another effect in its place, in SI units, to look from.
+    progress : callable, optional
+    """
     first = begun({name: trail_to(before, name, near=near, points=FEW_POINTS if near else POINTS) for name in possible_effects(before)}, progress)
     found = followed({name: first[name] for name in nearest(first)[:most]})
     order = nearest(found)
@@ -261,19 +270,15 @@ def _alike(one: str, other: str) -> bool:
     return bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
 
 
-def rank(before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None) -> list[Candidate]:
+def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
     """Refit with every possible effect, the promising ones on all points; best evidence first.
 
     Parameters
     ----------
-    most : int, optional
-        Leave it at so many of those that begin best.
-    near : mapping, optional
-        Parameters of a solution with another effect, in SI units.
     progress : callable, optional
         Told the effect's name, how many are done, and of how many.
     """
-    looks = glances(before, most, near, progress)
+    looks = glances(before, progress=progress)
     order = nearest(looks)
     best = looks[order[0]]
     if best.right:

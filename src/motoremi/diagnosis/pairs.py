@@ -12,28 +12,25 @@ from typing import TypeAlias
 from motoremi.arrays import Progress
 from motoremi.diagnosis.evidence import Candidate, begun, followed, glances, improved, nearest, possible_effects, refitted
 from motoremi.fitting.fit import trail_to
-from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue, search_through
+from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue
 from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
 Pair: TypeAlias = tuple[str, str]
-# From how many of the best single effects a second one is looked for, and from how many more where these do not do.
+# From how many of the best single effects a second one is looked for; where these do not do, beside how many of the best second effects
+# a first one is.
 FIRSTS = 3
-MORE_FIRSTS = 2
+COLUMNS = 2
 # Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
-# The same over all pairs where none of these is right.
-FOLLOWED_LATE = 12
-PURSUED_LATE = 4
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # Where even the nearest of the first pairs leaves more than so many times that, no pair explains the data: none that did was ever so far.
-FAR_FACTOR = 1000.0
-# How often better partners are sought for the two of the nearest pair, and how many pairs are searched through in the end.
+FAR_FACTOR = 3000.0
+# How often better partners are sought for the two of the nearest pair.
 EXCHANGES = 2
-SEARCHED = 2
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 10
 # A second effect that leaves so many times the best one's chi-squared is no rival of it.
@@ -67,34 +64,37 @@ class _Search:
         self._exchanged: set[Pair] = set()
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._first_rows, self._exchanges, self._more_rows, self._exchanges, self._thoroughly):
+        for stage in (self._rows, self._exchanges, self._columns, self._exchanges):
             found = stage()
             if found is not None:
                 return found
         first, _ = nearest(self._looks)[0]
         return self._singles[first], self._beside(first)
 
-    def _first_rows(self) -> tuple[Candidate, list[Candidate]] | None:
+    def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
+        """Every second effect beside the best single ones."""
         for index, first in enumerate(list(self._singles)[:FIRSTS]):
-            self._look(self._row(first), FOLLOWED, PURSUED)
+            self._look([(first, second) for second in possible_effects(self._singles[first].fit)])
             if (found := self._right()) is not None:
                 return found
             if index == 0:
                 # What the data favour most deserves a look from both sides.
-                self._look(self._column(first), FOLLOWED, PURSUED)
+                self._look(self._column(first))
                 if (found := self._right()) is not None:
                     return found
         return None
 
-    def _more_rows(self) -> tuple[Candidate, list[Candidate]] | None:
+    def _columns(self) -> tuple[Candidate, list[Candidate]] | None:
+        """What helps as a second effect, whatever the first, beside every first one: it may be one of the two though it says little alone."""
         if self._far(FAR_FACTOR):
             return None
-        for first in list(self._singles)[FIRSTS : FIRSTS + MORE_FIRSTS]:
-            self._look(self._row(first), FOLLOWED, PURSUED)
+        favourite = next(iter(self._singles))
+        helping = dict.fromkeys(second for _, second in nearest(self._looks) if second != favourite)
+        for second in list(helping)[:COLUMNS]:
+            self._look(self._column(second))
             if (found := self._right()) is not None:
                 return found
-        self._look(list(self._begun), FOLLOWED_LATE, PURSUED_LATE)
-        return self._right()
+        return None
 
     def _exchanges(self) -> tuple[Candidate, list[Candidate]] | None:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
@@ -115,32 +115,22 @@ class _Search:
                 return right
         return None
 
-    def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
-        if self._far(FAR_FACTOR):
-            return None
-        improved(self._looks, nearest(self._looks)[:SEARCHED], search_through)
-        return self._right()
-
     def _far(self, factor: float) -> bool:
         """Whether even the nearest pair leaves more than so many times what noise alone would."""
         best = self._looks[nearest(self._looks)[0]]
         return best.objective > factor * surely_right(best.trail.likelihood)
 
-    def _row(self, first: str) -> list[Pair]:
-        """A first effect with every second one."""
-        return [(first, second) for second in possible_effects(self._singles[first].fit)]
-
     def _column(self, second: str) -> list[Pair]:
         """A second effect beside every first one."""
         return [(first, second) for first in self._singles if first != second]
 
-    def _look(self, pairs: Sequence[Pair], most: int, most_pursued: int) -> None:
+    def _look(self, pairs: Sequence[Pair]) -> None:
         """Begin what has not been begun, follow those that begin best, and pursue the nearest."""
         fresh = {pair: trail_to(self._singles[pair[0]].fit, pair[1], points=FEW_POINTS) for pair in pairs if pair not in self._begun}
         self._begun |= begun(fresh, self._progress)
         left = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
-        found = followed({pair: left[pair] for pair in nearest(left)[:most]})
-        improved(found, nearest(found)[:most_pursued], pursue)
+        found = followed({pair: left[pair] for pair in nearest(left)[:FOLLOWED]})
+        improved(found, nearest(found)[:PURSUED], pursue)
         self._take(found)
 
     def _take(self, looks: Mapping[Pair, Scouted]) -> None:
