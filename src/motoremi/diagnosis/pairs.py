@@ -33,6 +33,8 @@ FAR_FACTOR = 3000.0
 EXCHANGES = 2
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 10
+# How often a pair that is right on a thinned grid is tried on all points.
+MOST_JUDGEMENTS = 5
 # A second effect that leaves so many times the best one's chi-squared is no rival of it.
 HOPELESS_FACTOR = 30.0
 
@@ -61,6 +63,7 @@ class _Search:
         self._begun: dict[Pair, Begun] = {}
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
+        self._judgements = 0
         self._exchanged: set[Pair] = set()
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
@@ -90,7 +93,8 @@ class _Search:
             return None
         favourite = next(iter(self._singles))
         helping = dict.fromkeys(second for _, second in nearest(self._looks) if second != favourite)
-        for second in list(helping)[:COLUMNS]:
+        # The favourite once more: of what was begun with it, those that follow next.
+        for second in (favourite, *list(helping)[:COLUMNS]):
             self._look(self._column(second))
             if (found := self._right()) is not None:
                 return found
@@ -139,14 +143,17 @@ class _Search:
                 self._looks[pair] = look
 
     def _right(self) -> tuple[Candidate, list[Candidate]] | None:
-        """The nearest pair with its rivals, if it describes the data."""
-        right = {pair: look for pair, look in self._looks.items() if look.right and pair not in self._judged}
-        if not right:
-            return None
-        pair = nearest(right)[0]
-        self._judged.add(pair)
-        ranked = self._beside(pair[0])
-        return (self._singles[pair[0]], ranked) if ranked[0].good else None
+        """The nearest pair that describes the data on all points, with its rivals."""
+        right = {pair: look for pair, look in self._looks.items() if look.right}
+        for first, second in nearest(right):
+            if (first, second) in self._judged or self._judgements >= MOST_JUDGEMENTS:
+                continue
+            self._judgements += 1
+            ranked = self._beside(first)
+            if ranked[0].good:
+                return self._singles[first], ranked
+            self._judged |= {pair for pair in right if pair[0] == first}
+        return None
 
     def _beside(self, first: str) -> list[Candidate]:
         """Candidates for the second effect beside a first one, best evidence first."""
