@@ -25,6 +25,8 @@ COLUMNS = 2
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
+# A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
+FOLLOWED_IF_NEAR = 16
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # Where even the nearest of the first pairs leaves more than so many times that, no pair explains the data: none that did was ever so far.
@@ -77,7 +79,8 @@ class _Search:
     def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
         """Every second effect beside the best single ones."""
         for index, first in enumerate(list(self._singles)[:FIRSTS]):
-            self._look([(first, second) for second in possible_effects(self._singles[first].fit)])
+            pairs = [(first, second) for second in possible_effects(self._singles[first].fit)]
+            self._look(pairs, FOLLOWED_IF_NEAR if _factor(self._singles[first].look) < NEAR_FACTOR else FOLLOWED)
             if (found := self._right()) is not None:
                 return found
             if index == 0:
@@ -121,19 +124,18 @@ class _Search:
 
     def _far(self, factor: float) -> bool:
         """Whether even the nearest pair leaves more than so many times what noise alone would."""
-        best = self._looks[nearest(self._looks)[0]]
-        return best.objective > factor * surely_right(best.trail.likelihood)
+        return _factor(self._looks[nearest(self._looks)[0]]) > factor
 
     def _column(self, second: str) -> list[Pair]:
         """A second effect beside every first one."""
         return [(first, second) for first in self._singles if first != second]
 
-    def _look(self, pairs: Sequence[Pair]) -> None:
+    def _look(self, pairs: Sequence[Pair], most: int = FOLLOWED) -> None:
         """Begin what has not been begun, follow those that begin best, and pursue the nearest."""
         fresh = {pair: trail_to(self._singles[pair[0]].fit, pair[1], points=FEW_POINTS) for pair in pairs if pair not in self._begun}
         self._begun |= begun(fresh, self._progress)
         left = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
-        found = followed({pair: left[pair] for pair in nearest(left)[:FOLLOWED]})
+        found = followed({pair: left[pair] for pair in nearest(left)[:most]})
         improved(found, nearest(found)[:PURSUED], pursue)
         self._take(found)
 
@@ -163,3 +165,8 @@ class _Search:
             found = glances(self._singles[first].fit, RIVALS, best.values(), self._progress) | found
         limit = HOPELESS_FACTOR * best.objective
         return refitted(self._singles[first].fit, {name: look for name, look in found.items() if look.objective <= limit})
+
+
+def _factor(look: Scouted) -> float:
+    """What a look leaves over what noise alone would."""
+    return look.objective / surely_right(look.trail.likelihood)
