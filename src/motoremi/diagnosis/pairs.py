@@ -111,7 +111,9 @@ class _Search:
                 return None
             self._exchanged.add(pair)
             near = self._looks[pair].values()
-            for kept in pair:
+            for kept in dict.fromkeys(pair):
+                if kept not in self._singles:
+                    continue
                 fit = self._singles[kept].fit
                 trails = {(kept, other): trail_to(fit, other, near=near, points=FEW_POINTS) for other in possible_effects(fit)}
                 started = begun(trails, self._progress)
