@@ -29,8 +29,6 @@ PURSUED = 2
 FOLLOWED_IF_NEAR = 16
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
-# Where even the nearest of the first pairs leaves more than so many times that, no pair explains the data: none that did was ever so far.
-FAR_FACTOR = 3000.0
 # How often better partners are sought for the two of the nearest pair.
 EXCHANGES = 2
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
@@ -92,8 +90,6 @@ class _Search:
 
     def _columns(self) -> tuple[Candidate, list[Candidate]] | None:
         """What helps as a second effect, whatever the first, beside every first one: it may be one of the two though it says little alone."""
-        if self._far(FAR_FACTOR):
-            return None
         favourite = next(iter(self._singles))
         helping = dict.fromkeys(second for _, second in nearest(self._looks) if second != favourite)
         # The favourite once more: of what was begun with it, those that follow next.
@@ -107,7 +103,7 @@ class _Search:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
         for _ in range(EXCHANGES):
             pair = nearest(self._looks)[0]
-            if self._far(NEAR_FACTOR) or pair in self._exchanged:
+            if _factor(self._looks[pair]) > NEAR_FACTOR or pair in self._exchanged:
                 return None
             self._exchanged.add(pair)
             near = self._looks[pair].values()
@@ -123,10 +119,6 @@ class _Search:
             if (right := self._right()) is not None:
                 return right
         return None
-
-    def _far(self, factor: float) -> bool:
-        """Whether even the nearest pair leaves more than so many times what noise alone would."""
-        return _factor(self._looks[nearest(self._looks)[0]]) > factor
 
     def _column(self, second: str) -> list[Pair]:
         """A second effect beside every first one."""
