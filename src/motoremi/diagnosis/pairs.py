@@ -110,12 +110,8 @@ class _Search:
             for kept in dict.fromkeys(pair):
                 if kept not in self._singles:
                     continue
-                fit = self._singles[kept].fit
-                trails = {(kept, other): trail_to(fit, other, near=near, points=FEW_POINTS) for other in possible_effects(fit)}
-                started = begun(trails, self._progress)
-                found = followed({name: started[name] for name in nearest(started)[:FOLLOWED]})
-                improved(found, list(found), pursue)
-                self._take(found)
+                found = glances(self._singles[kept].fit, FOLLOWED, near, self._progress)
+                self._take({(kept, other): look for other, look in found.items()})
             if (right := self._right()) is not None:
                 return right
         return None

@@ -135,7 +135,7 @@ class Scouted:
 
 def begin(trail: Trail) -> Polished:
     """A few steps for all start values, which need not lead anywhere."""
-    few = trail.task.thinned(trail.points)
+    few = trail.search if trail.points == POINTS else trail.task.thinned(trail.points)
     return polish(few, np.array([few.vector(start) for start in trail.starts]), iterations=trail.steps, **ROUGH, enough=trail.enough(few))
 
 
