@@ -7,6 +7,7 @@ which costs one evaluation and saves many where effects and elements trade off a
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,54 +90,60 @@ def polish(
         To begin with, relative to the diagonal of the Gauss-Newton matrix.
     """
     u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
-    count, size = u.shape
-    state = problem.linearised(u)
-    damped = np.full(count, damping)
-    converged = np.zeros(count, dtype=np.bool_)
+    count = len(u)
+    ends = Polished(u.copy(), np.empty(count), np.zeros(count, dtype=np.bool_), count)
     evaluations = count
-    diagonal = np.arange(size)
+    # Of those that are still on their way: their places among all, and their state.
+    live = np.arange(count)
+    here = problem.linearised(u)
+    damped = np.full(count, damping)
     # Whether a step fell short of what the linear model promised: only then is the valley bent.
     bent = np.zeros(count, dtype=np.bool_)
     for _ in range(iterations):
-        live = np.flatnonzero(~converged & (damped < 1e12))
-        if not live.size or np.any(state.objective < enough):
+        if not live.size or np.any(here.objective < enough):
             break
-        here = state if live.size == count else state.subset(live)
-        held = ((u[live] <= problem.low) & (here.gradient > 0)) | ((u[live] >= problem.high) & (here.gradient < 0))
-        system, right = here.matrix.copy(), np.where(held, 0.0, here.gradient)
-        system[held[:, :, None] | held[:, None, :]] = 0.0
-        spread: FloatArray = here.matrix[:, diagonal, diagonal]
-        system[:, diagonal, diagonal] = np.where(held, 1.0, spread * (1 + damped[live, None]) + 1e-12)
-        newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
-        step = _limited(newton)
-        if np.any(bent[live]):
-            bend = np.where(held, 0.0, problem.curvature_pull(here, u[live], step))
+        held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
+        right = np.where(held, 0.0, here.gradient)
+        spread: FloatArray = _diagonal(here.matrix)
+        system = _free_part(here.matrix, held)
+        _diagonal(system)[...] = np.where(held, 1.0, spread * (1 + damped[:, None]) + 1e-12)
+        step = _limited(-np.linalg.solve(system, right[..., None])[..., 0])
+        if np.any(bent):
+            bend = np.where(held, 0.0, problem.curvature_pull(here, u, step))
             turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
-            scale = np.sqrt(spread)
-            gentle = np.linalg.norm(turn * scale, axis=1) < 0.4 * np.linalg.norm(step * scale, axis=1)
+            gentle = np.sum(turn**2 * spread, axis=1) < 0.16 * np.sum(step**2 * spread, axis=1)
             corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
             step = _limited(corrected)
             evaluations += live.size
-        trial = problem.clip(u[live] + step)
+        trial = problem.clip(u + step)
         expected = -np.sum(step * (2 * right + (here.matrix @ step[..., None])[..., 0]), axis=1)
         new = problem.linearised(trial)
         evaluations += live.size
-        better = new.objective <= here.objective
-        bent[live] |= here.objective - new.objective < 0.7 * expected
+        gained = here.objective - new.objective
+        better = gained >= 0
+        bent |= gained < 0.7 * expected
         small = tolerance + relative * here.objective
         # A small step means convergence only where damping did not make it small: along a shallow valley even a little does.
-        free = (damped[live] < 1e-2) | (damped[live] > 1e8)
-        still = free & ((np.abs(expected) < small) | (better & (here.objective - new.objective < 0.1 * small)))
+        free = (damped < 1e-2) | (damped > 1e8)
+        still = free & ((np.abs(expected) < small) | (better & (gained < 0.1 * small)))
         if np.any(still):
-            still[still] = (_decrement(here.matrix[still], right[still], held[still]) < UNDAMPED * small[still]) | (damped[live[still]] > 1e8)
-        converged[live] = still
-        taken = live[better]
-        u[taken] = trial[better]
-        state.put(taken, new.subset(np.flatnonzero(better)))
-        damped[taken] = np.maximum(damped[taken] * 0.15, 1e-9)
-        failed = live[~better]
-        damped[failed] = np.maximum(damped[failed] * 6, 1e-6)
-    return Polished(u, state.objective, converged, evaluations)
+            still[still] = (_decrement(here.matrix[still], right[still], held[still]) < UNDAMPED * small[still]) | (damped[still] > 1e8)
+        if np.all(better):
+            u, here = trial, new
+        else:
+            u[better] = trial[better]
+            here.put(better, new)
+        damped = np.where(better, np.maximum(damped * 0.15, 1e-9), np.maximum(damped * 6, 1e-6))
+        leaving = still | (damped >= 1e12)
+        if np.any(leaving):
+            ends.converged[live[still]] = True
+            ends.u[live], ends.objective[live] = u, here.objective
+            if np.any(here.objective < enough):
+                break
+            stay = ~leaving
+            live, u, here, damped, bent = live[stay], u[stay], here.subset(stay), damped[stay], bent[stay]
+    ends.u[live], ends.objective[live] = u, here.objective
+    return dataclasses.replace(ends, evaluations=evaluations)
 
 
 def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[FloatArray, int]:
@@ -177,10 +184,9 @@ def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[Fl
 
 def _decrement(matrix: FloatArray, right: FloatArray, held: BoolArray) -> FloatArray:
     """What an undamped step would gain by the linear model, shape (batch,)."""
-    system = matrix.copy()
-    system[held[:, :, None] | held[:, None, :]] = 0.0
-    diagonal = np.arange(matrix.shape[1])
-    system[:, diagonal, diagonal] = np.where(held, 1.0, system[:, diagonal, diagonal] * (1 + 1e-12) + 1e-12)
+    system = _free_part(matrix, held)
+    diagonal = _diagonal(system)
+    diagonal[...] = np.where(held, 1.0, diagonal * (1 + 1e-12) + 1e-12)
     gain: FloatArray = np.sum(right * np.linalg.solve(system, right[..., None])[..., 0], axis=1)
     return gain
 
@@ -189,3 +195,17 @@ def _limited(step: FloatArray) -> FloatArray:
     """Steps of at most e^2 in a parameter: beyond, the linear model means nothing."""
     limited: FloatArray = step * np.minimum(1.0, 2.0 / np.maximum(np.max(np.abs(step), axis=1), 1e-300))[:, None]
     return limited
+
+
+def _free_part(matrix: FloatArray, held: BoolArray) -> FloatArray:
+    """A copy without the rows and columns of unknowns that are held."""
+    system = matrix.copy()
+    if np.any(held):
+        system[held[:, :, None] | held[:, None, :]] = 0.0
+    return system
+
+
+def _diagonal(matrix: FloatArray) -> FloatArray:
+    """A view of the diagonals of a batch, shape (batch, k)."""
+    view: FloatArray = np.einsum("...ii->...i", matrix)
+    return view

@@ -10,6 +10,7 @@ The residual is ln(Z_measured / Z_model), complex, over the noise. Three kinds o
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -42,28 +43,44 @@ class Linearised:
         Half of the objective's gradient.
     matrix : ndarray, shape (..., k, k)
         Gauss-Newton matrix.
-    residual, jacobian, along : ndarray, shapes (..., 2 n), (..., k, 2 n), (..., k, 2 q)
-        Weighted residuals, their derivatives, and the derivatives along the directions of the gain error; real parts first.
+    deviation, slopes : ndarray, shapes (..., n), (..., k, n)
+        Complex weighted residuals, and their derivatives for the parameters in SI units.
+    along : ndarray, shape (..., k, 2 q)
+        The derivatives along the directions of the gain error.
+    chain : ndarray, shape (..., k)
+        Derivatives of the parameters for the unknowns.
     """
 
     objective: FloatArray
     gradient: FloatArray
     matrix: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
+    deviation: ComplexArray
+    slopes: ComplexArray
     along: FloatArray
+    chain: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        """Weighted residuals, shape (..., 2 n), real parts first."""
+        return np.concatenate([self.deviation.real, self.deviation.imag], axis=-1)
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """Derivatives of the residuals for the unknowns, shape (..., k, 2 n), real parts first."""
+        joined: FloatArray = np.concatenate([self.slopes.real, self.slopes.imag], axis=-1) * self.chain[..., None]
+        return joined
 
     def subset(self, index: np.ndarray) -> Linearised:
         """Some members of the batch."""
-        return Linearised(
-            self.objective[index], self.gradient[index], self.matrix[index],
-            self.residual[index], self.jacobian[index], self.along[index],
-        )  # fmt: skip
+        return Linearised(*(getattr(self, name)[index] for name in _MEMBERS))
 
     def put(self, index: np.ndarray, other: Linearised) -> None:
-        """Replace some members."""
-        for name in ("objective", "gradient", "matrix", "residual", "jacobian", "along"):
-            getattr(self, name)[index] = getattr(other, name)
+        """Take some members of another batch."""
+        for name in _MEMBERS:
+            getattr(self, name)[index] = getattr(other, name)[index]
+
+
+_MEMBERS = tuple(field.name for field in dataclasses.fields(Linearised))
 
 
 class Problem:
@@ -114,6 +131,7 @@ class Problem:
         self.unknowns = tuple(self.everything[i] for i in varying)
         self._varying = np.array(varying, dtype=np.intp)
         self._log = np.array([p.scale == "log" for p in self.unknowns])
+        self._as_log, self._as_linear = np.flatnonzero(self._log), np.flatnonzero(~self._log)
         self._scale = np.array([1.0 if p.scale == "log" else _linear_scale(p) for p in self.unknowns])
         self._fixed = np.array([self.held.get(p.name, p.middle) for p in self.everything])
         self._low_si, self._high_si = self._limits_si()
@@ -123,7 +141,10 @@ class Problem:
         self.precision, self.centre = self._priors()
         self.observed = observed(measurement, points, weights, highest_hz)
         self.size = self.observed.size
-        self._tapes = [Tape(self._circuit(sweep, with_residuals), names) for sweep in self.observed.sweeps]
+        self._parts = [
+            (sweep, self.observed.slices[sweep.termination], Tape(self._circuit(sweep, with_residuals), names))
+            for sweep in self.observed.sweeps
+        ]
 
     def _limits_si(self) -> tuple[FloatArray, FloatArray]:
         pairs = [self.bounds.get(parameter.name, (parameter.low, parameter.high)) for parameter in self.unknowns]
@@ -160,10 +181,15 @@ class Problem:
 
     def physical(self, u: FloatArray) -> FloatArray:
         """Values in SI units of all parameters, shape (..., p), from unknowns of shape (..., k)."""
-        values = np.broadcast_to(self._fixed, (*u.shape[:-1], self._fixed.size)).copy()
-        # Clipped once more: a bound must not be missed by the rounding of its logarithm.
-        positive = np.clip(np.exp(np.where(self._log, u, 0.0)), self._low_si, self._high_si)
-        values[..., self._varying] = np.where(self._log, positive, u * self._scale)
+        values = np.empty((*u.shape[:-1], self._fixed.size))
+        values[...] = self._fixed
+        if self._as_log.size:
+            log = self._as_log
+            # Clipped once more: a bound must not be missed by the rounding of its logarithm.
+            values[..., self._varying[log]] = np.minimum(np.maximum(np.exp(u[..., log]), self._low_si[log]), self._high_si[log])
+        if self._as_linear.size:
+            linear = self._as_linear
+            values[..., self._varying[linear]] = u[..., linear] * self._scale[linear]
         return values
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
@@ -195,72 +221,72 @@ class Problem:
     def deviation(self, u: FloatArray) -> ComplexArray:
         """ln(Z_measured / Z_model), complex, phase wrapped, shape (..., n)."""
         values = self.physical(u)
-        parts = []
-        for sweep, tape in zip(self.observed.sweeps, self._tapes, strict=True):
-            with np.errstate(all="ignore"):
-                model = tape.impedance(sweep.s, values)
-                parts.append(_logarithm(sweep.measured / model))
-        joined: ComplexArray = np.concatenate(parts, axis=-1)
-        return np.nan_to_num(joined, nan=1e3, posinf=1e3, neginf=-1e3)
+        found = np.empty((*u.shape[:-1], self.size), dtype=np.complex128)
+        with np.errstate(all="ignore"):
+            for sweep, where, tape in self._parts:
+                _set_logarithm(found[..., where], sweep.measured / tape.impedance(sweep.s, values))
+        return _repaired(found, 1e3)
 
     def model_ohm(self, u: FloatArray) -> dict[str, ComplexArray]:
         """Impedance that the analyser should show (fixture residuals included, gain error not), by termination."""
         values = self.physical(u)
-        return {sweep.termination: tape.impedance(sweep.s, values) for sweep, tape in zip(self.observed.sweeps, self._tapes, strict=True)}
+        return {sweep.termination: tape.impedance(sweep.s, values) for sweep, _, tape in self._parts}
 
     def objective(self, u: FloatArray) -> FloatArray:
         """Minus twice the log likelihood (and prior), up to a constant, shape (...)."""
-        residual = _parts(self.deviation(u) * self.observed.weight)
-        return self._quadratic(residual, self._along(residual)) + self._penalty(u)
-
-    def _along(self, parts: FloatArray) -> FloatArray:
-        """Components, shape (..., 2 q), along the directions that the gain error takes up, of real and imaginary parts, shape (..., 2 n)."""
-        directions = self.observed.directions
-        found: FloatArray = parts.reshape(*parts.shape[:-1], 2, self.size) @ directions
-        return found.reshape(*parts.shape[:-1], 2 * directions.shape[1])
-
-    def _quadratic(self, residual: FloatArray, along: FloatArray) -> FloatArray:
-        total: FloatArray = np.einsum("...i,...i->...", residual, residual) - np.einsum("...i,...i->...", along, along)
+        residual = self.deviation(u) * self.observed.weight
+        along = self._along(residual)
+        total: FloatArray = _squares(residual.view(np.float64)) - _squares(along) + self._penalty(u)
         return total
+
+    def _along(self, values: ComplexArray) -> FloatArray:
+        """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the directions that the gain error takes up."""
+        directions = self.observed.directions
+        found: FloatArray = (values @ directions).view(np.float64) if directions.shape[1] else np.zeros((*values.shape[:-1], 0))
+        return found
 
     def linearised(self, u: FloatArray) -> Linearised:
         """The objective round `u`, shape (..., k), to second order."""
         values = self.physical(u)
         chain = np.where(self._log, values[..., self._varying], self._scale)
-        residual = np.empty((*u.shape[:-1], 2 * self.size))
-        jacobian = np.zeros((*u.shape, 2 * self.size))
-        for sweep, where, tape in zip(self.observed.sweeps, self.observed.slices.values(), self._tapes, strict=True):
-            real, imaginary = where, slice(where.start + self.size, where.stop + self.size)
-            with np.errstate(all="ignore"):
-                model, slopes = tape.slopes(sweep.s, values)
-                left = _logarithm(sweep.measured / model)
-                residual[..., real], residual[..., imaginary] = left.real / sweep.sigma, left.imag / sweep.sigma
-                scale = -1 / (model * sweep.sigma)
-                # Parameter by parameter: the parts stay small enough for the processor's cache.
+        deviation = np.empty((*u.shape[:-1], self.size), dtype=np.complex128)
+        slopes = np.zeros((*u.shape, self.size), dtype=np.complex128)
+        with np.errstate(all="ignore"):
+            for sweep, where, tape in self._parts:
+                model, trace = tape.forward(sweep.s, values)
+                inverse = 1 / model
+                _set_logarithm(deviation[..., where], sweep.measured * inverse)
+                into: list[ComplexArray | None] = [None] * len(self.everything)
                 for row, position in enumerate(self._varying):
-                    if slopes[position] is not None:
-                        relative = slopes[position] * scale * chain[..., row, None]
-                        jacobian[..., row, real], jacobian[..., row, imaginary] = relative.real, relative.imag
-        if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
-            residual = np.nan_to_num(residual, nan=1e3, posinf=1e3, neginf=-1e3)
-            jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
-        along = self._along(jacobian)
+                    into[position] = slopes[..., row, where]
+                tape.backward(trace, inverse * (-1 / sweep.sigma), into)
+            deviation *= self.observed.weight
+            here = self._squared(u, deviation, slopes, chain)
+            if np.isfinite(here.objective).all() and np.isfinite(here.matrix).all():
+                return here
+            return self._squared(u, _repaired(deviation, 1e3), _repaired(slopes, 0.0), chain)
+
+    def _squared(self, u: FloatArray, deviation: ComplexArray, slopes: ComplexArray, chain: FloatArray) -> Linearised:
+        along, residual_along = self._along(slopes), self._along(deviation)
+        # Real products of real and imaginary parts, which lie side by side, take half the time of complex ones.
+        residual, jacobian = deviation.view(np.float64), slopes.view(np.float64)
         matrix = jacobian @ np.swapaxes(jacobian, -1, -2) - along @ np.swapaxes(along, -1, -2)
+        matrix *= chain[..., :, None] * chain[..., None, :]
         index = np.arange(len(self.unknowns))
         matrix[..., index, index] += self.precision
-        residual_along = self._along(residual)
-        objective = self._quadratic(residual, residual_along) + self._penalty(u)
-        gradient = _product(jacobian, residual) - _product(along, residual_along) + self.precision * (u - self.centre)
-        return Linearised(objective, gradient, matrix, residual, jacobian, along)
+        objective = _squares(residual) - _squares(residual_along) + self._penalty(u)
+        gradient = (_product(jacobian, residual) - _product(along, residual_along)) * chain + self.precision * (u - self.centre)
+        return Linearised(objective, gradient, matrix, deviation, slopes, along, chain)
 
     def curvature_pull(self, here: Linearised, u: FloatArray, step: FloatArray, fraction: float = 0.1) -> FloatArray:
         """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation; shape (..., k)."""
-        ahead = self.deviation(u + fraction * step)
-        along_step = (step[..., None, :] @ here.jacobian)[..., 0, :]
-        before = (here.residual[..., : self.size] + 1j * here.residual[..., self.size :]) / self.observed.weight
-        turned = _parts(_wrapped(ahead - before) * self.observed.weight)
-        second = 2 / fraction * (turned / fraction - along_step)
-        return _product(here.jacobian, second) - _product(here.along, self._along(second))
+        weight, jacobian = self.observed.weight, here.slopes.view(np.float64)
+        turned = _wrapped(self.deviation(u + fraction * step) - here.deviation / weight) * weight
+        along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
+        second = (2 / fraction) * (turned / fraction - along_step)
+        pull = _product(jacobian, second.view(np.float64)) - _product(here.along, self._along(second))
+        result: FloatArray = pull * here.chain
+        return result
 
     def gain_error(self, u: FloatArray) -> ComplexArray:
         """Most likely relative gain error of the analyser given the parameters, shape (n,)."""
@@ -283,24 +309,30 @@ class Problem:
         return float(2 * self.size - np.count_nonzero(self.precision == 0))
 
 
-def _parts(values: ComplexArray) -> FloatArray:
-    """Real parts, then imaginary parts: real products take half the time of complex ones."""
-    return np.concatenate([values.real, values.imag], axis=-1)
-
-
-def _logarithm(ratio: ComplexArray) -> ComplexArray:
+def _set_logarithm(target: ComplexArray, ratio: ComplexArray) -> None:
     """Natural logarithm; several times quicker than the library's, which guards against squares out of range."""
-    result = np.empty(ratio.shape, dtype=np.complex128)
-    result.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
-    result.imag = np.arctan2(ratio.imag, ratio.real)
+    target.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
+    target.imag = np.arctan2(ratio.imag, ratio.real)
+
+
+def _repaired(values: ComplexArray, replacement: float) -> ComplexArray:
+    """Real and imaginary parts that are not finite numbers replaced, the sign of infinity kept."""
+    if np.isfinite(values).all():
+        return values
+    result: ComplexArray = np.nan_to_num(values, nan=replacement, posinf=replacement, neginf=-replacement)
     return result
+
+
+def _squares(values: FloatArray) -> FloatArray:
+    """Sum of squares along the last axis."""
+    total: FloatArray = np.einsum("...i,...i->...", values, values)
+    return total
 
 
 def _wrapped(logarithm: ComplexArray) -> ComplexArray:
-    """The phase moved into ±180 degrees."""
-    phase = np.remainder(logarithm.imag + np.pi, 2 * np.pi) - np.pi
-    result: ComplexArray = logarithm.real + 1j * phase
-    return result
+    """The phase moved into ±180 degrees, in place."""
+    logarithm.imag -= 2 * np.pi * np.rint(logarithm.imag / (2 * np.pi))
+    return logarithm
 
 
 def _product(rows: FloatArray, column: FloatArray) -> FloatArray:

@@ -20,13 +20,16 @@ from motoremi.model.parameter import Parameter
 
 # Derivatives for each child's impedance (None stands for one) and for each own parameter.
 Slopes: TypeAlias = tuple[Sequence[Any], Sequence[Any]]
+# A node's impedance, and what the way back wants of the way there.
+Passed: TypeAlias = tuple[ComplexArray, Any]
 
 
 @dataclass(frozen=True)
 class Node:
     """Common face of all circuit parts.
 
-    `given` is what the node's law gives (value and slopes), worked out once for both passes; nodes without a law ignore it.
+    `given` is what the node's law gives (value and slopes), worked out once for both passes; nodes without a law ignore it. `kept` is what
+    the forward pass hands to the backward one.
     """
 
     @property
@@ -44,11 +47,11 @@ class Node:
         """Parameters of this node alone."""
         return ()
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
         """Impedance in ohm from the impedances of the children."""
         raise NotImplementedError
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
         """Derivatives for each child's impedance and for each own parameter."""
         raise NotImplementedError
 
@@ -73,10 +76,10 @@ class Leaf(Node):
     def own_law(self) -> Law | None:
         return self.law
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
-        return given[0]
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        return given[0], None
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
         return (), given[1]
 
 
@@ -90,13 +93,13 @@ class Series(Node):
     def children(self) -> tuple[Node, ...]:
         return self.members
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
         total = parts[0]
         for part in parts[1:]:
             total = total + part
-        return total
+        return total, None
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
         return [None] * len(parts), ()  # None stands for a derivative of one
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
@@ -113,15 +116,15 @@ class Parallel(Node):
     def children(self) -> tuple[Node, ...]:
         return self.members
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
-        total = 1 / parts[0]
-        for part in parts[1:]:
-            total = total + 1 / part
-        result: ComplexArray = 1 / total
-        return result
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        admittances = [1 / part for part in parts]
+        total = admittances[0]
+        for admittance in admittances[1:]:
+            total = total + admittance
+        return 1 / total, admittances
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
-        return [(impedance / part) ** 2 for part in parts], ()
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        return [(impedance * admittance) ** 2 for admittance in kept], ()
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
         return Parallel(children)
@@ -155,10 +158,10 @@ class Wrapped(Node):
 class Scaled(Wrapped):
     """Impedance times a dispersive factor: Z = Z_child g(s)."""
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
-        return parts[0] * given[0]
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        return parts[0] * given[0], None
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
         factor, slopes = given
         return [factor], [parts[0] * slope for slope in slopes]
 
@@ -167,12 +170,13 @@ class Scaled(Wrapped):
 class Shunted(Wrapped):
     """Impedance with an admittance across it: Z = Z_child / (1 + Y Z_child). Y may be zero or negative."""
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
-        result: ComplexArray = parts[0] / (1 + given[0] * parts[0])
-        return result
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        divided = 1 / (1 + given[0] * parts[0])
+        return parts[0] * divided, divided
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
-        return [(impedance / parts[0]) ** 2], [-(impedance**2) * slope for slope in given[1]]
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        square = -(impedance**2)
+        return [kept**2], [square * slope for slope in given[1]]
 
 
 @dataclass(frozen=True)
@@ -181,17 +185,17 @@ class ThroughCable(Wrapped):
 
     REFERENCE_OHM: ClassVar[float] = 50.0
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
         tangent, z0 = given[0], self.REFERENCE_OHM
-        result: ComplexArray = z0 * (parts[0] + z0 * tangent) / (z0 + parts[0] * tangent)
-        return result
+        bottom = 1 / (z0 + parts[0] * tangent)
+        return z0 * (parts[0] + z0 * tangent) * bottom, bottom
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
         tangent, slopes = given
         z0 = self.REFERENCE_OHM
-        bottom = (z0 + parts[0] * tangent) ** 2
-        by_tangent = z0 * (z0**2 - parts[0] ** 2) / bottom
-        return [z0**2 * (1 - tangent**2) / bottom], [by_tangent * slope for slope in slopes]
+        square = kept**2
+        by_tangent = z0 * (z0**2 - parts[0] ** 2) * square
+        return [z0**2 * (1 - tangent**2) * square], [by_tangent * slope for slope in slopes]
 
 
 @dataclass(frozen=True)
@@ -215,34 +219,33 @@ class Line(Node):
         small = np.abs(u) < 1e-2
         root = np.sqrt(np.where(small, 1.0, u))
         tanh = np.tanh(root)
-        value = np.where(small, 1 - u / 3 + 2 * u**2 / 15 - 17 * u**3 / 315 + 62 * u**4 / 2835, tanh / root)
-        slope = np.where(
-            small,
-            -1 / 3 + 4 * u / 15 - 17 * u**2 / 105 + 248 * u**3 / 2835 - 1382 * u**4 / 31185,
-            ((1 - tanh**2) * root - tanh) / (2 * root**3),
-        )
+        value = tanh / root
+        slope = (1 - tanh**2 - value) / (2 * root**2)
+        if np.any(small):
+            few = u[small]
+            value[small] = 1 + few * (-1 / 3 + few * (2 / 15 + few * (-17 / 315 + few * 62 / 2835)))
+            slope[small] = -1 / 3 + few * (4 / 15 + few * (-17 / 105 + few * (248 / 2835 - few * 1382 / 31185)))
         return value, slope
 
-    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> ComplexArray:
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
         a, y = parts[0], 1 / parts[1]
-        t, _ = self._tangent(a * y)
+        t, dt = self._tangent(a * y)
         if self.load is None:
-            return a * t
-        result: ComplexArray = (parts[2] + a * t) / (1 + parts[2] * y * t)
-        return result
+            return a * t, (y, t, dt, None)
+        bottom = 1 / (1 + parts[2] * y * t)
+        return (parts[2] + a * t) * bottom, (y, t, dt, bottom)
 
-    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray) -> Slopes:
-        a, y = parts[0], 1 / parts[1]
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        a, (y, t, dt, bottom) = parts[0], kept
         u = a * y
-        t, dt = self._tangent(u)
-        y_by_shunt = -(y**2)
+        turn = t + u * dt
+        y_by_shunt, bent = -(y**2), a**2 * dt
         if self.load is None:
-            return [t + u * dt, a**2 * dt * y_by_shunt], ()
-        load = parts[2]
-        top, bottom = load + a * t, 1 + load * y * t
-        by_a = ((t + u * dt) * bottom - top * load * y**2 * dt) / bottom**2
-        by_y = (a**2 * dt * bottom - top * load * (t + u * dt)) / bottom**2
-        return [by_a, by_y * y_by_shunt, (1 - u * t**2) / bottom**2], ()
+            return [turn, bent * y_by_shunt], ()
+        load = impedance * parts[2]
+        by_a = (turn - load * y**2 * dt) * bottom
+        by_y = (bent - load * turn) * bottom
+        return [by_a, by_y * y_by_shunt, (1 - u * t**2) * bottom**2], ()
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
         return Line(*children)
@@ -279,7 +282,6 @@ class Tape:
 
     def __init__(self, root: Node, names: Sequence[str]) -> None:
         position = {name: index for index, name in enumerate(names)}
-        self._size = len(names)
         self._steps: list[tuple[Node, Law | None, tuple[int, ...], tuple[int, ...]]] = []
         self._record(root, position)
 
@@ -288,44 +290,51 @@ class Tape:
         self._steps.append((node, node.own_law, children, tuple(position[p.name] for p in node.own_parameters)))
         return len(self._steps) - 1
 
-    def _forward(self, s: ComplexArray, values: FloatArray) -> tuple[list[ComplexArray], list[ValueAndSlopes]]:
+    def forward(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, list[Any]]:
+        """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units; and what `backward` needs."""
+        columns = np.moveaxis(values, -1, 0)[..., None]
         computed: list[ComplexArray] = []
-        given: list[ValueAndSlopes] = []
+        trace: list[Any] = []
         for node, law, children, indices in self._steps:
-            result = _NOTHING if law is None else law(s, *(values[..., index, None] for index in indices))
-            computed.append(node.forward([computed[child] for child in children], result))
-            given.append(result)
-        return computed, given
+            given = _NOTHING if law is None else law(s, *[columns[index] for index in indices])
+            parts = [computed[child] for child in children]
+            impedance, kept = node.forward(parts, given)
+            computed.append(impedance)
+            trace.append((parts, given, impedance, kept))
+        return self._whole(computed[-1], s, values), trace
+
+    def backward(self, trace: list[Any], seed: ComplexArray, into: Sequence[ComplexArray | None]) -> None:
+        """Add `seed`, shape (..., n), times the derivative of the impedance for each parameter to `into`.
+
+        `into` holds zeros of shape (..., n) for each parameter, None for what is not wanted.
+        """
+        sensitivity: list[ComplexArray] = [seed] * len(self._steps)
+        written: set[int] = set()
+        for index in range(len(self._steps) - 1, -1, -1):
+            node, _, children, indices = self._steps[index]
+            by_child, by_parameter = node.backward(*trace[index])
+            own = sensitivity[index]
+            for child, slope in zip(children, by_child, strict=True):
+                sensitivity[child] = own if slope is None else own * slope
+            for position, slope in zip(indices, by_parameter, strict=True):
+                target = into[position]
+                if target is None:
+                    continue
+                if position in written:  # an element may occur twice
+                    target += own * slope
+                else:
+                    np.multiply(own, slope, out=target)
+                    written.add(position)
 
     def impedance(self, s: ComplexArray, values: FloatArray) -> ComplexArray:
         """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units."""
-        return self._whole(self._forward(s, values)[0][-1], s, values)
-
-    def slopes(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, list[Any]]:
-        """Impedance, shape (..., n), and a list of its derivatives for each parameter: broadcast against it, None for zero."""
-        computed, given = self._forward(s, values)
-        last = len(self._steps) - 1
-        sensitivity: list[Any] = [None] * len(self._steps)  # None stands for one
-        found: list[Any] = [None] * self._size
-        for index in range(last, -1, -1):
-            node, _, children, indices = self._steps[index]
-            parts = [computed[child] for child in children]
-            by_child, by_parameter = node.backward(parts, given[index], computed[index])
-            own = sensitivity[index]
-            for child, slope in zip(children, by_child, strict=True):
-                sensitivity[child] = own if slope is None else slope if own is None else own * slope
-            for position, slope in zip(indices, by_parameter, strict=True):
-                more = slope if own is None else own * slope
-                found[position] = more if found[position] is None else found[position] + more
-        return self._whole(computed[last], s, values), found
+        return self.forward(s, values)[0]
 
     def gradient(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Impedance, shape (..., n), and its derivative for each parameter, shape (..., p, n)."""
-        impedance, found = self.slopes(s, values)
+        impedance, trace = self.forward(s, values)
         gradient = np.zeros((*values.shape, s.size), dtype=np.complex128)
-        for position, slope in enumerate(found):
-            if slope is not None:
-                gradient[..., position, :] = slope
+        self.backward(trace, np.ones_like(impedance), list(np.moveaxis(gradient, -2, 0)))
         return impedance, gradient
 
     @staticmethod

@@ -40,8 +40,9 @@ def inductor(s: ComplexArray, inductance: Any) -> ValueAndSlopes:
 
 def capacitor(s: ComplexArray, capacitance: Any) -> ValueAndSlopes:
     """Z = 1 / (s C)."""
-    impedance = 1 / (s * capacitance)
-    return impedance, (-impedance / capacitance,)
+    elastance = 1 / capacitance
+    impedance = (1 / s) * elastance
+    return impedance, (impedance * -elastance,)
 
 
 def given(values: ComplexArray) -> Law:
@@ -55,14 +56,15 @@ def given(values: ComplexArray) -> Law:
 
 def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistance: Any) -> ValueAndSlopes:
     """Parallel L, C, R by its resonance: Z = 1 / (1/(s L) + s/(w0^2 L) + 1/R), w0 = 2 pi f0."""
-    w0 = TWO_PI * resonance_hz
-    reactive = (1 / s + s / w0**2) / inductance
+    capacitance = 1 / ((TWO_PI * resonance_hz) ** 2 * inductance)
+    capacitive = s * capacitance
+    reactive = (1 / s) * (1 / inductance) + capacitive
     impedance = 1 / (reactive + 1 / resistance)
     square = impedance**2
     return impedance, (
-        square * reactive / inductance,
-        square * 2 * s / (w0**2 * inductance) / resonance_hz,
-        square / resistance**2,
+        square * reactive * (1 / inductance),
+        square * capacitive * (2 / resonance_hz),
+        square * (1 / resistance**2),
     )
 
 
@@ -71,14 +73,17 @@ def skin_factor(s: ComplexArray, radius: Any) -> ValueAndSlopes:
     # On the frequency axis x lies on one ray: a table along its logarithm is ten times quicker than Bessel functions and as exact.
     table = _round_wire_table()
     place = (np.log(radius) + 0.5 * np.log(np.abs(s) * COPPER_MU_SIGMA) - _LOWEST) / _STEP
-    if np.any(s.real) or np.any(place < 0) or np.any(place >= table.shape[1]):
+    if s.real.any() or place.min() < 0 or not place.max() < table.shape[1]:
         root = np.sqrt(s * COPPER_MU_SIGMA)
         value, slope = _round_wire(radius * root)
         return value, (slope * root,)
     index = place.astype(np.intp)
-    t = place - index
-    c0, c1, c2, c3 = table[:, index]
-    return c0 + t * (c1 + t * (c2 + t * c3)), ((c1 + t * (2 * c2 + 3 * t * c3)) / (_STEP * radius),)
+    t = (place - index).astype(np.complex128)
+    c0, c1, c2, c3 = np.take(table, index, axis=1)
+    cubic = t * c3
+    second = c2 + cubic
+    first = c1 + t * second
+    return c0 + t * first, ((first + t * (second + cubic)) * (1 / (_STEP * radius)),)
 
 
 def _round_wire(x: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -104,57 +109,72 @@ def dowell_factor(s: ComplexArray, height: Any, layers: Any) -> ValueAndSlopes:
     """
     root = np.sqrt(s * (COPPER_MU_SIGMA * 0.8))
     y = height * root
-    tanh, half = np.tanh(y), np.tanh(y / 2)
-    m_term, d_term = y / tanh, 2 * y * half
+    half = np.tanh(0.5 * y)
+    square = half**2
+    coth = (1 + square) / (2 * half)
+    d_term = 2 * y * half
     share = (layers**2 - 1) / 3
-    slope = 1 / tanh - y * (1 / tanh**2 - 1) + share * (2 * half + y * (1 - half**2))
-    return m_term + share * d_term, (slope * root, 2 * layers / 3 * d_term)
+    slope = coth - y * (coth**2 - 1) + share * (2 * half + y * (1 - square))
+    return y * coth + share * d_term, (slope * root, d_term * (2 * layers / 3))
 
 
 def lamination_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
     """Flux in laminations: (1 - k) + k tanh(x)/x, x = sqrt(s / (pi fe))."""
-    x = np.sqrt(s / (np.pi * corner_hz))
+    x = np.sqrt(s) * np.sqrt(1 / (np.pi * corner_hz))
     tanh = np.tanh(x)
     shape = tanh / x
-    slope = (1 - tanh**2 - shape) / x
-    return 1 - share + share * shape, (shape - 1, share * slope * (-x / (2 * corner_hz)))
+    by_logarithm = 1 - tanh**2 - shape
+    return (1 - share) + share * shape, (shape - 1, by_logarithm * (-share / (2 * corner_hz)))
 
 
 def debye_permeability_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
     """Magnetic relaxation: (1 - k) + k / (1 + s/wm)."""
-    pole = 1 / (1 + s / (TWO_PI * corner_hz))
-    return 1 - share + share * pole, (pole - 1, share * pole * (1 - pole) / corner_hz)
+    pole = 1 / (1 + s * (1 / (TWO_PI * corner_hz)))
+    less = pole - 1
+    return 1 + share * less, (less, pole * less * (-share / corner_hz))
 
 
 def coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any) -> ValueAndSlopes:
     """A winding coupled to La, closed by its own capacitance: 1 - k^2 s^2 / (s^2 + s ww/Q + ww^2)."""
     w = TWO_PI * resonance_hz
-    denominator = s**2 + s * w / quality + w**2
-    shape = s**2 / denominator
-    slope_w = -shape / denominator * (s / quality + 2 * w)
+    # Over s squared: what is left depends on one quotient.
+    x = (1 / s) * w
+    damped = x * (1 / quality)
+    shape = 1 / (1 + damped + x**2)
+    square = shape**2
     return 1 - coupling**2 * shape, (
-        -2 * coupling * shape,
-        -(coupling**2) * slope_w * TWO_PI,
-        -(coupling**2) * shape / denominator * s * w / quality**2,
+        shape * (-2 * coupling),
+        square * (damped + 2 * x**2) * (coupling**2 / resonance_hz),
+        square * damped * (-(coupling**2) / quality),
     )
+
+
+def _power(x: ComplexArray, exponent: Any) -> ComplexArray:
+    """x^a; where all x have the same phase, as on the frequency axis, without a complex power for each."""
+    modulus, phase = np.abs(x), np.angle(x)
+    same = phase[:1] if np.all(phase == phase[0]) else phase
+    result: ComplexArray = np.exp(np.log(modulus) * exponent) * np.exp(1j * same * exponent)
+    return result
 
 
 def constant_phase_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:
     """Impedance of a capacitance with a constant loss angle: (s/w0)^(2 delta/pi), w0 = 2 pi 1 MHz."""
-    logarithm = np.log(s / (TWO_PI * 1e6))
-    value = np.exp(2 / np.pi * np.arctan(tan_delta) * logarithm)
-    return value, (value * logarithm * (2 / np.pi) / (1 + tan_delta**2),)
+    ratio = s / (TWO_PI * 1e6)
+    value = _power(ratio, 2 / np.pi * np.arctan(tan_delta))
+    return value, (value * np.log(ratio) * ((2 / np.pi) / (1 + tan_delta**2)),)
 
 
 def relaxation_factor(s: ComplexArray, strength: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
     """Impedance of a relaxing capacitance (Cole-Cole): 1 / (1 + d / (1 + (s/wd)^a))."""
-    ratio = s / (TWO_PI * corner_hz)
-    power = ratio**exponent
+    corner = TWO_PI * corner_hz
+    # In units of an angular frequency in its middle, powers of the axis stay far from the ends of what a number can hold.
+    middle = np.abs(s[s.size // 2])
+    power = _power(s / middle, exponent) * (middle / corner) ** exponent
     pole = 1 / (1 + power)
     value = 1 / (1 + strength * pole)
-    outer = -(value**2)
-    slope = -strength * pole**2 * power
-    return value, (outer * pole, outer * slope * (-exponent / corner_hz), outer * slope * np.log(ratio))
+    by_pole = value**2 * -pole
+    turn = by_pole * pole * power
+    return value, (by_pole, turn * (strength * exponent / corner_hz), turn * (np.log(s) - np.log(corner)) * -strength)
 
 
 def conductance_and_capacitance(s: ComplexArray, conductance: Any, capacitance: Any) -> ValueAndSlopes:
