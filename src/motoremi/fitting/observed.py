@@ -72,6 +72,16 @@ class Observed:
         return np.concatenate([sweep.frequency_hz for sweep in self.sweeps])
 
     @cached_property
+    def s(self) -> ComplexArray:
+        """2 pi j f of all residuals."""
+        return np.concatenate([sweep.s for sweep in self.sweeps])
+
+    @cached_property
+    def measured(self) -> ComplexArray:
+        """Mean impedances of all residuals in ohm."""
+        return np.concatenate([sweep.measured for sweep in self.sweeps])
+
+    @cached_property
     def weight(self) -> FloatArray:
         """One over the noise."""
         return 1 / np.concatenate([sweep.sigma for sweep in self.sweeps])

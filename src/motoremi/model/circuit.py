@@ -270,60 +270,124 @@ def find(node: Node, name: str) -> Node | None:
     return next((part for part in walk(node) if isinstance(part, Leaf) and part.name == name), None)
 
 
+@dataclass(eq=False)
+class _Step:
+    """A node of a tape: its children's steps, the places of its parameters, and the first and last of the roots that it belongs to."""
+
+    node: Node
+    law: Law | None
+    children: tuple[int, ...]
+    indices: tuple[int, ...]
+    first: int
+    last: int
+
+
 class Tape:
-    """A circuit made ready for fast evaluation.
+    """One or more circuits made ready for fast evaluation.
+
+    What they share is worked out once for all of them: the winding, seen with the far end shorted and open.
 
     Parameters
     ----------
-    root : Node
+    roots : Node or sequence of Node
     names : sequence of str
         Order of the parameters in the vectors that the methods take.
+    sizes : sequence of int, optional
+        How many of the frequencies belong to each root, in turn. A single one has all.
     """
 
-    def __init__(self, root: Node, names: Sequence[str]) -> None:
+    def __init__(self, roots: Node | Sequence[Node], names: Sequence[str], sizes: Sequence[int] = ()) -> None:
         position = {name: index for index, name in enumerate(names)}
-        self._steps: list[tuple[Node, Law | None, tuple[int, ...], tuple[int, ...]]] = []
-        self._record(root, position)
+        self._steps: list[_Step] = []
+        self._roots: list[int] = []
+        known: dict[int, int] = {}
+        for number, root in enumerate((roots,) if isinstance(roots, Node) else roots):
+            self._roots.append(self._record(root, position, number, known))
+            known = {id(step.node): index for index, step in enumerate(self._steps) if step.last == number}
+        self._edges = np.concatenate([[0], np.cumsum(sizes, dtype=np.intp)])
+        self._spans = [self._span(step.first, step.last) for step in self._steps]
+        self._widths = [span.stop - span.start if sizes else None for span in self._spans]
+        self._cuts = [tuple(self._cut(step.first, step.last, child) for child in step.children) for step in self._steps]
+        self._root_spans = [self._span(number, number) for number in range(len(self._roots))]
+        self._root_cuts = [self._cut(number, number, root) for number, root in enumerate(self._roots)]
 
-    def _record(self, node: Node, position: dict[str, int]) -> int:
-        children = tuple(self._record(child, position) for child in node.children)
-        self._steps.append((node, node.own_law, children, tuple(position[p.name] for p in node.own_parameters)))
+    def _record(self, node: Node, position: dict[str, int], root: int, known: dict[int, int]) -> int:
+        if (index := known.get(id(node))) is not None and self._shared(index, root):
+            return index
+        children = tuple(self._record(child, position, root, known) for child in node.children)
+        self._steps.append(_Step(node, node.own_law, children, tuple(position[p.name] for p in node.own_parameters), root, root))
         return len(self._steps) - 1
+
+    def _shared(self, index: int, root: int) -> bool:
+        """Let one more root have a step with all below it, unless it has some of it already: within a circuit, each occurrence is a step."""
+        below = [self._steps[index]]
+        for step in below:
+            below.extend(self._steps[child] for child in step.children)
+        if any(step.last != root - 1 for step in below):
+            return False
+        for step in below:
+            step.last = root
+        return True
+
+    def _span(self, first: int, last: int) -> slice:
+        """The frequencies of some roots among all."""
+        return slice(int(self._edges[first]), int(self._edges[last + 1])) if self._edges.size > 1 else slice(None)
+
+    def _cut(self, first: int, last: int, step: int) -> slice | None:
+        """Their frequencies among those of a step; None for all."""
+        theirs = self._steps[step]
+        if (theirs.first, theirs.last) == (first, last):
+            return None
+        start = self._edges[theirs.first]
+        return slice(int(self._edges[first] - start), int(self._edges[last + 1] - start))
 
     def forward(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, list[Any]]:
         """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units; and what `backward` needs."""
-        columns = np.moveaxis(values, -1, 0)[..., None]
+        columns = values.transpose(-1, *range(values.ndim - 1))[..., None]
         computed: list[ComplexArray] = []
         trace: list[Any] = []
-        for node, law, children, indices in self._steps:
-            given = _NOTHING if law is None else law(s, *[columns[index] for index in indices])
-            parts = [computed[child] for child in children]
-            impedance, kept = node.forward(parts, given)
+        for step, span, cuts in zip(self._steps, self._spans, self._cuts, strict=True):
+            given = _NOTHING if step.law is None else step.law(s[span], *[columns[index] for index in step.indices])
+            parts = [_within(computed[child], cut) for child, cut in zip(step.children, cuts, strict=True)]
+            impedance, kept = step.node.forward(parts, given)
             computed.append(impedance)
             trace.append((parts, given, impedance, kept))
-        return self._whole(computed[-1], s, values), trace
+        joined = np.empty((*values.shape[:-1], s.size), dtype=np.complex128)
+        for root, span, cut in zip(self._roots, self._root_spans, self._root_cuts, strict=True):
+            joined[..., span] = _within(computed[root], cut)
+        return joined, trace
 
     def backward(self, trace: list[Any], seed: ComplexArray, into: Sequence[ComplexArray | None]) -> None:
         """Add `seed`, shape (..., n), times the derivative of the impedance for each parameter to `into`.
 
         `into` holds zeros of shape (..., n) for each parameter, None for what is not wanted.
         """
-        sensitivity: list[ComplexArray] = [seed] * len(self._steps)
+        sensitivity: list[Any] = [None] * len(self._steps)
+
+        def give(index: int, cut: slice | None, value: ComplexArray) -> None:
+            if cut is None:
+                sensitivity[index] = value
+                return
+            if sensitivity[index] is None:
+                sensitivity[index] = np.empty((*seed.shape[:-1], self._widths[index]), dtype=np.complex128)
+            sensitivity[index][..., cut] = value
+
+        for root, span, cut in zip(self._roots, self._root_spans, self._root_cuts, strict=True):
+            give(root, cut, seed[..., span])
         written: set[int] = set()
         for index in range(len(self._steps) - 1, -1, -1):
-            node, _, children, indices = self._steps[index]
-            by_child, by_parameter = node.backward(*trace[index])
-            own = sensitivity[index]
-            for child, slope in zip(children, by_child, strict=True):
-                sensitivity[child] = own if slope is None else own * slope
-            for position, slope in zip(indices, by_parameter, strict=True):
+            step, own = self._steps[index], sensitivity[index]
+            by_child, by_parameter = step.node.backward(*trace[index])
+            for child, cut, slope in zip(step.children, self._cuts[index], by_child, strict=True):
+                give(child, cut, own if slope is None else own * slope)
+            for position, slope in zip(step.indices, by_parameter, strict=True):
                 target = into[position]
                 if target is None:
                     continue
-                if position in written:  # an element may occur twice
-                    target += own * slope
+                if position in written:  # an element may occur more than once
+                    target[..., self._spans[index]] += own * slope
                 else:
-                    np.multiply(own, slope, out=target)
+                    np.multiply(own, slope, out=target[..., self._spans[index]])
                     written.add(position)
 
     def impedance(self, s: ComplexArray, values: FloatArray) -> ComplexArray:
@@ -337,12 +401,10 @@ class Tape:
         self.backward(trace, np.ones_like(impedance), list(np.moveaxis(gradient, -2, 0)))
         return impedance, gradient
 
-    @staticmethod
-    def _whole(impedance: ComplexArray, s: ComplexArray, values: FloatArray) -> ComplexArray:
-        """At every frequency, even if it depends on none."""
-        if impedance.shape == (*values.shape[:-1], s.size) and impedance.dtype == np.complex128:
-            return impedance
-        return np.asarray(np.broadcast_to(impedance, (*values.shape[:-1], s.size)), dtype=np.complex128)
+
+def _within(values: ComplexArray, cut: slice | None) -> ComplexArray:
+    """Values at some of the frequencies; what does not depend on frequency stays as it is."""
+    return values if cut is None or values.shape[-1] == 1 else values[..., cut]
 
 
 _NOTHING: ValueAndSlopes = (np.zeros(0, dtype=np.complex128), ())
