@@ -128,11 +128,13 @@ def polish(
         still = free & ((np.abs(expected) < small) | (better & (gained < 0.1 * small)))
         if np.any(still):
             still[still] = (_decrement(here.matrix[still], right[still], held[still]) < UNDAMPED * small[still]) | (damped[still] > 1e8)
-        if np.all(better):
-            u, here = trial, new
-        else:
-            u[better] = trial[better]
+        u = np.where(better[:, None], trial, u)
+        # Copy those that are fewer.
+        if 2 * np.count_nonzero(better) < live.size:
             here.put(better, new)
+        else:
+            new.put(~better, here)
+            here = new
         damped = np.where(better, np.maximum(damped * 0.15, 1e-9), np.maximum(damped * 6, 1e-6))
         leaving = still | (damped >= 1e12)
         if np.any(leaving):

@@ -76,6 +76,8 @@ class Linearised:
 
     def put(self, index: np.ndarray, other: Linearised) -> None:
         """Take some members of another batch."""
+        if not index.any():
+            return
         for name in _MEMBERS:
             getattr(self, name)[index] = getattr(other, name)[index]
 
@@ -262,7 +264,9 @@ class Problem:
         along, residual_along = self._along(slopes), self._along(deviation)
         # Real products of real and imaginary parts, which lie side by side, take half the time of complex ones.
         residual, jacobian = deviation.view(np.float64), slopes.view(np.float64)
-        matrix = jacobian @ np.swapaxes(jacobian, -1, -2) - along @ np.swapaxes(along, -1, -2)
+        matrix = jacobian @ np.swapaxes(jacobian, -1, -2)
+        if along.shape[-1]:
+            matrix -= along @ np.swapaxes(along, -1, -2)
         matrix *= chain[..., :, None] * chain[..., None, :]
         index = np.arange(len(self.unknowns))
         matrix[..., index, index] += self.precision
