@@ -25,6 +25,9 @@ FEW_POINTS = 40
 # Steps for all start values; for those near a solution with another effect.
 FIRST_STEPS = 4
 RIVAL_STEPS = 12
+# After the first of them only so many go on.
+STEPS_OF_ALL = 1
+MOST_KEPT = 12
 # Further steps for so many of the better ones, then for the best few.
 MORE_STEPS = (12, 12)
 MOST_LEADERS = 9
@@ -136,7 +139,11 @@ class Scouted:
 def begin(trail: Trail) -> Polished:
     """A few steps for all start values, which need not lead anywhere."""
     few = trail.search if trail.points == POINTS else trail.task.thinned(trail.points)
-    return polish(few, np.array([few.vector(start) for start in trail.starts]), iterations=trail.steps, **ROUGH, enough=trail.enough(few))
+    enough = trail.enough(few)
+    ends = polish(few, np.array([few.vector(start) for start in trail.starts]), iterations=STEPS_OF_ALL, **ROUGH, enough=enough)
+    kept = _leaders(ends.objective, trail.group, MOST_KEPT)
+    further = polish(few, ends.u[kept], iterations=trail.steps - STEPS_OF_ALL, **ROUGH, enough=enough)
+    return ends.replaced(kept, further)
 
 
 def follow(begun: Begun) -> Ends:
@@ -213,11 +220,11 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
     return Found(u, converged, evaluations, (), search.named(found.u[found.best]))
 
 
-def _leaders(objective: FloatArray, group: int) -> np.ndarray:
+def _leaders(objective: FloatArray, group: int, most: int = MOST_LEADERS) -> np.ndarray:
     """Indices of those to go on with: the best of each group, since the best of all may lie in one false valley; then the best of the rest."""
     best = np.array([at + int(np.argmin(objective[at : at + group])) for at in range(0, len(objective), group)])
     rest = np.setdiff1d(np.arange(len(objective)), best)
-    return np.concatenate([best[np.argsort(objective[best])], rest[np.argsort(objective[rest])]])[:MOST_LEADERS]
+    return np.concatenate([best[np.argsort(objective[best])], rest[np.argsort(objective[rest])]])[:most]
 
 
 def _judged(trail: Trail, found: Polished, iterations: int) -> Polished:

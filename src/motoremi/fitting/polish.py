@@ -58,6 +58,12 @@ class Polished:
                 taken.append(int(index))
         return self.u[taken]
 
+    def replaced(self, index: np.ndarray, further: Polished) -> Polished:
+        """The batch with some of its members taken further."""
+        u, objective, converged = self.u.copy(), self.objective.copy(), self.converged.copy()
+        u[index], objective[index], converged[index] = further.u, further.objective, further.converged
+        return Polished(u, objective, converged, self.evaluations + further.evaluations)
+
     def joined(self, other: Polished) -> Polished:
         """Both batches as one."""
         return Polished(
