@@ -3,10 +3,24 @@
 from __future__ import annotations
 
 from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, Shunted
+from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, Shunted, with_law
 from motoremi.model.effects import effects_from
 from motoremi.model.effects.effect import Effect
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
-__all__ = ["Effect", "Leaf", "Line", "Motor", "Node", "Parallel", "Parameter", "Scaled", "Series", "Shunted", "effects_from", "laws"]
+__all__ = [
+    "Effect",
+    "Leaf",
+    "Line",
+    "Motor",
+    "Node",
+    "Parallel",
+    "Parameter",
+    "Scaled",
+    "Series",
+    "Shunted",
+    "effects_from",
+    "laws",
+    "with_law",
+]

@@ -113,7 +113,8 @@ def polish(
         spread: FloatArray = _diagonal(here.matrix)
         system = _free_part(here.matrix, held)
         _diagonal(system)[...] = np.where(held, 1.0, spread * (1 + damped[:, None]) + 1e-12)
-        step = _limited(-np.linalg.solve(system, right[..., None])[..., 0])
+        newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
+        step = _limited(newton)
         if np.any(bent):
             bend = np.where(held, 0.0, problem.curvature_pull(here, u, step))
             turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.model.laws import Law, ValueAndSlopes
+from motoremi.model.laws import Law, ValueAndSlopes, capacitor
 from motoremi.model.parameter import Parameter
 
 # Derivatives for each child's impedance (None stands for one) and for each own parameter.
@@ -167,6 +167,39 @@ class Scaled(Wrapped):
 
 
 @dataclass(frozen=True)
+class Superposed(Node):
+    """One element under several laws of its material, each of which changes it alone: the changes add up.
+
+    Of a capacitance they add in the admittance (each mechanism polarises for itself), otherwise in the impedance (each takes up flux or
+    turns current into heat for itself). Products of laws would turn the phase further than a passive part can.
+    """
+
+    element: Node
+    changed: tuple[Node, ...]
+    in_admittance: bool
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.element, *self.changed)
+
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        more = len(self.changed) - 1
+        if not self.in_admittance:
+            return sum(parts[1:]) - more * parts[0], None
+        admittances = [1 / part for part in parts]
+        return 1 / (sum(admittances[1:]) - more * admittances[0]), admittances
+
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        shares = [-float(len(self.changed) - 1), *[1.0] * len(self.changed)]
+        if not self.in_admittance:
+            return [np.full(1, share, dtype=np.complex128) for share in shares], ()
+        return [share * (impedance * admittance) ** 2 for share, admittance in zip(shares, kept, strict=True)], ()
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return dataclasses.replace(self, element=children[0], changed=children[1:])
+
+
+@dataclass(frozen=True)
 class Shunted(Wrapped):
     """Impedance with an admittance across it: Z = Z_child / (1 + Y Z_child). Y may be zero or negative."""
 
@@ -219,8 +252,8 @@ class Line(Node):
         small = np.abs(u) < 1e-2
         root = np.sqrt(np.where(small, 1.0, u))
         tanh = np.tanh(root)
-        value = tanh / root
-        slope = (1 - tanh**2 - value) / (2 * root**2)
+        value: ComplexArray = np.asarray(tanh / root, dtype=np.complex128)
+        slope: ComplexArray = np.asarray((1 - tanh**2 - value) / (2 * root**2), dtype=np.complex128)
         if np.any(small):
             few = u[small]
             value[small] = 1 + few * (-1 / 3 + few * (2 / 15 + few * (-17 / 315 + few * 62 / 2835)))
@@ -263,6 +296,32 @@ def replace_leaf(node: Node, name: str, change: Callable[[Node], Node]) -> Node:
     if isinstance(node, Leaf):
         return change(node) if node.name == name else node
     return node.rebuilt(tuple(replace_leaf(child, name, change) for child in node.children))
+
+
+def replace_element(node: Node, name: str, change: Callable[[Node], Node]) -> Node:
+    """The circuit with the element called `name`, under all laws of its material, replaced by `change(element)`."""
+    if is_element(node, name):
+        return change(node)
+    return node.rebuilt(tuple(replace_element(child, name, change) for child in node.children)) if node.children else node
+
+
+def is_element(node: Node, name: str) -> bool:
+    """Whether a node is the element called `name`, alone or under laws of its material."""
+    while isinstance(node, (Scaled, Superposed)):
+        node = node.children[0]
+    return isinstance(node, Leaf) and node.name == name
+
+
+def with_law(node: Node, law: Law, parameters: tuple[Parameter, ...]) -> Node:
+    """An element under one more law of its material, which scales its impedance."""
+    element = node
+    while not isinstance(element, Leaf):
+        element = element.children[0]
+    changed = Scaled(element, law, parameters)
+    if element is node:
+        return changed
+    before = node.changed if isinstance(node, Superposed) else (node,)
+    return Superposed(element, (*before, changed), in_admittance=element.law is capacitor)
 
 
 def find(node: Node, name: str) -> Node | None:

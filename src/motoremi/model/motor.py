@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 from motoremi.errors import BadInput
 from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, replace_leaf, walk
+from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, is_element, replace_element, replace_leaf, walk
 from motoremi.model.parameter import Parameter
 
 Terminations: TypeAlias = tuple[Literal["short", "open"], ...]
@@ -88,16 +88,11 @@ class Motor:
 
     def _insulation(self, name: str) -> Node:
         """The element with everything that effects have made of it (dielectric loss and the like)."""
-        best: Node | None = None
-        for node in walk(self.frame):
-            inner = node
-            while isinstance(inner, Scaled):
-                inner = inner.child
-            if isinstance(inner, Leaf) and inner.name == name:
-                best = node  # parents come after children, so the last one is the outermost
-        if best is None:
+        # Parents come after their children.
+        found = [node for node in walk(self.frame) if is_element(node, name)]
+        if not found:
             raise BadInput(f"the motor has no element {name}")
-        return best
+        return found[-1]
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -114,8 +109,9 @@ class Motor:
         return {p.name for node in walk(self.circuit(termination)) for p in node.own_parameters}
 
     def replaced(self, element: str, change: Callable[[Node], Node]) -> Motor:
-        """The motor with one element changed wherever it occurs."""
-        return dataclasses.replace(self, winding=replace_leaf(self.winding, element, change), frame=replace_leaf(self.frame, element, change))
+        """The motor with one element, under all laws of its material, changed wherever it occurs."""
+        winding, frame = (replace_element(part, element, change) for part in (self.winding, self.frame))
+        return dataclasses.replace(self, winding=winding, frame=frame)
 
     def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
         """The motor with one more part between it and the analyser."""

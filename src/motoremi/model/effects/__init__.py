@@ -71,7 +71,8 @@ def effects_from(*paths: str | os.PathLike[str]) -> tuple[Effect, ...]:
 
 def catalogue_sha256() -> str:
     """Changes with the catalogue: results are comparable only where it is the same."""
-    known = [(effect.identifiers, effect.formula, [(p.name, p.low, p.high) for p in effect.parameters]) for effect in catalogue()]
+    known: list[object] = ["what several laws change of one element adds up"]
+    known += [(effect.identifiers, effect.formula, [(p.name, p.low, p.high) for p in effect.parameters]) for effect in catalogue()]
     return hashlib.sha256(repr(known).encode()).hexdigest()
 
 

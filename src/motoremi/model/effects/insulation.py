@@ -16,7 +16,7 @@ PLACES = ("Ca", "Cr", "Cf")
 
 def _leakage(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     leak = Leaf("leak", laws.resistor, tuple(parameters.values()))
-    return motor.replaced(place, lambda leaf: Parallel((leaf, leak)))
+    return motor.replaced(place, lambda whole: Parallel((whole, leak)))
 
 
 EFFECTS = (

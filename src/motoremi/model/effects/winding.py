@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Parallel, Scaled, Series
+from motoremi.model.circuit import Leaf, Parallel, Series, with_law
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.laws import Law
 from motoremi.model.motor import Motor
@@ -16,18 +16,17 @@ from motoremi.model.parameter import Parameter
 
 
 def scale(element: str, law: Law) -> Change:
-    """A change that multiplies one element's impedance by a factor."""
+    """A change by a law of one element's material, which scales its impedance."""
 
     def change(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-        target = element or place
-        return motor.replaced(target, lambda leaf: Scaled(leaf, law, tuple(parameters.values())))
+        return motor.replaced(element or place, lambda whole: with_law(whole, law, tuple(parameters.values())))
 
     return change
 
 
 def _core_loss(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     shunt = Leaf("Re", laws.resistor, tuple(parameters.values()))
-    return motor.replaced("La", lambda leaf: Parallel((leaf, shunt)))
+    return motor.replaced("La", lambda whole: Parallel((whole, shunt)))
 
 
 def _second_resonance(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -49,7 +48,7 @@ def _film(element: str) -> Change:
                 Leaf("film C", laws.capacitor, (parameters["capacitance_f"],)),
             )
         )
-        return motor.replaced(element, lambda leaf: Series((leaf, film)))
+        return motor.replaced(element, lambda whole: Series((whole, film)))
 
     return change
 
