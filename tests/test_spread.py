@@ -26,6 +26,14 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
 
 
+def nobody_is_left() -> bool:
+    """Whether all helpers end; nobody waits for that when they have told their results."""
+    deadline = time.monotonic() + 10
+    while multiprocessing.active_children() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return not multiprocessing.active_children()
+
+
 def slow_square(value: int) -> tuple[int, int]:
     time.sleep(0.02)
     return value**2, os.getpid()
@@ -39,7 +47,15 @@ def test_results_come_in_order_from_two_processes() -> None:
     assert len({process for _, process in results}) == 2
     own = [index for index, (_, process) in enumerate(results) if process == os.getpid()]
     assert begun == own
-    assert not multiprocessing.active_children()
+    assert nobody_is_left()
+
+
+@needs_fork
+def test_the_longest_jobs_begin_first_and_results_keep_their_order() -> None:
+    begun: list[int] = []
+    results = spread(slow_square, range(12), begun.append, cost=float)
+    assert [value for value, _ in results] == [value**2 for value in range(12)]
+    assert begun == sorted(begun, reverse=True)
 
 
 @needs_fork
@@ -58,7 +74,7 @@ def test_a_helper_that_fails_loses_nothing(way: str) -> None:
         return -value
 
     assert spread(work, range(8)) == [-value for value in range(8)]
-    assert not multiprocessing.active_children()
+    assert nobody_is_left()
 
 
 def test_an_error_of_the_work_is_raised() -> None:
@@ -69,7 +85,7 @@ def test_an_error_of_the_work_is_raised() -> None:
 
     with pytest.raises(ZeroDivisionError, match="three"):
         spread(work, range(6))
-    assert not multiprocessing.active_children()
+    assert nobody_is_left()
 
 
 @needs_fork
@@ -86,7 +102,7 @@ def test_an_interrupt_ends_the_helper_too() -> None:
     with pytest.raises(KeyboardInterrupt):
         spread(work, range(4))
     assert time.monotonic() - started < 10
-    assert not multiprocessing.active_children()
+    assert nobody_is_left()
 
 
 @needs_fork

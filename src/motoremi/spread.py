@@ -22,7 +22,9 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
-def spread(work: Callable[[Job], Result], jobs: Sequence[Job], begun: Callable[[int], None] | None = None) -> list[Result]:
+def spread(
+    work: Callable[[Job], Result], jobs: Sequence[Job], begun: Callable[[int], None] | None = None, cost: Callable[[Job], float] | None = None
+) -> list[Result]:
     """The results of `work` for all jobs, in their order.
 
     Parameters
@@ -32,27 +34,31 @@ def spread(work: Callable[[Job], Result], jobs: Sequence[Job], begun: Callable[[
     jobs : sequence
     begun : callable, optional
         Told the index of each job that this process begins.
+    cost : callable, optional
+        About how long a job takes compared with others: the longest begin first, so that neither process waits long for the other.
     """
     if len(jobs) < 2 or not core_to_spare():
         return [_told(work, jobs, index, begun) for index in range(len(jobs))]
+    multiprocessing.active_children()  # buries earlier helpers, for whose end nobody has waited
+    order = sorted(range(len(jobs)), key=lambda index: -cost(jobs[index])) if cost is not None else list(range(len(jobs)))
     context = multiprocessing.get_context("fork")
     counter = context.Value("i", 0)
     receiver, sender = context.Pipe(duplex=False)
-    helper = context.Process(target=_help, args=(work, jobs, counter, receiver, sender), daemon=True)
+    helper = context.Process(target=_help, args=(work, jobs, order, counter, receiver, sender), daemon=True)
     helper.start()
     sender.close()
     try:
         results = {}
-        while (index := _next(counter)) < len(jobs):
-            results[index] = _told(work, jobs, index, begun)
+        while (place := _next(counter)) < len(jobs):
+            results[order[place]] = _told(work, jobs, order[place], begun)
         with contextlib.suppress(EOFError):  # what a helper that failed left undone is done here, and fails here if it must
             results |= receiver.recv()
     except BaseException:
         helper.terminate()
+        helper.join()
         raise
     finally:
         receiver.close()
-        helper.join()
     return [results[index] if index in results else work(jobs[index]) for index in range(len(jobs))]
 
 
@@ -75,15 +81,22 @@ def _next(counter: Synchronized[int]) -> int:
         return counter.value - 1
 
 
-def _help(work: Callable[[Job], Result], jobs: Sequence[Job], counter: Synchronized[int], receiver: Connection, sender: Connection) -> None:
+def _help(
+    work: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    order: Sequence[int],
+    counter: Synchronized[int],
+    receiver: Connection,
+    sender: Connection,
+) -> None:
     # Ctrl-C concerns the process that asked; with it gone, sending fails and the helper ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     receiver.close()
     done = {}
     try:
-        while (index := _next(counter)) < len(jobs):
-            done[index] = work(jobs[index])
+        while (place := _next(counter)) < len(jobs):
+            done[order[place]] = work(jobs[order[place]])
         sender.send(done)
     except Exception:  # told by the pipe's end
         sender.close()

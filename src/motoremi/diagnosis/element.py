@@ -329,7 +329,7 @@ def _curve(target: _Target, termination: str) -> ElementCurve:
     fit = target.fit
     observed, analyser = fit.problem.observed, fit.measurement.analyser
     sweep = next(s for s in observed.sweeps if s.termination == termination)
-    measured: ComplexArray = sweep.measured * np.exp(-fit.problem.gain_error(fit.unknowns)[observed.slices[termination]])
+    measured: ComplexArray = sweep.measured * np.exp(-fit.problem.gain_error(fit.problem.deviation(fit.unknowns))[observed.slices[termination]])
 
     def circuit(x: ComplexArray) -> Node:
         bare = target.circuit(x)

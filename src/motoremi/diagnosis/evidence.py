@@ -141,7 +141,7 @@ def at_bound(fit: Fit, effect: str) -> tuple[str, ...]:
     """Parameters of an effect that the data, not just the prior, push against a bound."""
     label = own_label(fit, effect)
     problem, u = fit.problem, fit.unknowns
-    gradient = problem.linearised(u).gradient
+    gradient = fit.linearised.gradient
     pushed = []
     for index, parameter in enumerate(problem.unknowns):
         if not parameter.name.startswith(f"{label}.") or parameter.sigma is not None:
@@ -227,7 +227,7 @@ def begun(trails: Mapping[Name, Trail], progress: Progress | None = None) -> dic
         if progress is not None:
             progress(" + ".join(list(trails.values())[index].task.motor.effects), index, len(trails))
 
-    ends = spread(begin, list(trails.values()), tell)
+    ends = spread(begin, list(trails.values()), tell, cost=lambda trail: len(trail.starts))
     return {name: Begun(trail, end) for (name, trail), end in zip(trails.items(), ends, strict=True)}
 
 

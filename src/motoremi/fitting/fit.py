@@ -100,8 +100,7 @@ def _check_informative(measurement: Measurement) -> None:
 
 def _by_ants(task: Task, seed: int) -> Fit:
     found = search_base(task, seed)
-    result = summarise(task.full, found.u, found.converged, "ant-colony", seed, found.evaluations, found.history)
-    return dataclasses.replace(result, search_parameters=found.searched)
+    return summarise(task.full, found.u, found.converged, "ant-colony", seed, found.evaluations, found.history, found.searched)
 
 
 def _by_the_paper(task: Task, seed: int) -> Fit:
@@ -207,8 +206,7 @@ def settled(scouted: Scouted, before: Fit, thorough: bool) -> Fit:
 
 def told(task: Task, found: Found, before: Fit) -> Fit:
     """A solution found from a fit, with its statistics."""
-    result = summarise(task.full, found.u, found.converged, before.method, before.seed, found.evaluations, before.history)
-    return dataclasses.replace(result, search_parameters=found.searched)
+    return summarise(task.full, found.u, found.converged, before.method, before.seed, found.evaluations, before.history, found.searched)
 
 
 def _scanned_step(before: Fit, label: str) -> dict[str, float]:
@@ -216,7 +214,8 @@ def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     problem = before.problem
     order = np.argsort(problem.observed.frequency_hz, kind="stable")
     position = np.log(problem.observed.frequency_hz[order])
-    white = (problem.deviation(before.unknowns) - problem.gain_error(before.unknowns))[order]
+    left = problem.deviation(before.unknowns)
+    white = (left - problem.gain_error(left))[order]
     variance = np.concatenate([noise.sigma for noise in before.measurement.noise])[order] ** 2
     places = np.unique(position)[2:-2]
     # A step is seen in the change between the few points on either side, in every sweep that covers it.

@@ -284,10 +284,10 @@ class Problem:
         result: FloatArray = pull * here.chain
         return result
 
-    def gain_error(self, u: FloatArray) -> ComplexArray:
-        """Most likely relative gain error of the analyser given the parameters, shape (n,)."""
+    def gain_error(self, deviation: ComplexArray) -> ComplexArray:
+        """Most likely relative gain error of the analyser given what the model leaves, shape (n,)."""
         directions = self.observed.directions
-        residual = self.deviation(u) * self.observed.weight
+        residual = deviation * self.observed.weight
         error: ComplexArray = (directions @ (directions.T @ residual)) / self.observed.weight
         return error
 

@@ -14,7 +14,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
-from motoremi.fitting.problem import Problem
+from motoremi.fitting.problem import Linearised, Problem
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import Motor, dc_motor
@@ -91,6 +91,11 @@ class Fit:
         return Problem(self.motor, self.measurement, self.bounds, self.held)
 
     @cached_property
+    def linearised(self) -> Linearised:
+        """The problem round the solution."""
+        return self.problem.linearised(self.unknowns)
+
+    @cached_property
     def unknowns(self) -> FloatArray:
         """The solution as the problem's vector."""
         return self.problem.vector({**self.parameters, **self.nuisance})
@@ -113,7 +118,7 @@ class Fit:
     @cached_property
     def covariance(self) -> FloatArray:
         """Of the problem's unknowns (logarithms of positive parameters), widened where the model does not describe the data."""
-        return _inverse(self.problem.linearised(self.unknowns).matrix) * max(1.0, self.chi2_reduced)
+        return _inverse(self.linearised.matrix) * max(1.0, self.chi2_reduced)
 
     def interval(self, name: str) -> Interval:
         """What values of a parameter the data allow at 95 %, by its profile likelihood."""
@@ -130,7 +135,8 @@ class Fit:
     def errors(self) -> dict[str, ComplexArray]:
         """Z_model/Z_measured - 1 per termination, the analyser's most likely error included."""
         problem = self.problem
-        left = problem.deviation(self.unknowns) - problem.gain_error(self.unknowns)
+        left = problem.deviation(self.unknowns)
+        left = left - problem.gain_error(left)
         error = np.exp(-left) - 1
         return {termination: error[where] for termination, where in problem.observed.slices.items()}
 
@@ -285,12 +291,21 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInput("the stored fit is incomplete: fit the session again") from error
     problem = Problem(motor, measurement, bounds, held)
-    result = summarise(problem, problem.vector({**values, **nuisance}), converged, method, seed, evaluations, history)
-    return dataclasses.replace(result, elapsed_s=elapsed_s, search_parameters=searched, warnings=warnings)
+    result = summarise(problem, problem.vector({**values, **nuisance}), converged, method, seed, evaluations, history, searched)
+    return dataclasses.replace(result, elapsed_s=elapsed_s, warnings=warnings)
 
 
-def summarise(problem: Problem, u: FloatArray, converged: bool, method: Method, seed: int, evaluations: int, history: tuple[JsonDict, ...]) -> Fit:
-    """A solution with its statistics."""
+def summarise(
+    problem: Problem,
+    u: FloatArray,
+    converged: bool,
+    method: Method,
+    seed: int,
+    evaluations: int,
+    history: tuple[JsonDict, ...],
+    searched: Mapping[str, float] | None = None,
+) -> Fit:
+    """A solution with its statistics; `searched` is where the next effect starts from."""
     here = problem.linearised(u)
     objective, matrix = here.objective, here.matrix
     chi2_reduced = float(objective) / problem.degrees_of_freedom
@@ -302,13 +317,14 @@ def summarise(problem: Problem, u: FloatArray, converged: bool, method: Method, 
         if parameter.name in own:
             unit = values[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
-    left = problem.deviation(u) - problem.gain_error(u)
+    left = here.deviation / problem.observed.weight
+    left = left - problem.gain_error(left)
     error = np.abs(np.exp(-left) - 1)
     alone = _motor_alone(problem, u)
     warnings = list(problem.measurement.caveats())
     if not converged and method != "paper":
         warnings.append("the fit did not converge: do not use its values")
-    return Fit(
+    result = Fit(
         motor=problem.motor,
         measurement=problem.measurement,
         method=method,
@@ -328,9 +344,13 @@ def summarise(problem: Problem, u: FloatArray, converged: bool, method: Method, 
         warnings=tuple(warnings),
         bounds=problem.bounds,
         held=problem.held,
+        search_parameters=searched or {},
         objective=float(objective),
         log_evidence=_log_evidence(problem, float(objective), matrix),
     )
+    # Spares the cached property from building it again.
+    vars(result)["problem"] = problem
+    return result
 
 
 def _motor_alone(problem: Problem, u: FloatArray) -> ComplexArray:
