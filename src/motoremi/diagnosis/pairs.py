@@ -71,8 +71,8 @@ class _Search:
             found = stage()
             if found is not None:
                 return found
-        first, _ = nearest(self._looks)[0]
-        return self._singles[first], self._beside(first)
+        first, second = nearest(self._looks)[0]
+        return self._singles[first], self._refitted(first, {second: self._looks[first, second]})
 
     def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
         """Every second effect beside the best single ones."""
@@ -141,20 +141,21 @@ class _Search:
             if (first, second) in self._judged or self._judgements >= MOST_JUDGEMENTS:
                 continue
             self._judgements += 1
-            ranked = self._beside(first)
-            if ranked[0].good:
-                return self._singles[first], ranked
-            self._judged |= {pair for pair in right if pair[0] == first}
+            self._judged.add((first, second))
+            if self._refitted(first, {second: right[first, second]})[0].good:
+                return self._singles[first], self._beside(first)
         return None
 
     def _beside(self, first: str) -> list[Candidate]:
         """Candidates for the second effect beside a first one, best evidence first."""
         found = {pair[1]: look for pair, look in self._looks.items() if pair[0] == first}
         best = found[nearest(found)[0]]
-        if best.right:
-            found = glances(self._singles[first].fit, RIVALS, best.values(), self._progress) | found
+        found = glances(self._singles[first].fit, RIVALS, best.values(), self._progress) | found
         limit = HOPELESS_FACTOR * best.objective
-        return refitted(self._singles[first].fit, {name: look for name, look in found.items() if look.objective <= limit})
+        return self._refitted(first, {name: look for name, look in found.items() if look.objective <= limit})
+
+    def _refitted(self, first: str, looks: Mapping[str, Scouted]) -> list[Candidate]:
+        return refitted(self._singles[first].fit, looks)
 
 
 def _factor(look: Scouted) -> float:
