@@ -22,12 +22,13 @@ from motoremi.spread import spread
 # Candidates whose first look ends within this factor (and so many units of chi-squared) of one that is right are refitted on all points.
 PROMISING_FACTOR = 2.0
 PROMISING_MARGIN = 100.0
-# How many of the nearest are followed beyond a glance: the right one was among the first three in trials.
+# How many of the nearest are followed beyond a glance: all that may be rivals of one that is right; without one, the first few.
 PURSUED = 6
+PURSUED_IN_THE_DARK = 4
 # How many of the nearest are searched through: with one that explains everything at hand, those within a factor of its chi-squared.
 SEARCHED = 5
 SEARCHED_FACTOR = 10.0
-SEARCHED_IN_THE_DARK = 3
+SEARCHED_IN_THE_DARK = 2
 # One that leaves so many times the chi-squared of one that explains everything is no rival of it.
 HOPELESS_FACTOR = 100.0
 # How many are refitted on all points where none is right.
@@ -258,8 +259,10 @@ def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | No
     first = begun({name: trail_to(before, name, near=near, points=FEW_POINTS if near else POINTS) for name in possible_effects(before)}, progress)
     found = followed({name: first[name] for name in nearest(first)[:most]})
     order = nearest(found)
-    limit = HOPELESS_FACTOR * found[order[0]].objective if found[order[0]].right else np.inf
-    rivals = (*order[:PURSUED], *(name for name in order[PURSUED:] if _alike(name, order[0])))
+    best = found[order[0]]
+    pursued = PURSUED if best.right else PURSUED_IN_THE_DARK
+    limit = HOPELESS_FACTOR * best.objective if best.right else np.inf
+    rivals = (*order[:pursued], *(name for name in order[pursued:] if _alike(name, order[0])))
     improved(found, (name for name in rivals if found[name].objective <= limit), pursue)
     return found
 
@@ -305,7 +308,7 @@ def members(pair: Fit, one: str, other: str) -> tuple[Candidate, Candidate]:
 
 
 def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
-    """Candidates from looks; best evidence first."""
+    """Candidates from looks, the promising ones polished on all points; best evidence first."""
     order = nearest(looks)
     best = looks[order[0]]
     limit = PROMISING_FACTOR * best.objective + PROMISING_MARGIN if best.right else looks[order[:POLISHED_IN_THE_DARK][-1]].objective

@@ -25,8 +25,9 @@ COLUMNS = 2
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
+FOLLOWED_IN_COLUMNS = 3
 # A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
-FOLLOWED_IF_NEAR = 16
+FOLLOWED_IF_NEAR = 12
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # How often better partners are sought for the two of the nearest pair.
@@ -94,7 +95,7 @@ class _Search:
         helping = dict.fromkeys(second for _, second in nearest(self._looks) if second != favourite)
         # The favourite once more: of what was begun with it, those that follow next.
         for second in (favourite, *list(helping)[:COLUMNS]):
-            self._look(self._column(second))
+            self._look(self._column(second), FOLLOWED_IN_COLUMNS)
             if (found := self._right()) is not None:
                 return found
         return None

@@ -82,7 +82,7 @@ class Trail:
     @cached_property
     def first(self) -> FloatArray:
         """Start values as unknowns of the search problem, shape (m, k)."""
-        return np.array([self.search.vector(start) for start in self.starts])
+        return self.search.vectors(self.starts)
 
     def enough(self, search: Problem) -> float:
         """An objective of the search that will do."""
@@ -140,7 +140,7 @@ def begin(trail: Trail) -> Polished:
     """A few steps for all start values, which need not lead anywhere."""
     few = trail.search if trail.points == POINTS else trail.task.thinned(trail.points)
     enough = trail.enough(few)
-    ends = polish(few, np.array([few.vector(start) for start in trail.starts]), iterations=STEPS_OF_ALL, **ROUGH, enough=enough)
+    ends = polish(few, few.vectors(trail.starts), iterations=STEPS_OF_ALL, **ROUGH, enough=enough)
     kept = _leaders(ends.objective, trail.group, MOST_KEPT)
     further = polish(few, ends.u[kept], iterations=trail.steps - STEPS_OF_ALL, **ROUGH, enough=enough)
     return ends.replaced(kept, further)

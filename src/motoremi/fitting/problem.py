@@ -11,7 +11,7 @@ The residual is ln(Z_measured / Z_model), complex, over the noise. Three kinds o
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -201,6 +201,13 @@ class Problem:
             else:
                 u[index] = 0.5 * (self.low[index] + self.high[index]) if self._log[index] else 0.0
         return self.clip(u)
+
+    def vectors(self, starts: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Several at once, shape (m, k)."""
+        missing = self.physical(self.vector({}))[self._varying].tolist()
+        names = [parameter.name for parameter in self.unknowns]
+        values = np.array([[start.get(name, other) for name, other in zip(names, missing, strict=True)] for start in starts], dtype=np.float64)
+        return self.clip(np.where(self._log, np.log(np.maximum(values, 1e-300)), values / self._scale))
 
     def unknown(self, index: int, value: float) -> float:
         """One unknown from its value in SI units, bounds or not."""
