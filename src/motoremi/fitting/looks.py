@@ -75,8 +75,9 @@ class Trail:
 
     @cached_property
     def likelihood(self) -> Problem:
-        """The likelihood on the same grid, the connections' errors to first order."""
-        return self.task.thinned(POINTS, weights="first-order")
+        """The likelihood on the same grid."""
+        task = self.task
+        return Problem(task.motor, task.measurement, task.bounds, task.held, points=POINTS)
 
     @cached_property
     def first(self) -> FloatArray:
@@ -201,14 +202,12 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
     """
     trail, ends = scouted.trail, scouted.ends
     full, search = trail.task.full, trail.search
-    likely = trail.likelihood
-    final = polish(
-        full, moved(ends.likely.distinct(1 if scouted.right else 2), likely, full), iterations=150 if polished else 0, damping=WARM
-    )
+    # Both problems of the likelihood have the same unknowns.
+    final = polish(full, ends.likely.distinct(1 if scouted.right else 2), iterations=150 if polished else 0, damping=WARM)
     if polished and scouted.right and final.objective[final.best] > good_enough(full):
         # What looked right on a few points is not on all.
         ends = search_through(scouted)
-        final = final.joined(polish(full, moved(ends.likely.distinct(2), likely, full), damping=WARM))
+        final = final.joined(polish(full, ends.likely.distinct(2), damping=WARM))
     found = ends.found
     if thorough and final.objective[final.best] > good_enough(full):
         colony = Colony(search, np.random.default_rng(seed), np.concatenate([trail.first, found.u]))

@@ -16,8 +16,7 @@ from motoremi.data.analyser import gain_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import MINIMUM_POINTS
 
-# Over the noise; the same with the connections' errors to first order, which is quicker; every point alike with an ideal analyser.
-Weights = Literal["likelihood", "first-order", "log"]
+Weights = Literal["likelihood", "log"]
 
 
 @dataclass(frozen=True)
@@ -54,12 +53,13 @@ class Observed:
     ----------
     measurement : Measurement
     sweeps : tuple of ObservedSweep
-    weights : {"likelihood", "first-order", "log"}
+    ideal : bool
+        Whether the analyser counts as ideal.
     """
 
     measurement: Measurement
     sweeps: tuple[ObservedSweep, ...]
-    weights: Weights
+    ideal: bool
 
     @cached_property
     def size(self) -> int:
@@ -99,37 +99,13 @@ class Observed:
         The squared length of each is the share that it takes up: with the gain error's covariance B B', the inverse of 1 + B B' is
         1 - D D' with these as D.
         """
-        return _orthogonal(self._gain)
-
-    @cached_property
-    def taken_up(self) -> FloatArray:
-        """The same for real and imaginary parts side by side, shape (2 n, 2 q); with the connections' errors where they count to first order.
-
-        A connection's series resistance and inductance move ln Z by (R + s L)/Z, its conductance and capacitance by (G + s C) Z.
-        """
-        if self.weights != "first-order" or self.measurement.analyser.ideal:
-            return np.kron(self.directions, np.eye(2))
-        analyser = self.measurement.analyser
-        columns = []
-        for sweep, where in zip(self.sweeps, self.slices.values(), strict=True):
-            z, s = sweep.measured, sweep.s
-            for moved in (
-                analyser.resistance_sigma_ohm / z,
-                analyser.inductance_sigma_h * s / z,
-                analyser.conductance_sigma_s(sweep.frequency_hz) * z,
-                analyser.capacitance_sigma_f * s * z,
-            ):
-                column = np.zeros(self.size, dtype=np.complex128)
-                column[where] = moved / sweep.sigma
-                columns.append(column.view(np.float64))
-        return _orthogonal(np.column_stack([np.kron(self._gain, np.eye(2)), *columns]))
-
-    @cached_property
-    def _gain(self) -> FloatArray:
-        """Weighted changes by one standard deviation of each of the gain error's coefficients, shape (n, q)."""
         everything = np.unique(self.frequency_hz)
         basis = gain_basis(self.measurement.analyser, everything)[np.searchsorted(everything, self.frequency_hz)]
-        return np.zeros((self.size, 0)) if self.weights == "log" else basis * self.weight[:, None]
+        if self.ideal or basis.shape[1] == 0:
+            return np.zeros((self.size, 0))
+        vectors, singular, _ = np.linalg.svd(basis * self.weight[:, None], full_matrices=False)
+        keep = singular > 1e-3
+        return np.asarray(vectors[:, keep] * (singular[keep] / np.sqrt(1 + singular[keep] ** 2)), dtype=np.float64)
 
     @property
     def expected_objective(self) -> float:
@@ -146,7 +122,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
     ----------
     points : int, optional
         Use about this many a sweep, those that tell most.
-    weights : {"likelihood", "first-order", "log"}
+    weights : {"likelihood", "log"}
         Over the noise, or every point alike.
     highest_hz : float
         Use points up to here only.
@@ -164,20 +140,11 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 frequency_hz=frequency,
                 s=2j * np.pi * frequency,
                 measured=impedance,
-                sigma=np.ones(chosen.size) if weights == "log" else sigma,
+                sigma=sigma if weights == "likelihood" else np.ones(chosen.size),
                 expected=float(np.sum(2 * sigma**2 + systematic**2)),
             )
         )
-    return Observed(measurement, tuple(prepared), weights)
-
-
-def _orthogonal(changes: FloatArray) -> FloatArray:
-    """Orthogonal directions with the share of each that errors take up, from their weighted changes, shape (n, q)."""
-    if changes.shape[1] == 0:
-        return changes
-    vectors, singular, _ = np.linalg.svd(changes, full_matrices=False)
-    keep = singular > 1e-3
-    return np.asarray(vectors[:, keep] * (singular[keep] / np.sqrt(1 + singular[keep] ** 2)), dtype=np.float64)
+    return Observed(measurement, tuple(prepared), ideal=weights == "log")
 
 
 def informative_points(frequency_hz: FloatArray, impedance_ohm: ComplexArray, count: int) -> np.ndarray:

@@ -45,8 +45,8 @@ class Linearised:
         Gauss-Newton matrix.
     deviation, slopes : ndarray, shapes (..., n), (..., k, n)
         Complex weighted residuals, and their derivatives for the parameters in SI units.
-    along : ndarray, shape (..., k, q)
-        The derivatives along the directions of the analyser's errors.
+    along : ndarray, shape (..., k, 2 q)
+        The derivatives along the directions of the gain error.
     chain : ndarray, shape (..., k)
         Derivatives of the parameters for the unknowns.
     """
@@ -100,10 +100,9 @@ class Problem:
         Use about this many points a sweep.
     highest_hz : float
         Use points up to here only.
-    weights : {"likelihood", "first-order", "log"}
-        `likelihood`: over the noise, gain error marginalised. `first-order`: what the fixture left is marginalised as well, by how it moves
-        the measured impedance to first order. `log`: every point alike and an ideal analyser, which is smooth far from the solution and is
-        where searches start.
+    weights : {"likelihood", "log"}
+        `likelihood`: over the noise, gain error marginalised. `log`: every point alike and an ideal analyser, which is smooth far from
+        the solution and is where searches start.
 
     Attributes
     ----------
@@ -245,9 +244,9 @@ class Problem:
         return total
 
     def _along(self, values: ComplexArray) -> FloatArray:
-        """Components, shape (..., q), of weighted residuals, shape (..., n), along the directions that the analyser's errors take up."""
-        directions = self.observed.taken_up
-        found: FloatArray = values.view(np.float64) @ directions if directions.shape[1] else np.zeros((*values.shape[:-1], 0))
+        """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the directions that the gain error takes up."""
+        directions = self.observed.directions
+        found: FloatArray = (values @ directions).view(np.float64) if directions.shape[1] else np.zeros((*values.shape[:-1], 0))
         return found
 
     def linearised(self, u: FloatArray) -> Linearised:

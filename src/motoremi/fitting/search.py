@@ -15,7 +15,6 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
-from motoremi.fitting.observed import Weights
 from motoremi.fitting.polish import Polished, polish, sharpened
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.starts import data_driven_starts
@@ -44,9 +43,9 @@ class Task:
         """The likelihood on all points."""
         return Problem(self.motor, self.measurement, self.bounds, self.held)
 
-    def thinned(self, points: int, highest_hz: float = np.inf, weights: Weights = "log") -> Problem:
+    def thinned(self, points: int, highest_hz: float = np.inf) -> Problem:
         """The search problem on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held, points, weights, highest_hz)
+        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
 
 
 @dataclass(frozen=True)
