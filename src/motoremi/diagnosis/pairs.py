@@ -27,7 +27,7 @@ FOLLOWED = 6
 PURSUED = 2
 FOLLOWED_IN_COLUMNS = 3
 # A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
-FOLLOWED_IF_NEAR = 12
+FOLLOWED_IF_NEAR = 14
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # How often better partners are sought for the two of the nearest pair.
