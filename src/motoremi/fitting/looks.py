@@ -74,6 +74,11 @@ class Trail:
         return self.task.thinned(POINTS)
 
     @cached_property
+    def few(self) -> Problem:
+        """The search problem to begin with."""
+        return self.search if self.points == POINTS else self.task.thinned(self.points)
+
+    @cached_property
     def likelihood(self) -> Problem:
         """The likelihood on the same grid."""
         task = self.task
@@ -138,7 +143,7 @@ class Scouted:
 
 def begin(trail: Trail) -> Polished:
     """A few steps for all start values, which need not lead anywhere."""
-    few = trail.search if trail.points == POINTS else trail.task.thinned(trail.points)
+    few = trail.few
     enough = trail.enough(few)
     ends = polish(few, few.vectors(trail.starts), iterations=STEPS_OF_ALL, **ROUGH, enough=enough)
     kept = _leaders(ends.objective, trail.group, MOST_KEPT)
@@ -150,8 +155,8 @@ def follow(begun: Begun) -> Ends:
     """Some more steps for the better ones of what was begun, and a few by the likelihood."""
     trail, search = begun.trail, begun.trail.search
     u, evaluations = begun.ends.u[_leaders(begun.ends.objective, trail.group)], begun.ends.evaluations
-    for steps in MORE_STEPS:
-        part = polish(search, u, iterations=steps, **ROUGH, enough=trail.enough(search))
+    for problem, steps in zip((trail.few, search), MORE_STEPS, strict=True):
+        part = polish(problem, u, iterations=steps, **ROUGH, enough=trail.enough(problem))
         u, evaluations = part.distinct(3), evaluations + part.evaluations
     found = dataclasses.replace(part, evaluations=evaluations)
     blurred = found.objective[found.best] < search.observed.expected_objective
@@ -174,7 +179,7 @@ def search_through(scouted: Scouted) -> Ends:
     first = polish(search, trail.first, iterations=THOROUGH_STEPS, **ROUGH)
     found = polish(search, first.u[_leaders(first.objective, trail.group)], iterations=40, **ROUGH, enough=enough)
     if found.objective[found.best] > enough:
-        found = found.joined(climb(trail.task, search, trail.first))
+        found = found.joined(climb(trail.task, search, trail.first[_leaders(first.objective, trail.group, MOST_KEPT)]))
     found = found.joined(scouted.ends.found)
     return Ends(found, _judged(trail, found, 60).joined(scouted.ends.likely))
 

@@ -106,7 +106,7 @@ def polish(
     # Whether a step fell short of what the linear model promised: only then is the valley bent.
     bent = np.zeros(count, dtype=np.bool_)
     for _ in range(iterations):
-        if not live.size or np.any(here.objective < enough):
+        if not live.size or (here.objective < enough).any():
             break
         held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
         right = np.where(held, 0.0, here.gradient)
@@ -115,15 +115,15 @@ def polish(
         _diagonal(system)[...] = np.where(held, 1.0, spread * (1 + damped[:, None]) + 1e-12)
         newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
         step = _limited(newton)
-        if np.any(bent):
+        if bent.any():
             bend = np.where(held, 0.0, problem.curvature_pull(here, u, step))
             turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
-            gentle = np.sum(turn**2 * spread, axis=1) < 0.16 * np.sum(step**2 * spread, axis=1)
+            gentle = np.einsum("ij,ij->i", turn**2, spread) < 0.16 * np.einsum("ij,ij->i", step**2, spread)
             corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
             step = _limited(corrected)
             evaluations += live.size
         trial = problem.clip(u + step)
-        expected = -np.sum(step * (2 * right + (here.matrix @ step[..., None])[..., 0]), axis=1)
+        expected = -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
         new = problem.linearised(trial)
         evaluations += live.size
         gained = here.objective - new.objective
@@ -133,7 +133,7 @@ def polish(
         # A small step means convergence only where damping did not make it small: along a shallow valley even a little does.
         free = (damped < 1e-2) | (damped > 1e8)
         still = free & ((np.abs(expected) < small) | (better & (gained < 0.1 * small)))
-        if np.any(still):
+        if still.any():
             still[still] = (_decrement(here.matrix[still], right[still], held[still]) < UNDAMPED * small[still]) | (damped[still] > 1e8)
         u = np.where(better[:, None], trial, u)
         # Copy those that are fewer.
@@ -144,10 +144,10 @@ def polish(
             here = new
         damped = np.where(better, np.maximum(damped * 0.15, 1e-9), np.maximum(damped * 6, 1e-6))
         leaving = still | (damped >= 1e12)
-        if np.any(leaving):
+        if leaving.any():
             ends.converged[live[still]] = True
             ends.u[live], ends.objective[live] = u, here.objective
-            if np.any(here.objective < enough):
+            if (here.objective < enough).any():
                 break
             stay = ~leaving
             live, u, here, damped, bent = live[stay], u[stay], here.subset(stay), damped[stay], bent[stay]
@@ -202,14 +202,14 @@ def _decrement(matrix: FloatArray, right: FloatArray, held: BoolArray) -> FloatA
 
 def _limited(step: FloatArray) -> FloatArray:
     """Steps of at most e^2 in a parameter: beyond, the linear model means nothing."""
-    limited: FloatArray = step * np.minimum(1.0, 2.0 / np.maximum(np.max(np.abs(step), axis=1), 1e-300))[:, None]
+    limited: FloatArray = step * np.minimum(1.0, 2.0 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
     return limited
 
 
 def _free_part(matrix: FloatArray, held: BoolArray) -> FloatArray:
     """A copy without the rows and columns of unknowns that are held."""
     system = matrix.copy()
-    if np.any(held):
+    if held.any():
         system[held[:, :, None] | held[:, None, :]] = 0.0
     return system
 

@@ -170,7 +170,7 @@ class Problem:
         return precision, centre
 
     def _penalty(self, u: FloatArray) -> FloatArray:
-        total: FloatArray = np.sum(self.precision * (u - self.centre) ** 2, axis=-1)
+        total: FloatArray = (u - self.centre) ** 2 @ self.precision
         return total
 
     def _circuit(self, sweep: ObservedSweep, with_residuals: bool) -> Node:
