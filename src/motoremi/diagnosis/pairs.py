@@ -25,7 +25,6 @@ COLUMNS = 2
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
-FOLLOWED_IN_COLUMNS = 3
 # A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
 FOLLOWED_IF_NEAR = 14
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
@@ -76,17 +75,14 @@ class _Search:
         return self._singles[first], self._refitted(first, {second: self._looks[first, second]})
 
     def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
-        """Every second effect beside the best single ones."""
-        for index, first in enumerate(list(self._singles)[:FIRSTS]):
-            pairs = [(first, second) for second in possible_effects(self._singles[first].fit)]
-            self._look(pairs, FOLLOWED_IF_NEAR if _factor(self._singles[first].look) < NEAR_FACTOR else FOLLOWED)
+        """Every second effect beside the best single ones; what the data favour most deserves a look from both sides."""
+        best, *others = list(self._singles)[:FIRSTS]
+        others_rows = [pair for first in others for pair in self._row(first)]
+        for pairs in (self._row(best), self._column(best), others_rows):
+            near = any(_factor(self._singles[first].look) < NEAR_FACTOR for first, _ in pairs)
+            self._look(pairs, FOLLOWED_IF_NEAR if near else FOLLOWED)
             if (found := self._right()) is not None:
                 return found
-            if index == 0:
-                # What the data favour most deserves a look from both sides.
-                self._look(self._column(first))
-                if (found := self._right()) is not None:
-                    return found
         return None
 
     def _columns(self) -> tuple[Candidate, list[Candidate]] | None:
@@ -94,11 +90,8 @@ class _Search:
         favourite = next(iter(self._singles))
         helping = dict.fromkeys(second for _, second in nearest(self._looks) if second != favourite)
         # The favourite once more: of what was begun with it, those that follow next.
-        for second in (favourite, *list(helping)[:COLUMNS]):
-            self._look(self._column(second), FOLLOWED_IN_COLUMNS)
-            if (found := self._right()) is not None:
-                return found
-        return None
+        self._look([pair for second in (favourite, *list(helping)[:COLUMNS]) for pair in self._column(second)])
+        return self._right()
 
     def _exchanges(self) -> tuple[Candidate, list[Candidate]] | None:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
@@ -116,6 +109,10 @@ class _Search:
             if (right := self._right()) is not None:
                 return right
         return None
+
+    def _row(self, first: str) -> list[Pair]:
+        """Every second effect beside a first one."""
+        return [(first, second) for second in possible_effects(self._singles[first].fit)]
 
     def _column(self, second: str) -> list[Pair]:
         """A second effect beside every first one."""
