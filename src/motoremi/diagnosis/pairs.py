@@ -77,9 +77,12 @@ class _Search:
     def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
         """Every second effect beside the best single ones; what the data favour most deserves a look from both sides."""
         best, *others = list(self._singles)[:FIRSTS]
-        others_rows = [pair for first in others for pair in self._row(first)]
-        for pairs in (self._row(best), self._column(best), others_rows):
-            near = any(_factor(self._singles[first].look) < NEAR_FACTOR for first, _ in pairs)
+        for pairs, firsts in (
+            (self._row(best), [best]),
+            (self._column(best), []),
+            ([pair for first in others for pair in self._row(first)], others),
+        ):
+            near = any(_factor(self._singles[first].look) < NEAR_FACTOR for first in firsts)
             self._look(pairs, FOLLOWED_IF_NEAR if near else FOLLOWED)
             if (found := self._right()) is not None:
                 return found
