@@ -256,7 +256,7 @@ def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | No
         Parameters of a solution with another effect in its place, in SI units, to look from.
     progress : callable, optional
     """
-    first = begun({name: trail_to(before, name, near=near, points=FEW_POINTS if near else POINTS) for name in possible_effects(before)}, progress)
+    first = begun({name: trail_to(before, name, near=near, points=FEW_POINTS) for name in possible_effects(before)}, progress)
     found = followed({name: first[name] for name in nearest(first)[:most]})
     order = nearest(found)
     best = found[order[0]]
