@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.fitting.fit import told, trail_to, trail_without
-from motoremi.fitting.looks import FEW_POINTS, POINTS, Begun, Ends, Scouted, Trail, begin, follow, pursue, search_through, settle
+from motoremi.fitting.looks import FEW_POINTS, Begun, Ends, Scouted, Trail, begin, follow, pursue, search_through, settle
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
