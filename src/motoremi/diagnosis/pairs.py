@@ -25,6 +25,7 @@ COLUMNS = 2
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
+PURSUED_IF_NEAR = 6
 # A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
 FOLLOWED_IF_NEAR = 14
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
@@ -103,12 +104,8 @@ class _Search:
             if _factor(self._looks[pair]) > NEAR_FACTOR or pair in self._exchanged:
                 return None
             self._exchanged.add(pair)
-            near = self._looks[pair].values()
-            for kept in dict.fromkeys(pair):
-                if kept not in self._singles:
-                    continue
-                found = glances(self._singles[kept].fit, FOLLOWED, near, self._progress)
-                self._take({(kept, other): look for other, look in found.items()})
+            kept = [name for name in dict.fromkeys(pair) if name in self._singles]
+            self._look([other for name in kept for other in self._row(name)], FOLLOWED * len(kept), self._looks[pair].values())
             if (right := self._right()) is not None:
                 return right
         return None
@@ -121,16 +118,16 @@ class _Search:
         """A second effect beside every first one."""
         return [(first, second) for first in self._singles if first != second]
 
-    def _look(self, pairs: Sequence[Pair], most: int = FOLLOWED) -> None:
-        """Begin what has not been begun, follow those that begin best, and pursue the nearest."""
-        fresh = {pair: trail_to(self._singles[pair[0]].fit, pair[1], points=FEW_POINTS) for pair in pairs if pair not in self._begun}
-        self._begun |= begun(fresh, self._progress)
-        left = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
-        found = followed({pair: left[pair] for pair in nearest(left)[:most]})
-        improved(found, nearest(found)[:PURSUED], pursue)
-        self._take(found)
-
-    def _take(self, looks: Mapping[Pair, Scouted]) -> None:
+    def _look(self, pairs: Sequence[Pair], most: int = FOLLOWED, near: Mapping[str, float] | None = None) -> None:
+        """Begin what has not been begun (anew where a pair is `near`), follow those that begin best, and pursue the nearest."""
+        fresh = pairs if near else [pair for pair in pairs if pair not in self._begun]
+        trails = {(first, second): trail_to(self._singles[first].fit, second, near=near, points=FEW_POINTS) for first, second in fresh}
+        found = begun(trails, self._progress)
+        if not near:
+            self._begun |= found
+            found = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
+        looks = followed({pair: found[pair] for pair in nearest(found)[:most]})
+        improved(looks, nearest(looks)[:PURSUED_IF_NEAR if near else PURSUED], pursue)
         for pair, look in looks.items():
             if pair not in self._looks or look.objective < self._looks[pair].objective:
                 self._looks[pair] = look
