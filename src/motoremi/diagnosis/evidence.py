@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -31,6 +32,8 @@ SEARCHED_FACTOR = 10.0
 SEARCHED_IN_THE_DARK = 2
 # One that leaves so many times the chi-squared of one that explains everything is no rival of it.
 HOPELESS_FACTOR = 100.0
+# One that after some more steps still leaves so many times what the best began with is not followed to the end.
+HOPELESS_START = 30.0
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
@@ -233,8 +236,9 @@ def begun(trails: Mapping[Name, Trail], progress: Progress | None = None) -> dic
 
 
 def followed(these: Mapping[Name, Begun]) -> dict[Name, Scouted]:
-    """What was begun, followed."""
-    ends = spread(follow, list(these.values()))
+    """What was begun, followed; what falls far behind the best beginning, not to the end."""
+    hopeless = HOPELESS_START * min((one.objective for one in these.values()), default=np.inf)
+    ends = spread(partial(follow, hopeless=hopeless), list(these.values()))
     return {name: Scouted(one.trail, end) for (name, one), end in zip(these.items(), ends, strict=True)}
 
 
@@ -262,7 +266,7 @@ def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | No
     best = found[order[0]]
     pursued = PURSUED if best.right else PURSUED_IN_THE_DARK
     limit = HOPELESS_FACTOR * best.objective if best.right else np.inf
-    rivals = (*order[:pursued], *(name for name in order[pursued:] if _alike(name, order[0])))
+    rivals = (*order[:pursued], *(name for name in order[pursued:] if best.right and _alike(name, order[0])))
     improved(found, (name for name in rivals if found[name].objective <= limit), pursue)
     return found
 

@@ -127,7 +127,7 @@ class _Search:
             self._begun |= found
             found = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
         looks = followed({pair: found[pair] for pair in nearest(found)[:most]})
-        improved(looks, nearest(looks)[:PURSUED_IF_NEAR if near else PURSUED], pursue)
+        improved(looks, nearest(looks)[: PURSUED_IF_NEAR if near else PURSUED], pursue)
         for pair, look in looks.items():
             if pair not in self._looks or look.objective < self._looks[pair].objective:
                 self._looks[pair] = look
