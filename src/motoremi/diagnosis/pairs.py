@@ -25,6 +25,7 @@ COLUMNS = 2
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
 PURSUED = 2
+# Near a pair more are pursued: from there a rival is soon right.
 PURSUED_IF_NEAR = 6
 # A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
 FOLLOWED_IF_NEAR = 14
@@ -148,7 +149,9 @@ class _Search:
         """Candidates for the second effect beside a first one, best evidence first."""
         found = {pair[1]: look for pair, look in self._looks.items() if pair[0] == first}
         best = found[nearest(found)[0]]
-        found = glances(self._singles[first].fit, RIVALS, best.values(), self._progress) | found
+        for name, look in glances(self._singles[first].fit, RIVALS, best.values(), self._progress).items():
+            if name not in found or look.objective < found[name].objective:
+                found[name] = look
         limit = HOPELESS_FACTOR * best.objective
         return self._refitted(first, {name: look for name, look in found.items() if look.objective <= limit})
 
