@@ -27,6 +27,8 @@ FOLLOWED = 6
 PURSUED = 2
 # Near a pair more are pursued: from there a rival is soon right.
 PURSUED_IF_NEAR = 6
+# Where none has come near, so many decide which description is the closest.
+PURSUED_AT_LAST = 12
 # A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
 FOLLOWED_IF_NEAR = 14
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
@@ -73,6 +75,8 @@ class _Search:
             found = stage()
             if found is not None:
                 return found
+        if _factor(self._looks[nearest(self._looks)[0]]) > NEAR_FACTOR:
+            improved(self._looks, nearest(self._looks)[:PURSUED_AT_LAST], pursue)
         first, second = nearest(self._looks)[0]
         return self._singles[first], self._refitted(first, {second: self._looks[first, second]})
 
