@@ -26,14 +26,6 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
 
 
-def nobody_is_left() -> bool:
-    """Whether all helpers end; nobody waits for that when they have told their results."""
-    deadline = time.monotonic() + 10
-    while multiprocessing.active_children() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    return not multiprocessing.active_children()
-
-
 def slow_square(value: int) -> tuple[int, int]:
     time.sleep(0.02)
     return value**2, os.getpid()
@@ -47,7 +39,7 @@ def test_results_come_in_order_from_two_processes() -> None:
     assert len({process for _, process in results}) == 2
     own = [index for index, (_, process) in enumerate(results) if process == os.getpid()]
     assert begun == own
-    assert nobody_is_left()
+    assert not multiprocessing.active_children()
 
 
 @needs_fork
@@ -74,7 +66,7 @@ def test_a_helper_that_fails_loses_nothing(way: str) -> None:
         return -value
 
     assert spread(work, range(8)) == [-value for value in range(8)]
-    assert nobody_is_left()
+    assert not multiprocessing.active_children()
 
 
 def test_an_error_of_the_work_is_raised() -> None:
@@ -85,7 +77,7 @@ def test_an_error_of_the_work_is_raised() -> None:
 
     with pytest.raises(ZeroDivisionError, match="three"):
         spread(work, range(6))
-    assert nobody_is_left()
+    assert not multiprocessing.active_children()
 
 
 @needs_fork
@@ -102,7 +94,7 @@ def test_an_interrupt_ends_the_helper_too() -> None:
     with pytest.raises(KeyboardInterrupt):
         spread(work, range(4))
     assert time.monotonic() - started < 10
-    assert nobody_is_left()
+    assert not multiprocessing.active_children()
 
 
 @needs_fork

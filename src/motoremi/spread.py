@@ -39,7 +39,6 @@ def spread(
     """
     if len(jobs) < 2 or not core_to_spare():
         return [_told(work, jobs, index, begun) for index in range(len(jobs))]
-    multiprocessing.active_children()  # buries earlier helpers, for whose end nobody has waited
     order = sorted(range(len(jobs)), key=lambda index: -cost(jobs[index])) if cost is not None else list(range(len(jobs)))
     context = multiprocessing.get_context("fork")
     counter = context.Value("i", 0)
@@ -55,10 +54,10 @@ def spread(
             results |= receiver.recv()
     except BaseException:
         helper.terminate()
-        helper.join()
         raise
     finally:
         receiver.close()
+        helper.join()
     return [results[index] if index in results else work(jobs[index]) for index in range(len(jobs))]
 
 

@@ -264,10 +264,11 @@ def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | No
     found = followed({name: first[name] for name in nearest(first)[:most]})
     order = nearest(found)
     best = found[order[0]]
-    pursued = PURSUED if best.right else PURSUED_IN_THE_DARK
-    limit = HOPELESS_FACTOR * best.objective if best.right else np.inf
-    rivals = (*order[:pursued], *(name for name in order[pursued:] if best.right and _alike(name, order[0])))
-    improved(found, (name for name in rivals if found[name].objective <= limit), pursue)
+    if best.right:
+        rivals = (*order[:PURSUED], *(name for name in order[PURSUED:] if _alike(name, order[0])))
+        improved(found, (name for name in rivals if found[name].objective <= HOPELESS_FACTOR * best.objective), pursue)
+    else:
+        improved(found, order[:PURSUED_IN_THE_DARK], pursue)
     return found
 
 

@@ -154,7 +154,7 @@ def _impedance(problem: Problem, values: Mapping[str, float]) -> dict[str, Compl
 def _remaining(fit: Fit, change: Mapping[str, ComplexArray]) -> dict[str, ComplexArray]:
     """The change less what the fit's parameters can take over, by least squares weighed as the fit weighs."""
     problem = fit.problem
-    here = problem.linearised(fit.unknowns)
+    here = fit.linearised
     joined = np.concatenate([change[t] for t in problem.observed.slices]) * problem.observed.weight
     wanted = np.concatenate([joined.real, joined.imag])
     design = here.jacobian.T

@@ -42,7 +42,7 @@ class Validation:
 def cross_validated(fit: Fit) -> Validation:
     """Leave out blocks of a fit's data, one after the other."""
     problem = fit.problem
-    here = problem.linearised(fit.unknowns)
+    here = fit.linearised
     residual, jacobian = _white(fit, here.residual), _white(fit, here.jacobian)
     # A parameter that only the left-out data determine is spread over its range.
     spread = np.where(problem.precision == 0, 12 / (problem.high - problem.low) ** 2, 0.0)

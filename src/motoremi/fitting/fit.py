@@ -214,8 +214,7 @@ def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     problem = before.problem
     order = np.argsort(problem.observed.frequency_hz, kind="stable")
     position = np.log(problem.observed.frequency_hz[order])
-    left = problem.deviation(before.unknowns)
-    white = (left - problem.gain_error(left))[order]
+    white = problem.less_gain_error(problem.deviation(before.unknowns))[order]
     variance = np.concatenate([noise.sigma for noise in before.measurement.noise])[order] ** 2
     places = np.unique(position)[2:-2]
     # A step is seen in the change between the few points on either side, in every sweep that covers it.

@@ -75,7 +75,7 @@ def profile(fit: Fit, name: str) -> Interval:
     first = min(max(fit.sigma[name] / fit.parameters[name], 1e-6), 0.2)
 
     solution = {**fit.parameters, **fit.nuisance}
-    direction = _following(problem.linearised(fit.unknowns).matrix, index)
+    direction = _following(fit.linearised.matrix, index)
 
     def excess(value: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
         held = Problem(fit.motor, fit.measurement, fit.bounds, {**fit.held, name: float(np.exp(value))})

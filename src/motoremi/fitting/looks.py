@@ -40,8 +40,8 @@ FEW_STEPS = 6
 STEPS_IF_BLURRED = 20
 # Steps for all start values where they are searched through.
 THOROUGH_STEPS = 7
-# What leaves less than so many times the chi-squared of noise alone is near.
-NEAR_FACTOR = 10.0
+# Of what leaves less than so many times the chi-squared of noise alone, but more than that, the two best ends are settled.
+UNSURE_FACTOR = 10.0
 # Damping to begin with close to the solution, where the linear model holds.
 WARM = 1e-6
 
@@ -160,9 +160,9 @@ def follow(begun: Begun, hopeless: float = np.inf) -> Ends:
     for problem, steps in zip((trail.few, search), MORE_STEPS, strict=True):
         part = polish(problem, u, iterations=steps, **ROUGH, enough=trail.enough(problem))
         u, evaluations = part.distinct(3), evaluations + part.evaluations
-        if part.objective[part.best] > hopeless:
-            return Ends(part, _judged(trail, part, 0))
-    found = dataclasses.replace(part, evaluations=evaluations)
+        found = dataclasses.replace(part, evaluations=evaluations)
+        if found.objective[found.best] > hopeless:
+            return Ends(found, _judged(trail, found, 0))
     blurred = found.objective[found.best] < search.observed.expected_objective
     return Ends(found, _judged(trail, found, STEPS_IF_BLURRED if blurred else FEW_STEPS))
 
@@ -212,8 +212,8 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
     trail, ends = scouted.trail, scouted.ends
     full, search = trail.task.full, trail.search
     # Both problems of the likelihood have the same unknowns. Near the noise a few points may not tell which of two ends is the right one.
-    near = surely_right(trail.likelihood) < scouted.objective < NEAR_FACTOR * surely_right(trail.likelihood)
-    final = polish(full, ends.likely.distinct(2 if near else 1), iterations=150 if polished else 0, damping=WARM)
+    unsure = not scouted.right and scouted.objective < UNSURE_FACTOR * surely_right(trail.likelihood)
+    final = polish(full, ends.likely.distinct(2 if unsure else 1), iterations=150 if polished else 0, damping=WARM)
     if polished and scouted.right and final.objective[final.best] > good_enough(full):
         # What looked right on a few points is not on all.
         ends = search_through(scouted)

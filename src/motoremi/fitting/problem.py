@@ -194,19 +194,15 @@ class Problem:
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
         """Unknowns from values in SI units; what is not given starts at zero or in the middle of its range; kept within bounds."""
-        u = np.empty(len(self.unknowns))
-        for index, parameter in enumerate(self.unknowns):
-            if parameter.name in values:
-                u[index] = self.unknown(index, float(values[parameter.name]))
-            else:
-                u[index] = 0.5 * (self.low[index] + self.high[index]) if self._log[index] else 0.0
-        return self.clip(u)
+        u: FloatArray = self.vectors([values])[0]
+        return u
 
     def vectors(self, starts: Sequence[Mapping[str, float]]) -> FloatArray:
         """Several at once, shape (m, k)."""
-        missing = self.physical(self.vector({}))[self._varying].tolist()
+        missing = self.physical(np.where(self._log, 0.5 * (self.low + self.high), 0.0))[self._varying].tolist()
         names = [parameter.name for parameter in self.unknowns]
-        values = np.array([[start.get(name, other) for name, other in zip(names, missing, strict=True)] for start in starts], dtype=np.float64)
+        rows = [[start.get(name, other) for name, other in zip(names, missing, strict=True)] for start in starts]
+        values = np.array(rows, dtype=np.float64).reshape(-1, len(names))
         return self.clip(np.where(self._log, np.log(np.maximum(values, 1e-300)), values / self._scale))
 
     def unknown(self, index: int, value: float) -> float:
@@ -297,6 +293,10 @@ class Problem:
         residual = deviation * self.observed.weight
         error: ComplexArray = (directions @ (directions.T @ residual)) / self.observed.weight
         return error
+
+    def less_gain_error(self, deviation: ComplexArray) -> ComplexArray:
+        """What the model leaves, shape (n,), with the most likely gain error taken out."""
+        return deviation - self.gain_error(deviation)
 
     def whitened(self, u: FloatArray) -> ComplexArray:
         """Residuals whose covariance is one, shape (n,): what is left once the gain error has had its say."""

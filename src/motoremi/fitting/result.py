@@ -135,9 +135,7 @@ class Fit:
     def errors(self) -> dict[str, ComplexArray]:
         """Z_model/Z_measured - 1 per termination, the analyser's most likely error included."""
         problem = self.problem
-        left = problem.deviation(self.unknowns)
-        left = left - problem.gain_error(left)
-        error = np.exp(-left) - 1
+        error = np.exp(-problem.less_gain_error(problem.deviation(self.unknowns))) - 1
         return {termination: error[where] for termination, where in problem.observed.slices.items()}
 
     def add(self, effect: str, held: Mapping[str, float] | None = None, thorough: bool = True) -> Fit:
@@ -317,8 +315,7 @@ def summarise(
         if parameter.name in own:
             unit = values[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
-    left = here.deviation / problem.observed.weight
-    left = left - problem.gain_error(left)
+    left = problem.less_gain_error(here.deviation / problem.observed.weight)
     error = np.abs(np.exp(-left) - 1)
     alone = _motor_alone(problem, u)
     warnings = list(problem.measurement.caveats())

@@ -92,7 +92,7 @@ def moved(u: FloatArray, source: Problem, target: Problem) -> FloatArray:
 def search_base(task: Task, seed: int) -> Found:
     """The paper's circuit: start values from the data first, then rounds of ants until the noise floor is reached or rounds end."""
     search, full = task.thinned(SEARCH_POINTS), task.full
-    seeds = np.array([search.vector(start) for start in data_driven_starts(task.measurement)]).reshape(-1, len(search.unknowns))
+    seeds = search.vectors(data_driven_starts(task.measurement))
     colony: Colony | None = None
     best: Polished | None = None
     searched: dict[str, float] = {}
