@@ -12,9 +12,9 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, possible_effects, rank, rank_again, refitted
+from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, nearest, possible_effects, rank, rank_again, refitted
 from motoremi.diagnosis.following import next_measurement
-from motoremi.diagnosis.pairs import RIVALS, rank_pairs
+from motoremi.diagnosis.pairs import RIVALS, crossed, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.result import Fit
@@ -252,12 +252,28 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
             single = max((one, other), key=lambda candidate: candidate.log_evidence)
             rest = (candidate for candidate in candidates if candidate.effect != single.effect)
             return _alone(fit, sorted((single, *rest), key=lambda candidate: -candidate.log_evidence))
-        seconds = refitted(other.fit, glances(other.fit, RIVALS, pair.fit.parameters, progress))
+        seconds = refitted(other.fit, glances(other.fit, RIVALS, pair.fit.parameters, first, progress))
         found.rivals[first] = seconds
-        if seconds[0].log_evidence < pair.log_evidence + LEAST_GAIN:
+        if seconds[0].log_evidence >= pair.log_evidence + LEAST_GAIN:
+            kept, ranked = other.fit, seconds
+            continue
+        better = _crossed(candidates, pair, seconds, ranked)
+        if better is None:
             break
-        kept, ranked = other.fit, seconds
+        kept, ranked = better
     return found
+
+
+def _crossed(singles: Sequence[Candidate], pair: Candidate, firsts: Sequence[Candidate], seconds: Sequence[Candidate]) -> tuple[Fit, list[Candidate]] | None:
+    """Two other effects that describe the data better than a pair, each from the rivals for one of its places."""
+    alone = {candidate.effect: candidate for candidate in singles}
+    others = [{one.effect: one.look for one in rivals if one.effect not in pair.fit.effects} for rivals in (firsts, seconds)]
+    looks = crossed(alone, pair.fit.parameters, *others)
+    for first, second in nearest(looks)[:1]:
+        kept, near = alone[first].fit, looks[first, second]
+        if near.right and refitted(kept, {second: near})[0].log_evidence >= pair.log_evidence + LEAST_GAIN:
+            return kept, refitted(kept, {**glances(kept, RIVALS, near.values(), second), second: near})
+    return None
 
 
 def _alone(fit: Fit, candidates: list[Candidate]) -> _Explanation:

@@ -34,6 +34,8 @@ SEARCHED_IN_THE_DARK = 2
 HOPELESS_FACTOR = 100.0
 # One that after some more steps still leaves so many times what the best began with is not followed to the end.
 HOPELESS_START = 30.0
+# A fit that leaves less than so many times what noise does is near.
+NEAR_NOISE = 100.0
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
@@ -224,6 +226,16 @@ def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
     return sorted(looks, key=lambda name: looks[name].objective)
 
 
+def near_noise(fit: Fit) -> bool:
+    """Whether a fit leaves little more than noise: what is missing beside it is then sought by the likelihood."""
+    return fit.objective < NEAR_NOISE * good_enough(fit.problem)
+
+
+def trail_beside(before: Fit, effect: str, near: Mapping[str, float] | None = None) -> Trail:
+    """Where to begin to look for one more effect."""
+    return trail_to(before, effect, near=near, points=FEW_POINTS, by_likelihood=near_noise(before))
+
+
 def begun(trails: Mapping[Name, Trail], progress: Progress | None = None) -> dict[Name, Begun]:
     """The first steps of several trails."""
 
@@ -249,7 +261,13 @@ def improved(looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[S
         looks[name] = Scouted(looks[name].trail, ends)
 
 
-def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | None = None, progress: Progress | None = None) -> dict[str, Scouted]:
+def glances(
+    before: Fit,
+    most: int | None = None,
+    near: Mapping[str, float] | None = None,
+    replacing: str | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Scouted]:
     """A quick look at every possible effect; the nearest are followed to their end.
 
     Parameters
@@ -258,10 +276,13 @@ def glances(before: Fit, most: int | None = None, near: Mapping[str, float] | No
         Leave it at so many of those that begin best.
     near : mapping, optional
         Parameters of a solution with another effect in its place, in SI units, to look from.
+    replacing : str, optional
+        That other effect, whose known look-alikes are followed in any case.
     progress : callable, optional
     """
-    first = begun({name: trail_to(before, name, near=near, points=FEW_POINTS) for name in possible_effects(before)}, progress)
-    found = followed({name: first[name] for name in nearest(first)[:most]})
+    first = begun({name: trail_beside(before, name, near) for name in possible_effects(before)}, progress)
+    order = nearest(first)
+    found = followed({name: first[name] for at, name in enumerate(order) if most is None or at < most or (replacing and _alike(name, replacing))})
     order = nearest(found)
     best = found[order[0]]
     if best.right:

@@ -6,20 +6,20 @@ those that begin best, and stops as soon as a pair describes the data down to th
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.evidence import Candidate, begun, followed, glances, improved, nearest, possible_effects, refitted
-from motoremi.fitting.fit import trail_to
-from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue
+from motoremi.diagnosis.evidence import Candidate, begun, followed, glances, improved, near_noise, nearest, possible_effects, refitted, trail_beside
+from motoremi.fitting.looks import Begun, Scouted, pursue, search_through
 from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
 Pair: TypeAlias = tuple[str, str]
 # From how many of the best single effects a second one is looked for; where these do not do, beside how many of the best second effects
 # a first one is.
-FIRSTS = 3
+FIRSTS = 5
 COLUMNS = 2
 # Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
 # effect was among the first five of its row nine times out of ten.
@@ -29,16 +29,18 @@ PURSUED = 2
 PURSUED_IF_NEAR = 6
 # Where none has come near, so many decide which description is the closest.
 PURSUED_AT_LAST = 12
-# A first effect that leaves little more than the noise hides from the first steps, which know nothing of noise, what a second one brings.
-FOLLOWED_IF_NEAR = 14
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # How often better partners are sought for the two of the nearest pair.
 EXCHANGES = 2
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 10
+# Where nothing is right, so many of the nearest are searched through.
+THOROUGH = 2
+# Rivals for each place of a pair that are tried together: two effects may look like two others, neither of which fits beside one of them.
+CROSSED = 3
 # How often a pair that is right on a thinned grid is tried on all points.
-MOST_JUDGEMENTS = 5
+MOST_JUDGEMENTS = 12
 # A second effect that leaves so many times the best one's chi-squared is no rival of it.
 HOPELESS_FACTOR = 30.0
 
@@ -60,6 +62,34 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
     return _Search(singles, progress).result()
 
 
+def crossed(singles: Mapping[str, Candidate], pair: Mapping[str, float], firsts: Mapping[str, Scouted], seconds: Mapping[str, Scouted]) -> dict[Pair, Scouted]:
+    """The nearest rivals for both places of a pair together.
+
+    Parameters
+    ----------
+    singles : mapping
+        Single effects by name.
+    pair : mapping
+        Parameters with the pair, SI units.
+    firsts, seconds : mapping
+        Looks at others in the one and in the other place, by name.
+    """
+    trails = {}
+    for first in nearest(firsts)[:CROSSED]:
+        for second in nearest(seconds)[:CROSSED]:
+            if first != second and first in singles:
+                own = {**_own(firsts[first], first), **_own(seconds[second], second)}
+                trail = trail_beside(singles[first].fit, second, pair)
+                trails[first, second] = dataclasses.replace(trail, starts=[{**pair, **own}], group=1, by_likelihood=False)
+    looks = followed(begun(trails))
+    improved(looks, nearest(looks)[:PURSUED], pursue)
+    return looks
+
+
+def _own(look: Scouted, effect: str) -> dict[str, float]:
+    return {name: value for name, value in look.values().items() if name.startswith(f"{effect}.")}
+
+
 class _Search:
     def __init__(self, singles: Sequence[Candidate], progress: Progress | None) -> None:
         self._singles = {single.effect: single for single in singles}
@@ -71,7 +101,7 @@ class _Search:
         self._exchanged: set[Pair] = set()
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._rows, self._exchanges, self._columns, self._exchanges):
+        for stage in (self._rows, self._exchanges, self._columns, self._exchanges, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
@@ -83,13 +113,8 @@ class _Search:
     def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
         """Every second effect beside the best single ones; what the data favour most deserves a look from both sides."""
         best, *others = list(self._singles)[:FIRSTS]
-        for pairs, firsts in (
-            (self._row(best), [best]),
-            (self._column(best), []),
-            ([pair for first in others for pair in self._row(first)], others),
-        ):
-            near = any(_factor(self._singles[first].look) < NEAR_FACTOR for first in firsts)
-            self._look(pairs, FOLLOWED_IF_NEAR if near else FOLLOWED)
+        for pairs in (self._row(best), self._column(best), [pair for first in others for pair in self._row(first)]):
+            self._look(pairs)
             if (found := self._right()) is not None:
                 return found
         return None
@@ -110,10 +135,26 @@ class _Search:
                 return None
             self._exchanged.add(pair)
             kept = [name for name in dict.fromkeys(pair) if name in self._singles]
-            self._look([other for name in kept for other in self._row(name)], FOLLOWED * len(kept), self._looks[pair].values())
+            near = self._looks[pair].values()
+            self._look([other for name in kept for other in self._row(name)], FOLLOWED * len(kept), near)
+            if (right := self._right()) is not None:
+                return right
+            self._keep(crossed(self._singles, near, self._others(pair[1], pair), self._others(pair[0], pair)))
             if (right := self._right()) is not None:
                 return right
         return None
+
+    def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
+        """The nearest pairs from the other side, then searched through."""
+        ahead = nearest(self._looks)[:THOROUGH]
+        self._look([(second, first) for first, second in ahead if second in self._singles and (second, first) not in self._looks])
+        if (found := self._right()) is not None:
+            return found
+        improved(self._looks, nearest(self._looks)[:THOROUGH], search_through)
+        return self._right()
+
+    def _others(self, first: str, without: Pair) -> dict[str, Scouted]:
+        return {pair[1]: look for pair, look in self._looks.items() if pair[0] == first and pair[1] not in without}
 
     def _row(self, first: str) -> list[Pair]:
         """Every second effect beside a first one."""
@@ -124,15 +165,25 @@ class _Search:
         return [(first, second) for first in self._singles if first != second]
 
     def _look(self, pairs: Sequence[Pair], most: int = FOLLOWED, near: Mapping[str, float] | None = None) -> None:
+        """Look at pairs; what is begun by the likelihood is not compared with what is not."""
+        for is_near in (True, False):
+            if these := [pair for pair in pairs if near_noise(self._singles[pair[0]].fit) == is_near]:
+                self._look_at(these, most, near)
+
+    def _look_at(self, pairs: Sequence[Pair], most: int, near: Mapping[str, float] | None) -> None:
         """Begin what has not been begun (anew where a pair is `near`), follow those that begin best, and pursue the nearest."""
         fresh = pairs if near else [pair for pair in pairs if pair not in self._begun]
-        trails = {(first, second): trail_to(self._singles[first].fit, second, near=near, points=FEW_POINTS) for first, second in fresh}
+        trails = {(first, second): trail_beside(self._singles[first].fit, second, near) for first, second in fresh}
         found = begun(trails, self._progress)
         if not near:
             self._begun |= found
             found = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
         looks = followed({pair: found[pair] for pair in nearest(found)[:most]})
         improved(looks, nearest(looks)[: PURSUED_IF_NEAR if near else PURSUED], pursue)
+        self._keep(looks)
+
+    def _keep(self, looks: Mapping[Pair, Scouted]) -> None:
+        """The better look at each pair."""
         for pair, look in looks.items():
             if pair not in self._looks or look.objective < self._looks[pair].objective:
                 self._looks[pair] = look
@@ -153,7 +204,7 @@ class _Search:
         """Candidates for the second effect beside a first one, best evidence first."""
         found = {pair[1]: look for pair, look in self._looks.items() if pair[0] == first}
         best = found[nearest(found)[0]]
-        for name, look in glances(self._singles[first].fit, RIVALS, best.values(), self._progress).items():
+        for name, look in glances(self._singles[first].fit, RIVALS, best.values(), nearest(found)[0], self._progress).items():
             if name not in found or look.objective < found[name].objective:
                 found[name] = look
         limit = HOPELESS_FACTOR * best.objective

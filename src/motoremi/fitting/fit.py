@@ -123,6 +123,7 @@ def trail_to(
     limits: Mapping[str, tuple[float, float]] | None = None,
     near: Mapping[str, float] | None = None,
     points: int = POINTS,
+    by_likelihood: bool = False,
 ) -> Trail:
     """Where to look for a fit with one more effect; given the values of a solution `near`, with a rival in its place, from there above all."""
     added = find_effect(effect)
@@ -146,7 +147,7 @@ def trail_to(
             # With effects, the search's best and the likelihood's may lie in different valleys.
             bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return Trail(task, starts, len(bases), (before.motor_error_percent / 100) ** 2, steps, points)
+    return Trail(task, starts, len(bases), (before.motor_error_percent / 100) ** 2, steps, points, by_likelihood)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:

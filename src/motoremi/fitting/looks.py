@@ -61,6 +61,8 @@ class Trail:
         Mean square of ln(Z_model/Z_measured) that is to be improved upon.
     steps, points : int
         To begin with; points a sweep.
+    by_likelihood : bool
+        Search by the likelihood from the beginning: near the noise the other residual, which knows nothing of it, tells no more.
     """
 
     task: Task
@@ -69,22 +71,24 @@ class Trail:
     before: float = np.inf
     steps: int = FIRST_STEPS
     points: int = POINTS
+    by_likelihood: bool = False
 
     @cached_property
     def search(self) -> Problem:
         """The search problem."""
-        return self.task.thinned(POINTS)
+        return self.likelihood if self.by_likelihood else self.task.thinned(POINTS)
 
     @cached_property
     def few(self) -> Problem:
         """The search problem to begin with."""
-        return self.search if self.points == POINTS else self.task.thinned(self.points)
+        if self.points == POINTS:
+            return self.search
+        return self.task.likelihood(self.points) if self.by_likelihood else self.task.thinned(self.points)
 
     @cached_property
     def likelihood(self) -> Problem:
         """The likelihood on the same grid."""
-        task = self.task
-        return Problem(task.motor, task.measurement, task.bounds, task.held, points=POINTS)
+        return self.task.likelihood(POINTS)
 
     @cached_property
     def first(self) -> FloatArray:
@@ -93,6 +97,8 @@ class Trail:
 
     def enough(self, search: Problem) -> float:
         """An objective of the search that will do."""
+        if self.by_likelihood:
+            return 0.9 * surely_right(search)
         return min(0.1 * search.observed.expected_objective, MUCH_BETTER * self.before * search.size)
 
 
@@ -163,7 +169,7 @@ def follow(begun: Begun, hopeless: float = np.inf) -> Ends:
         found = dataclasses.replace(part, evaluations=evaluations)
         if found.objective[found.best] > hopeless:
             return Ends(found, _judged(trail, found, 0))
-    blurred = found.objective[found.best] < search.observed.expected_objective
+    blurred = not trail.by_likelihood and found.objective[found.best] < search.observed.expected_objective
     return Ends(found, _judged(trail, found, STEPS_IF_BLURRED if blurred else FEW_STEPS))
 
 
@@ -182,7 +188,7 @@ def search_through(scouted: Scouted) -> Ends:
     enough = trail.enough(search)
     first = polish(search, trail.first, iterations=THOROUGH_STEPS, **ROUGH)
     found = polish(search, first.u[_leaders(first.objective, trail.group)], iterations=40, **ROUGH, enough=enough)
-    if found.objective[found.best] > enough:
+    if found.objective[found.best] > enough and not trail.by_likelihood:
         found = found.joined(climb(trail.task, search, trail.first[_leaders(first.objective, trail.group, MOST_KEPT)]))
     found = found.joined(scouted.ends.found)
     return Ends(found, _judged(trail, found, 60).joined(scouted.ends.likely))

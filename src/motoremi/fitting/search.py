@@ -47,6 +47,10 @@ class Task:
         """The search problem on about `points` points a sweep."""
         return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
 
+    def likelihood(self, points: int) -> Problem:
+        """The likelihood on about `points` points a sweep."""
+        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points)
+
 
 @dataclass(frozen=True)
 class Found:
