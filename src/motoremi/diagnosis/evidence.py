@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.fitting.fit import told, trail_to, trail_without
-from motoremi.fitting.looks import FEW_POINTS, Begun, Ends, Scouted, Trail, begin, follow, pursue, search_through, settle
+from motoremi.fitting.looks import FEW_POINTS, Begun, Ends, Scouted, Trail, advance, begin, follow, pursue, search_through, settle
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
@@ -36,6 +36,8 @@ HOPELESS_FACTOR = 100.0
 HOPELESS_START = 30.0
 # A fit that leaves less than so many times what noise does is near.
 NEAR_NOISE = 100.0
+# For each that is followed to the end, so many go some steps further than they were begun.
+AHEAD = 2
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
@@ -247,11 +249,15 @@ def begun(trails: Mapping[Name, Trail], progress: Progress | None = None) -> dic
     return {name: Begun(trail, end) for (name, trail), end in zip(trails.items(), ends, strict=True)}
 
 
-def followed(these: Mapping[Name, Begun]) -> dict[Name, Scouted]:
-    """What was begun, followed; what falls far behind the best beginning, not to the end."""
+def followed(these: Mapping[Name, Begun], most: int | None = None) -> dict[Name, Scouted]:
+    """What was begun, followed: of the nearest, those `most` that are nearest after some more steps; not to the end what falls far behind."""
     hopeless = HOPELESS_START * min((one.objective for one in these.values()), default=np.inf)
-    ends = spread(partial(follow, hopeless=hopeless), list(these.values()))
-    return {name: Scouted(one.trail, end) for (name, one), end in zip(these.items(), ends, strict=True)}
+    ahead = nearest(these)[: None if most is None else AHEAD * most]
+    steps = spread(advance, [these[name] for name in ahead])
+    further = {name: Begun(these[name].trail, ends) for name, ends in zip(ahead, steps, strict=True)}
+    chosen = nearest(further)[:most]
+    found = spread(partial(follow, hopeless=hopeless), [further[name] for name in chosen])
+    return {name: Scouted(further[name].trail, ends) for name, ends in zip(chosen, found, strict=True)}
 
 
 def improved(looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[Scouted], Ends]) -> None:
@@ -281,8 +287,9 @@ def glances(
     progress : callable, optional
     """
     first = begun({name: trail_beside(before, name, near) for name in possible_effects(before)}, progress)
-    order = nearest(first)
-    found = followed({name: first[name] for at, name in enumerate(order) if most is None or at < most or (replacing and _alike(name, replacing))})
+    found = followed(first, most)
+    if replacing is not None:
+        found |= followed({name: one for name, one in first.items() if name not in found and _alike(name, replacing)})
     order = nearest(found)
     best = found[order[0]]
     if best.right:

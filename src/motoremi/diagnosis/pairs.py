@@ -26,7 +26,7 @@ COLUMNS = 2
 FOLLOWED = 6
 PURSUED = 2
 # Near a pair more are pursued: from there a rival is soon right.
-PURSUED_IF_NEAR = 6
+PURSUED_IF_NEAR = 4
 # Where none has come near, so many decide which description is the closest.
 PURSUED_AT_LAST = 12
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
@@ -95,6 +95,7 @@ class _Search:
         self._singles = {single.effect: single for single in singles}
         self._progress = progress
         self._begun: dict[Pair, Begun] = {}
+        self._followed: set[Pair] = set()
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
         self._judgements = 0
@@ -147,7 +148,7 @@ class _Search:
     def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
         """The nearest pairs from the other side, then searched through."""
         ahead = nearest(self._looks)[:THOROUGH]
-        self._look([(second, first) for first, second in ahead if second in self._singles and (second, first) not in self._looks])
+        self._look([(second, first) for first, second in ahead if second in self._singles and (second, first) not in self._followed])
         if (found := self._right()) is not None:
             return found
         improved(self._looks, nearest(self._looks)[:THOROUGH], search_through)
@@ -177,8 +178,10 @@ class _Search:
         found = begun(trails, self._progress)
         if not near:
             self._begun |= found
-            found = {pair: self._begun[pair] for pair in pairs if pair not in self._looks}
-        looks = followed({pair: found[pair] for pair in nearest(found)[:most]})
+            found = {pair: self._begun[pair] for pair in pairs if pair not in self._followed}
+        looks = followed(found, most)
+        if not near:
+            self._followed |= set(looks)
         improved(looks, nearest(looks)[: PURSUED_IF_NEAR if near else PURSUED], pursue)
         self._keep(looks)
 

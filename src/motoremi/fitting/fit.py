@@ -11,7 +11,7 @@ import numpy as np
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
-from motoremi.fitting.looks import FIRST_STEPS, POINTS, RIVAL_STEPS, Scouted, Trail, glance, settle, until_right
+from motoremi.fitting.looks import POINTS, Scouted, Trail, glance, settle, until_right
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.result import METHODS, Fit, summarise
@@ -140,14 +140,14 @@ def trail_to(
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
     if near:
-        bases, steps = [{**own, **near}, own], RIVAL_STEPS
+        bases = [{**own, **near}, own]
     else:
-        bases, steps = base_starts(own, before.measurement, few=len(tried) > 9), FIRST_STEPS
+        bases = base_starts(own, before.measurement, few=len(tried) > 9)
         if before.effects:
             # With effects, the search's best and the likelihood's may lie in different valleys.
             bases.append({**own, **before.parameters})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return Trail(task, starts, len(bases), (before.motor_error_percent / 100) ** 2, steps, points, by_likelihood)
+    return Trail(task, starts, len(bases), (before.motor_error_percent / 100) ** 2, points, by_likelihood)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:

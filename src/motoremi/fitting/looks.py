@@ -22,14 +22,12 @@ from motoremi.fitting.search import GENERATIONS, ROUGH, Found, Task, climb, good
 # Points a sweep for searching, and to begin with where many effects are looked at; to settle all are used.
 POINTS = 80
 FEW_POINTS = 40
-# Steps for all start values; for those near a solution with another effect.
-FIRST_STEPS = 4
-RIVAL_STEPS = 12
-# After the first of them only so many go on.
+# The first steps: for all start values, and for so many of the best.
 STEPS_OF_ALL = 1
+FIRST_STEPS = 3
 MOST_KEPT = 12
 # Further steps for so many of the better ones, then for the best few.
-MORE_STEPS = (12, 12)
+MORE_STEPS = 12
 MOST_LEADERS = 9
 # A search may stop once it leaves so much less than the model before.
 MUCH_BETTER = 0.02
@@ -59,8 +57,8 @@ class Trail:
         Each so many of them in turn start an effect alike, from different values of the elements.
     before : float
         Mean square of ln(Z_model/Z_measured) that is to be improved upon.
-    steps, points : int
-        To begin with; points a sweep.
+    points : int
+        A sweep, to begin with.
     by_likelihood : bool
         Search by the likelihood from the beginning: near the noise the other residual, which knows nothing of it, tells no more.
     """
@@ -69,7 +67,6 @@ class Trail:
     starts: Sequence[Mapping[str, float]]
     group: int = 1
     before: float = np.inf
-    steps: int = FIRST_STEPS
     points: int = POINTS
     by_likelihood: bool = False
 
@@ -155,20 +152,27 @@ def begin(trail: Trail) -> Polished:
     enough = trail.enough(few)
     ends = polish(few, few.vectors(trail.starts), iterations=STEPS_OF_ALL, **ROUGH, enough=enough)
     kept = _leaders(ends.objective, trail.group, MOST_KEPT)
-    further = polish(few, ends.u[kept], iterations=trail.steps - STEPS_OF_ALL, **ROUGH, enough=enough)
+    further = polish(few, ends.u[kept], iterations=FIRST_STEPS, **ROUGH, enough=enough)
     return ends.replaced(kept, further)
 
 
-def follow(begun: Begun, hopeless: float = np.inf) -> Ends:
-    """Some more steps for the better ones of what was begun, and a few by the likelihood; none of these for what still leaves `hopeless`."""
-    trail, search = begun.trail, begun.trail.search
-    u, evaluations = begun.ends.u[_leaders(begun.ends.objective, trail.group)], begun.ends.evaluations
-    for problem, steps in zip((trail.few, search), MORE_STEPS, strict=True):
-        part = polish(problem, u, iterations=steps, **ROUGH, enough=trail.enough(problem))
-        u, evaluations = part.distinct(3), evaluations + part.evaluations
-        found = dataclasses.replace(part, evaluations=evaluations)
-        if found.objective[found.best] > hopeless:
-            return Ends(found, _judged(trail, found, 0))
+def advance(begun: Begun) -> Polished:
+    """Some more steps for the better ones of what was begun, still on few points."""
+    trail = begun.trail
+    starts = begun.ends.u[_leaders(begun.ends.objective, trail.group)]
+    part = polish(trail.few, starts, iterations=MORE_STEPS, **ROUGH, enough=trail.enough(trail.few))
+    return dataclasses.replace(part, evaluations=part.evaluations + begun.ends.evaluations)
+
+
+def follow(advanced: Begun, hopeless: float = np.inf) -> Ends:
+    """Some steps for the best few of what was advanced, and a few by the likelihood; none of these for what still leaves `hopeless`."""
+    trail, search = advanced.trail, advanced.trail.search
+    if advanced.objective > hopeless:
+        return Ends(advanced.ends, _judged(trail, advanced.ends, 0))
+    found = polish(search, advanced.ends.distinct(3), iterations=MORE_STEPS, **ROUGH, enough=trail.enough(search))
+    found = dataclasses.replace(found, evaluations=found.evaluations + advanced.ends.evaluations)
+    if found.objective[found.best] > hopeless:
+        return Ends(found, _judged(trail, found, 0))
     blurred = not trail.by_likelihood and found.objective[found.best] < search.observed.expected_objective
     return Ends(found, _judged(trail, found, STEPS_IF_BLURRED if blurred else FEW_STEPS))
 
@@ -201,7 +205,7 @@ def glance(trail: Trail) -> Scouted:
     u = moved(likely.u, trail.likelihood, trail.search)
     found = Polished(u, trail.search.objective(u), likely.converged, begun.ends.evaluations)
     direct = Scouted(trail, Ends(found, likely))
-    return direct if direct.right else Scouted(trail, follow(begun))
+    return direct if direct.right else Scouted(trail, follow(Begun(trail, advance(begun))))
 
 
 def until_right(scouted: Scouted) -> Scouted:
