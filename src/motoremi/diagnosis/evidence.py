@@ -229,8 +229,8 @@ def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
 
 
 def near_noise(fit: Fit) -> bool:
-    """Whether a fit leaves little more than noise: what is missing beside it is then sought by the likelihood."""
-    return fit.objective < NEAR_NOISE * good_enough(fit.problem)
+    """Whether a fit leaves more than noise, but little: what is missing beside it is then sought by the likelihood."""
+    return not is_good(fit) and fit.objective < NEAR_NOISE * good_enough(fit.problem)
 
 
 def trail_beside(before: Fit, effect: str, near: Mapping[str, float] | None = None) -> Trail:

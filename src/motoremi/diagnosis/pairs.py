@@ -102,7 +102,7 @@ class _Search:
         self._exchanged: set[Pair] = set()
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._rows, self._exchanges, self._columns, self._exchanges, self._thoroughly):
+        for stage in (self._rows, self._exchanges, self._thoroughly):
             found = stage()
             if found is not None:
                 return found

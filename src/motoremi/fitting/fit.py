@@ -23,6 +23,8 @@ from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
+# What a start leaves of an element from which it takes more than there is.
+LEAST_LEFT = 0.1
 
 
 def fit(
@@ -151,9 +153,9 @@ def trail_to(
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
-    """Elements and an effect's start values together; a start may ask for an element to be scaled."""
-    scaled = {name: value * start.get(f"*{name}", 1.0) for name, value in base.items()}
-    return {**scaled, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith("*")}}
+    """Elements and an effect's start values together; a start may ask for an element to be scaled, or something to be taken off it."""
+    changed = {name: max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value) for name, value in base.items()}
+    return {**changed, **{f"{label}.{name}": value for name, value in start.items() if name[0] not in "*-"}}
 
 
 def refit_with(

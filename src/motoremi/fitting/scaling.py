@@ -16,6 +16,7 @@ import numpy as np
 
 from motoremi.data.measurement import Measurement
 from motoremi.model.effects import Effect
+from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.model.parameter import Parameter
 
 REFERENCE_BAND_HZ = (150e3, 30e6)
@@ -71,7 +72,10 @@ def _scales(parameter: Parameter) -> bool:
 
 def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[str, float]]:
     """An effect's start values for each band of a measurement, by short name, SI units."""
-    factors = [{p.name: band.factor(p.unit) if _scales(p) else 1.0 for p in effect.parameters} for band in bands(measurement)]
+    factors = [
+        {**{p.name: band.factor(p.unit) if _scales(p) else 1.0 for p in effect.parameters}, **{f"-{p.name}": band.factor(p.unit) for p in BASE_PARAMETERS}}
+        for band in bands(measurement)
+    ]
     scaled = [{name: value * factor.get(name, 1.0) for name, value in start.items()} for factor in factors for start in effect.starts]
     return [start for index, start in enumerate(scaled) if start not in scaled[:index]]
 

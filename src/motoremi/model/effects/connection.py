@@ -58,7 +58,7 @@ EFFECTS = (
         deciding="lift the lead and measure the terminal block alone",
         source="physics notes A.1 effect 10",
         change=_terminal,
-        starts=({"capacitance_f": 2e-12}, {"capacitance_f": 1e-11}, {"capacitance_f": 3e-11}),
+        starts=tuple({"capacitance_f": c, "-Ca": c} for c in (2e-12, 1e-11, 3e-11)),
     ),
     Effect(
         name="ground-strap-inductance",

@@ -45,7 +45,8 @@ class Effect:
     change : callable
         Adds the effect to a motor.
     starts : tuple of mapping
-        Start values worth trying, by short name; `*La` multiplies the element La that the search starts from.
+        Start values worth trying, by short name; `*La` multiplies the element La that the search starts from,
+        `-Ca` is taken off Ca, most of it at most.
     repeatable : bool
         Whether a motor may have several.
     kin : str

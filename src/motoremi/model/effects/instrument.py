@@ -62,7 +62,7 @@ EFFECTS = (
         deciding="repeat the open compensation and measure the open fixture",
         source="physics notes A.2; fixture handbook values",
         change=_wrapped(Shunted, laws.conductance_and_capacitance),
-        starts=({"conductance_s": 1e-7, "capacitance_f": 5e-13},),
+        starts=({"conductance_s": 0.0, "capacitance_f": 0.0},),
     ),
     Effect(
         name="short-residual",
@@ -80,7 +80,7 @@ EFFECTS = (
         deciding="repeat the short compensation and measure a short bar",
         source="physics notes A.2; fixture handbook values",
         change=_short_residual,
-        starts=({"resistance_ohm": 0.01, "inductance_h": 1e-8},),
+        starts=({"resistance_ohm": 0.0, "inductance_h": 0.0},),
     ),
     Effect(
         name="gain-error",
@@ -95,7 +95,7 @@ EFFECTS = (
         deciding="50 Ohm and 100 pF standards on the fixture",
         source="physics notes A.2; fixture handbook: 0.5 % (f / 10 MHz)^2",
         change=_wrapped(Scaled, laws.square_law_gain),
-        starts=({"error": 0.03},),
+        starts=({"error": 0.0},),
     ),
     Effect(
         name="cable-delay",
@@ -110,7 +110,7 @@ EFFECTS = (
         deciding="open and short standards at the motor's end of the cable",
         source="physics notes A.2",
         change=_wrapped(ThroughCable, laws.line_tangent),
-        starts=({"delay_s": 1e-10},),
+        starts=({"delay_s": 1e-10, "-Ca": 2e-12},),
     ),
     Effect(
         name="contact-resistance",
@@ -171,6 +171,6 @@ EFFECTS = (
         deciding="repeat the first sweep after the last one; log the temperature",
         source="physics notes A.1 effect 17",
         change=_drift,
-        starts=({"capacitance_change": 0.01},),
+        starts=({"capacitance_change": 0.0},),
     ),
 )
