@@ -10,6 +10,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
+import numpy as np
+
 from motoremi.arrays import Progress
 from motoremi.diagnosis.evidence import Candidate, begun, followed, glances, improved, near_noise, nearest, possible_effects, refitted, trail_beside
 from motoremi.fitting.looks import Begun, Scouted, pursue, search_through
@@ -18,9 +20,10 @@ from motoremi.fitting.search import surely_right
 # A first effect and a second one.
 Pair: TypeAlias = tuple[str, str]
 # From how many of the best single effects a second one is looked for; where these do not do, beside how many of the best second effects
-# a first one is.
+# one of how many first ones is.
 FIRSTS = 5
 COLUMNS = 2
+MORE_FIRSTS = 14
 # Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
@@ -31,8 +34,9 @@ PURSUED_IF_NEAR = 4
 PURSUED_AT_LAST = 12
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
-# How often better partners are sought for the two of the nearest pair.
+# How often better partners are sought for the two of the nearest pair; again where they leave so much less.
 EXCHANGES = 2
+NEARER = 0.3
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 10
 # Where nothing is right, so many of the nearest are searched through.
@@ -99,10 +103,9 @@ class _Search:
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
         self._judgements = 0
-        self._exchanged: set[Pair] = set()
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._rows, self._exchanges, self._thoroughly):
+        for stage in (self._rows, self._exchanges, self._columns, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
@@ -121,20 +124,19 @@ class _Search:
         return None
 
     def _columns(self) -> tuple[Candidate, list[Candidate]] | None:
-        """What helps as a second effect, whatever the first, beside every first one: it may be one of the two though it says little alone."""
-        favourite = next(iter(self._singles))
-        helping = dict.fromkeys(second for _, second in nearest(self._looks) if second != favourite)
-        # The favourite once more: of what was begun with it, those that follow next.
-        self._look([pair for second in (favourite, *list(helping)[:COLUMNS]) for pair in self._column(second)])
+        """What helps as a second effect, whatever the first, beside more first ones: it may be one of the two though it says little alone."""
+        helping = dict.fromkeys(second for _, second in nearest(self._looks))
+        self._look([(first, second) for second in list(helping)[:COLUMNS] for first in list(self._singles)[:MORE_FIRSTS] if first != second])
         return self._right()
 
     def _exchanges(self) -> tuple[Candidate, list[Candidate]] | None:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
+        before = np.inf
         for _ in range(EXCHANGES):
             pair = nearest(self._looks)[0]
-            if _factor(self._looks[pair]) > NEAR_FACTOR or pair in self._exchanged:
+            if self._looks[pair].objective > min(NEAR_FACTOR * surely_right(self._looks[pair].trail.likelihood), NEARER * before):
                 return None
-            self._exchanged.add(pair)
+            before = self._looks[pair].objective
             kept = [name for name in dict.fromkeys(pair) if name in self._singles]
             near = self._looks[pair].values()
             self._look([other for name in kept for other in self._row(name)], FOLLOWED * len(kept), near)
