@@ -12,7 +12,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, nearest, possible_effects, rank, rank_again, refitted
+from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, nearest, possible_effects, rank, refitted
 from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.pairs import RIVALS, crossed, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
@@ -191,9 +191,6 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     if is_good(fit) and (none >= LEAST_DOUBT or weight * (candidates[0].log_evidence - fit.log_evidence) < LEAST_GAIN):
         return _adequate(fit, candidates, probabilities, none, where)
     explanation = _explain(fit, candidates, progress)
-    if explanation.singles is not candidates:
-        candidates = explanation.singles
-        probabilities = _posterior(fit, candidates, effective_share(candidates[0].fit if candidates[0].good else fit))
     if not is_good(explanation.best):
         return _unexplained(fit, explanation, candidates, probabilities, where)
     return _named(fit, explanation, candidates, probabilities, where)
@@ -218,13 +215,10 @@ class _Explanation:
         From base to best, one effect at a time.
     rivals : dict
         For each added effect, the candidates for its place, on top of all the others.
-    singles : list of Candidate
-        Single effects as far as they were looked at, best evidence first.
     """
 
     steps: tuple[Fit, ...]
     rivals: dict[str, list[Candidate]]
-    singles: list[Candidate]
 
     @property
     def best(self) -> Fit:
@@ -236,15 +230,13 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
     if candidates[0].good:
         return _alone(fit, candidates)
     start, ranked = rank_pairs(candidates, progress)
-    if not ranked[0].good:
-        candidates = rank_again(fit, candidates)
     if candidates[0].good or ranked[0].log_evidence - candidates[0].log_evidence < LEAST_GAIN:
         return _alone(fit, candidates)
     kept = start.fit
     for _ in range(EXCHANGES):
         pair = ranked[0]
         first = kept.effects[-1]
-        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, first: []}, candidates)
+        found = _Explanation((fit, kept, pair.fit), {pair.effect: ranked, first: []})
         if not pair.good:
             break
         one, other = members(pair.fit, first, pair.effect)
@@ -264,7 +256,9 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
     return found
 
 
-def _crossed(singles: Sequence[Candidate], pair: Candidate, firsts: Sequence[Candidate], seconds: Sequence[Candidate]) -> tuple[Fit, list[Candidate]] | None:
+def _crossed(
+    singles: Sequence[Candidate], pair: Candidate, firsts: Sequence[Candidate], seconds: Sequence[Candidate]
+) -> tuple[Fit, list[Candidate]] | None:
     """Two other effects that describe the data better than a pair, each from the rivals for one of its places."""
     alone = {candidate.effect: candidate for candidate in singles}
     others = [{one.effect: one.look for one in rivals if one.effect not in pair.fit.effects} for rivals in (firsts, seconds)]
@@ -277,7 +271,7 @@ def _crossed(singles: Sequence[Candidate], pair: Candidate, firsts: Sequence[Can
 
 
 def _alone(fit: Fit, candidates: list[Candidate]) -> _Explanation:
-    return _Explanation((fit, candidates[0].fit), {candidates[0].effect: candidates}, candidates)
+    return _Explanation((fit, candidates[0].fit), {candidates[0].effect: candidates})
 
 
 def _families(explanation: _Explanation) -> tuple[list[tuple[str, ...]], float]:

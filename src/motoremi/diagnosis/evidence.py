@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -29,7 +29,6 @@ PURSUED_IN_THE_DARK = 4
 # How many of the nearest are searched through: with one that explains everything at hand, those within a factor of its chi-squared.
 SEARCHED = 5
 SEARCHED_FACTOR = 10.0
-SEARCHED_IN_THE_DARK = 2
 # One that leaves so many times the chi-squared of one that explains everything is no rival of it.
 HOPELESS_FACTOR = 100.0
 # One that after some more steps still leaves so many times what the best began with is not followed to the end.
@@ -215,12 +214,15 @@ def possible_effects(fit: Fit) -> list[str]:
         effect = find_effect(name).effect
         if name in fit.effects and not effect.repeatable:
             continue
-        motor = find_effect(name).added_to(fit.motor)
-        label = find_effect(name).label_in(fit.motor)
-        seen = set().union(*(motor.used_parameters(t) for t in fit.measurement.terminations))
-        if any(parameter.startswith(f"{label}.") for parameter in seen):
+        if seen_in(fit, name):
             names.append(name)
     return names
+
+
+def seen_in(fit: Fit, effect: str) -> frozenset[str]:
+    """Terminations of the sweeps in which an effect, added to a fit, would show."""
+    motor, label = find_effect(effect).added_to(fit.motor), find_effect(effect).label_in(fit.motor)
+    return frozenset(t for t in fit.measurement.terminations if any(name.startswith(f"{label}.") for name in motor.used_parameters(t)))
 
 
 def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
@@ -321,15 +323,6 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
         rivals = (name for name in order[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective)
         improved(looks, rivals, search_through)
     return refitted(before, looks)
-
-
-def rank_again(before: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates none of which is good, the nearest searched through."""
-    looks = {candidate.effect: candidate.look for candidate in candidates}
-    near = nearest(looks)[:SEARCHED_IN_THE_DARK]
-    improved(looks, near, search_through)
-    changed = refitted(before, {name: looks[name] for name in near})
-    return sorted((*changed, *(one for one in candidates if one.effect not in near)), key=lambda candidate: -candidate.log_evidence)
 
 
 def members(pair: Fit, one: str, other: str) -> tuple[Candidate, Candidate]:

@@ -10,20 +10,31 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-import numpy as np
-
 from motoremi.arrays import Progress
-from motoremi.diagnosis.evidence import Candidate, begun, followed, glances, improved, near_noise, nearest, possible_effects, refitted, trail_beside
+from motoremi.diagnosis.evidence import (
+    Candidate,
+    begun,
+    followed,
+    glances,
+    improved,
+    near_noise,
+    nearest,
+    possible_effects,
+    refitted,
+    seen_in,
+    trail_beside,
+)
 from motoremi.fitting.looks import Begun, Scouted, pursue, search_through
 from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
 Pair: TypeAlias = tuple[str, str]
-# From how many of the best single effects a second one is looked for; where these do not do, beside how many of the best second effects
-# one of how many first ones is.
-FIRSTS = 5
+# From how many of the best single effects a second one is looked for at once, and from how many in the end; where these do not do, beside
+# how many of the best second effects one of how many first ones is.
+FIRSTS = 3
+MORE_FIRSTS = 5
 COLUMNS = 2
-MORE_FIRSTS = 14
+FIRSTS_OF_COLUMNS = 14
 # Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 6
@@ -34,8 +45,7 @@ PURSUED_IF_NEAR = 4
 PURSUED_AT_LAST = 12
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
-# How often better partners are sought for the two of the nearest pair; again where they leave so much less.
-EXCHANGES = 2
+# Better partners for the two of the nearest pair are sought again where they leave so much less.
 NEARER = 0.3
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 10
@@ -66,7 +76,9 @@ def rank_pairs(singles: Sequence[Candidate], progress: Progress | None = None) -
     return _Search(singles, progress).result()
 
 
-def crossed(singles: Mapping[str, Candidate], pair: Mapping[str, float], firsts: Mapping[str, Scouted], seconds: Mapping[str, Scouted]) -> dict[Pair, Scouted]:
+def crossed(
+    singles: Mapping[str, Candidate], pair: Mapping[str, float], firsts: Mapping[str, Scouted], seconds: Mapping[str, Scouted]
+) -> dict[Pair, Scouted]:
     """The nearest rivals for both places of a pair together.
 
     Parameters
@@ -97,15 +109,17 @@ def _own(look: Scouted, effect: str) -> dict[str, float]:
 class _Search:
     def __init__(self, singles: Sequence[Candidate], progress: Progress | None) -> None:
         self._singles = {single.effect: single for single in singles}
+        self._firsts = list(self._singles)
         self._progress = progress
         self._begun: dict[Pair, Begun] = {}
         self._followed: set[Pair] = set()
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
         self._judgements = 0
+        self._exchange_below = NEAR_FACTOR
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._rows, self._exchanges, self._columns, self._thoroughly):
+        for stage in (self._rows, self._exchanges, self._more_rows, self._exchanges, self._columns, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
@@ -116,36 +130,38 @@ class _Search:
 
     def _rows(self) -> tuple[Candidate, list[Candidate]] | None:
         """Every second effect beside the best single ones; what the data favour most deserves a look from both sides."""
-        best, *others = list(self._singles)[:FIRSTS]
+        best, *others = self._firsts[:FIRSTS]
         for pairs in (self._row(best), self._column(best), [pair for first in others for pair in self._row(first)]):
             self._look(pairs)
             if (found := self._right()) is not None:
                 return found
         return None
 
+    def _more_rows(self) -> tuple[Candidate, list[Candidate]] | None:
+        """Where several single effects draw the same curve, the right one may come later."""
+        self._look([pair for first in self._firsts[FIRSTS:MORE_FIRSTS] for pair in self._row(first)])
+        return self._right()
+
     def _columns(self) -> tuple[Candidate, list[Candidate]] | None:
         """What helps as a second effect, whatever the first, beside more first ones: it may be one of the two though it says little alone."""
         helping = dict.fromkeys(second for _, second in nearest(self._looks))
-        self._look([(first, second) for second in list(helping)[:COLUMNS] for first in list(self._singles)[:MORE_FIRSTS] if first != second])
+        self._look([(first, second) for second in list(helping)[:COLUMNS] for first in self._firsts[:FIRSTS_OF_COLUMNS] if first != second])
         return self._right()
 
     def _exchanges(self) -> tuple[Candidate, list[Candidate]] | None:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
-        before = np.inf
-        for _ in range(EXCHANGES):
+        while True:
             pair = nearest(self._looks)[0]
-            if self._looks[pair].objective > min(NEAR_FACTOR * surely_right(self._looks[pair].trail.likelihood), NEARER * before):
+            if _factor(self._looks[pair]) > self._exchange_below:
                 return None
-            before = self._looks[pair].objective
-            kept = [name for name in dict.fromkeys(pair) if name in self._singles]
+            self._exchange_below = NEARER * _factor(self._looks[pair])
             near = self._looks[pair].values()
-            self._look([other for name in kept for other in self._row(name)], FOLLOWED * len(kept), near)
+            self._look([*self._instead(pair[0], pair[1]), *self._instead(pair[1], pair[0])], 2 * FOLLOWED, near)
             if (right := self._right()) is not None:
                 return right
             self._keep(crossed(self._singles, near, self._others(pair[1], pair), self._others(pair[0], pair)))
             if (right := self._right()) is not None:
                 return right
-        return None
 
     def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
         """The nearest pairs from the other side, then searched through."""
@@ -162,6 +178,13 @@ class _Search:
     def _row(self, first: str) -> list[Pair]:
         """Every second effect beside a first one."""
         return [(first, second) for second in possible_effects(self._singles[first].fit)]
+
+    def _instead(self, first: str, second: str) -> list[Pair]:
+        """Beside a first effect, all that show where a second one does."""
+        if first not in self._singles:
+            return []
+        fit = self._singles[first].fit
+        return [pair for pair in self._row(first) if seen_in(fit, pair[1]) == seen_in(fit, second)]
 
     def _column(self, second: str) -> list[Pair]:
         """A second effect beside every first one."""

@@ -73,7 +73,10 @@ def _scales(parameter: Parameter) -> bool:
 def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[str, float]]:
     """An effect's start values for each band of a measurement, by short name, SI units."""
     factors = [
-        {**{p.name: band.factor(p.unit) if _scales(p) else 1.0 for p in effect.parameters}, **{f"-{p.name}": band.factor(p.unit) for p in BASE_PARAMETERS}}
+        {
+            **{p.name: band.factor(p.unit) if _scales(p) else 1.0 for p in effect.parameters},
+            **{f"-{p.name}": band.factor(p.unit) for p in BASE_PARAMETERS},
+        }
         for band in bands(measurement)
     ]
     scaled = [{name: value * factor.get(name, 1.0) for name, value in start.items()} for factor in factors for start in effect.starts]
