@@ -36,7 +36,7 @@ HOPELESS_START = 30.0
 # A fit that leaves less than so many times what noise does is near.
 NEAR_NOISE = 100.0
 # For each that is followed to the end, so many go some steps further than they were begun.
-AHEAD = 2
+AHEAD = 3
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
@@ -285,10 +285,13 @@ def glances(
     near : mapping, optional
         Parameters of a solution with another effect in its place, in SI units, to look from.
     replacing : str, optional
-        That other effect, whose known look-alikes are followed in any case.
+        That other effect: only those are looked at that show where it does, and its known look-alikes are followed in any case.
     progress : callable, optional
     """
-    first = begun({name: trail_beside(before, name, near) for name in possible_effects(before)}, progress)
+    names = possible_effects(before)
+    if replacing is not None:
+        names = [name for name in names if seen_in(before, name) == seen_in(before, replacing)]
+    first = begun({name: trail_beside(before, name, near) for name in names}, progress)
     found = followed(first, most)
     if replacing is not None:
         found |= followed({name: one for name, one in first.items() if name not in found and _alike(name, replacing)})

@@ -37,7 +37,7 @@ COLUMNS = 2
 FIRSTS_OF_COLUMNS = 14
 # Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
 # effect was among the first five of its row nine times out of ten.
-FOLLOWED = 6
+FOLLOWED = 4
 PURSUED = 2
 # Near a pair more are pursued: from there a rival is soon right.
 PURSUED_IF_NEAR = 4
@@ -48,13 +48,13 @@ NEAR_FACTOR = 100.0
 # Better partners for the two of the nearest pair are sought again where they leave so much less.
 NEARER = 0.3
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
-RIVALS = 10
+RIVALS = 6
 # Where nothing is right, so many of the nearest are searched through.
 THOROUGH = 2
 # Rivals for each place of a pair that are tried together: two effects may look like two others, neither of which fits beside one of them.
 CROSSED = 3
 # How often a pair that is right on a thinned grid is tried on all points.
-MOST_JUDGEMENTS = 12
+MOST_JUDGEMENTS = 5
 # A second effect that leaves so many times the best one's chi-squared is no rival of it.
 HOPELESS_FACTOR = 30.0
 
