@@ -42,6 +42,8 @@ def motor_with(*identifiers: str) -> tuple[Motor, dict[str, float]]:
         for name, value in added.effect.starts[len(added.effect.starts) // 2].items():
             if name.startswith("*"):
                 values[name[1:]] *= value
+            elif name.startswith("-"):
+                values[name[1:]] -= value
             else:
                 values[f"{label}.{name}"] = value
         motor = added.added_to(motor)

@@ -249,25 +249,27 @@ def _explain(fit: Fit, candidates: list[Candidate], progress: Progress | None) -
         if seconds[0].log_evidence >= pair.log_evidence + LEAST_GAIN:
             kept, ranked = other.fit, seconds
             continue
-        better = _crossed(candidates, pair, seconds, ranked)
+        better = _both_replaced(candidates, pair, seconds, ranked)
         if better is None:
             break
         kept, ranked = better
     return found
 
 
-def _crossed(
+def _both_replaced(
     singles: Sequence[Candidate], pair: Candidate, firsts: Sequence[Candidate], seconds: Sequence[Candidate]
 ) -> tuple[Fit, list[Candidate]] | None:
     """Two other effects that describe the data better than a pair, each from the rivals for one of its places."""
     alone = {candidate.effect: candidate for candidate in singles}
     others = [{one.effect: one.look for one in rivals if one.effect not in pair.fit.effects} for rivals in (firsts, seconds)]
-    looks = crossed(alone, pair.fit.parameters, *others)
-    for first, second in nearest(looks)[:1]:
-        kept, near = alone[first].fit, looks[first, second]
-        if near.right and refitted(kept, {second: near})[0].log_evidence >= pair.log_evidence + LEAST_GAIN:
-            return kept, refitted(kept, {**glances(kept, RIVALS, near.values(), second), second: near})
-    return None
+    looks = {names: look for names, look in crossed(alone, pair.fit.parameters, *others).items() if look.right}
+    if not looks:
+        return None
+    first, second = nearest(looks)[0]
+    kept, near = alone[first].fit, looks[first, second]
+    if refitted(kept, {second: near})[0].log_evidence < pair.log_evidence + LEAST_GAIN:
+        return None
+    return kept, refitted(kept, {**glances(kept, RIVALS, near.values(), second), second: near})
 
 
 def _alone(fit: Fit, candidates: list[Candidate]) -> _Explanation:

@@ -29,12 +29,14 @@ from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
 Pair: TypeAlias = tuple[str, str]
-# From how many of the best single effects a second one is looked for at once, and from how many in the end; where these do not do, beside
-# how many of the best second effects one of how many first ones is.
+# From how many of the best single effects a second one is looked for at once, and from how many in the end.
 FIRSTS = 3
 MORE_FIRSTS = 5
+# Where these do not do, beside how many of the best second effects one of how many first ones is, and how many of those that recur in the
+# nearest pairs are tried beside each other.
 COLUMNS = 2
 FIRSTS_OF_COLUMNS = 14
+RECURRING = 8
 # Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
 # effect was among the first five of its row nine times out of ten.
 FOLLOWED = 4
@@ -119,7 +121,7 @@ class _Search:
         self._exchange_below = NEAR_FACTOR
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._rows, self._exchanges, self._more_rows, self._exchanges, self._columns, self._thoroughly):
+        for stage in (self._rows, self._exchanges, self._more_rows, self._exchanges, self._columns, self._recombined, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
@@ -146,6 +148,12 @@ class _Search:
         """What helps as a second effect, whatever the first, beside more first ones: it may be one of the two though it says little alone."""
         helping = dict.fromkeys(second for _, second in nearest(self._looks))
         self._look([(first, second) for second in list(helping)[:COLUMNS] for first in self._firsts[:FIRSTS_OF_COLUMNS] if first != second])
+        return self._right()
+
+    def _recombined(self) -> tuple[Candidate, list[Candidate]] | None:
+        """What recurs in the nearest pairs, each beside each: what one says little alone, it may say beside the right other."""
+        recurring = list(dict.fromkeys(name for pair in nearest(self._looks) for name in pair))[:RECURRING]
+        self._look([(first, second) for first in recurring if first in self._singles for second in recurring if first != second])
         return self._right()
 
     def _exchanges(self) -> tuple[Candidate, list[Candidate]] | None:

@@ -72,13 +72,10 @@ def _scales(parameter: Parameter) -> bool:
 
 def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[str, float]]:
     """An effect's start values for each band of a measurement, by short name, SI units."""
-    factors = [
-        {
-            **{p.name: band.factor(p.unit) if _scales(p) else 1.0 for p in effect.parameters},
-            **{f"-{p.name}": band.factor(p.unit) for p in BASE_PARAMETERS},
-        }
-        for band in bands(measurement)
-    ]
+    units = {p.name: p.unit for p in effect.parameters if _scales(p)}
+    if effect.group != "instrument":
+        units |= {f"-{p.name}": p.unit for p in BASE_PARAMETERS}
+    factors = [{name: band.factor(unit) for name, unit in units.items()} for band in bands(measurement)]
     scaled = [{name: value * factor.get(name, 1.0) for name, value in start.items()} for factor in factors for start in effect.starts]
     return [start for index, start in enumerate(scaled) if start not in scaled[:index]]
 
