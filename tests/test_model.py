@@ -93,6 +93,18 @@ def test_derivatives_are_exact(identifier, termination):
         assert (parameter.name in used) or not np.any(gradient[index])
 
 
+@pytest.mark.parametrize("order", [("distributed-winding", "second-resonance"), ("second-resonance", "distributed-winding")])
+def test_first_turns_lie_in_front_of_a_distributed_winding(order):
+    motor, line = add_effects(dc_motor(), order), add_effects(dc_motor(), ("distributed-winding",))
+    henry, resonance_hz, ohm = 3e-7, 6e6, 500.0
+    cell = {"inductance_h": henry, "resonance_hz": resonance_hz, "resistance_ohm": ohm}
+    alone = 1 / (1 / (S * henry) + S / ((2 * np.pi * resonance_hz) ** 2 * henry) + 1 / ohm)
+    values = values_of(motor, **{f"second-resonance.{name}": value for name, value in cell.items()})
+    for termination in ("short", "open"):
+        behind = tape(line, termination).impedance(S, values_of(line))
+        np.testing.assert_allclose(tape(motor, termination).impedance(S, values), behind + alone, rtol=1e-12)
+
+
 def test_batches_equal_single_evaluations():
     motor = add_effects(dc_motor(), ("eddy-laminations", "distributed-winding", "lead-inductance"))
     runner = tape(motor, "open")

@@ -29,7 +29,7 @@ BASE_PARAMETERS = (
 
 @dataclass(frozen=True)
 class Attachment:
-    """Something between the analyser and the motor: wraps the circuit of the terminations it applies to."""
+    """Something between the analyser and the winding: wraps the circuit of the terminations it applies to."""
 
     wrap: Callable[[Node], Node]
     terminations: Terminations = BOTH
@@ -116,6 +116,11 @@ class Motor:
     def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
         """The motor with one more part between it and the analyser."""
         return dataclasses.replace(self, attachments=(*self.attachments, Attachment(wrap, terminations)))
+
+    def with_first_turns(self, cell: Node) -> Motor:
+        """The motor with a part in series at the winding's terminal: lumped even where the winding is not, inside all that is attached."""
+        first = Attachment(lambda seen: Series((seen, cell)))
+        return dataclasses.replace(self, attachments=(first, *self.attachments))
 
     def __repr__(self) -> str:
         return f"Motor(effects={list(self.effects)})"

@@ -30,8 +30,7 @@ def _core_loss(motor: Motor, place: str, parameters: Mapping[str, Parameter]) ->
 
 
 def _second_resonance(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    cell = Leaf("cell", laws.resonant_cell, tuple(parameters.values()))
-    return dataclasses.replace(motor, winding=Series((motor.winding, cell)))
+    return motor.with_first_turns(Leaf("cell", laws.resonant_cell, tuple(parameters.values())))
 
 
 def _distributed(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
