@@ -44,7 +44,7 @@ PURSUED = 2
 # Near a pair more are pursued: from there a rival is soon right.
 PURSUED_IF_NEAR = 4
 # Where none has come near, so many decide which description is the closest.
-PURSUED_AT_LAST = 12
+PURSUED_AT_LAST = 4
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # Better partners for the two of the nearest pair are sought again where they leave so much less.
