@@ -225,6 +225,12 @@ def seen_in(fit: Fit, effect: str) -> frozenset[str]:
     return frozenset(t for t in fit.measurement.terminations if any(name.startswith(f"{label}.") for name in motor.used_parameters(t)))
 
 
+def possible_rivals(fit: Fit, effect: str) -> list[str]:
+    """Effects that could be added to a fit and would show where another one does."""
+    place = seen_in(fit, effect)
+    return [name for name in possible_effects(fit) if seen_in(fit, name) == place]
+
+
 def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
     """Those that describe the data best first."""
     return sorted(looks, key=lambda name: looks[name].objective)
@@ -288,9 +294,7 @@ def glances(
         That other effect: only those are looked at that show where it does, and its known look-alikes are followed in any case.
     progress : callable, optional
     """
-    names = possible_effects(before)
-    if replacing is not None:
-        names = [name for name in names if seen_in(before, name) == seen_in(before, replacing)]
+    names = possible_effects(before) if replacing is None else possible_rivals(before, replacing)
     first = begun({name: trail_beside(before, name, near) for name in names}, progress)
     found = followed(first, most)
     if replacing is not None:

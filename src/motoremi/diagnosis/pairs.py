@@ -20,11 +20,12 @@ from motoremi.diagnosis.evidence import (
     near_noise,
     nearest,
     possible_effects,
+    possible_rivals,
     refitted,
-    seen_in,
     trail_beside,
 )
-from motoremi.fitting.looks import Begun, Scouted, pursue, search_through
+from motoremi.fitting.fit import trail_to
+from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue, search_through
 from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
@@ -97,8 +98,8 @@ def crossed(
         for second in nearest(seconds)[:CROSSED]:
             if first != second and first in singles:
                 own = {**_own(firsts[first], first), **_own(seconds[second], second)}
-                trail = trail_beside(singles[first].fit, second, pair)
-                trails[first, second] = dataclasses.replace(trail, starts=[{**pair, **own}], group=1, by_likelihood=False)
+                trail = trail_to(singles[first].fit, second, near=pair, points=FEW_POINTS)
+                trails[first, second] = dataclasses.replace(trail, starts=[{**pair, **own}], group=1)
     looks = followed(begun(trails))
     improved(looks, nearest(looks)[:PURSUED], pursue)
     return looks
@@ -117,7 +118,6 @@ class _Search:
         self._followed: set[Pair] = set()
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
-        self._judgements = 0
         self._exchange_below = NEAR_FACTOR
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
@@ -191,8 +191,7 @@ class _Search:
         """Beside a first effect, all that show where a second one does."""
         if first not in self._singles:
             return []
-        fit = self._singles[first].fit
-        return [pair for pair in self._row(first) if seen_in(fit, pair[1]) == seen_in(fit, second)]
+        return [(first, rival) for rival in possible_rivals(self._singles[first].fit, second)]
 
     def _column(self, second: str) -> list[Pair]:
         """A second effect beside every first one."""
@@ -228,9 +227,8 @@ class _Search:
         """The nearest pair that describes the data on all points, with its rivals."""
         right = {pair: look for pair, look in self._looks.items() if look.right}
         for first, second in nearest(right):
-            if (first, second) in self._judged or self._judgements >= MOST_JUDGEMENTS:
+            if (first, second) in self._judged or len(self._judged) >= MOST_JUDGEMENTS:
                 continue
-            self._judgements += 1
             self._judged.add((first, second))
             if self._refitted(first, {second: right[first, second]})[0].good:
                 return self._singles[first], self._beside(first)

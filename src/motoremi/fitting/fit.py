@@ -155,7 +155,7 @@ def trail_to(
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
     """Elements and an effect's start values together; a start may ask for an element to be scaled, or something to be taken off it."""
     changed = {name: max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value) for name, value in base.items()}
-    return {**changed, **{f"{label}.{name}": value for name, value in start.items() if name[0] not in "*-"}}
+    return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("*", "-"))}}
 
 
 def refit_with(

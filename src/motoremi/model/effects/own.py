@@ -53,6 +53,6 @@ def _check(effect: Effect, path: Path) -> None:
         raise BadInput(f"{path}: {effect.name} needs at least one parameter and one set of start values")
     names = {parameter.name for parameter in effect.parameters}
     for start in effect.starts:
-        strange = {name for name in start if name[0] not in "*-"} ^ names
+        strange = {name for name in start if not name.startswith(("*", "-"))} ^ names
         if strange:
             raise BadInput(f"{path}: {effect.name}: parameters and start values differ in {', '.join(sorted(strange))}")
