@@ -6,7 +6,7 @@ from conftest import simulated_sweeps
 
 import motoremi as me
 from motoremi.diagnosis.validation import cross_validated
-from motoremi.fitting.polish import polish
+from motoremi.fitting.polish import Precision, polish
 from motoremi.fitting.problem import Problem
 
 
@@ -56,7 +56,7 @@ def test_left_out_bands_agree_with_real_refits(hidden):
             found.matrix = rows[1] @ np.swapaxes(rows[1], -1, -2) + np.diag(self.precision)
             return found
 
-    left = polish(Without(problem.motor, fit.measurement), fit.unknowns[None], tolerance=1e-9, relative=1e-12)
+    left = polish(Without(problem.motor, fit.measurement), fit.unknowns[None], precision=Precision(1e-9, 1e-12))
     by_refit = validation._white(fit, problem.linearised(left.u[0]).residual)[block]
     np.testing.assert_allclose(by_formula, by_refit, atol=0.1)
 

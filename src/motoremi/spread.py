@@ -1,64 +1,135 @@
 """Independent work on a second processor core, if there is one to spare.
 
-The helper is a fork of this process, so it knows everything that this one knows and only results travel. It lives for one call.
+The helper is a fork of this process, so it knows everything that this one knows at that moment; afterwards only plain data travel.
 Forking is safe where no other thread may hold a lock: elsewhere (a notebook's kernel, the workbench) and in worker processes, which have
 all cores busy already, the work is done here. Results do not depend on it.
 """
 
 from __future__ import annotations
 
-import contextlib
+import gc
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from multiprocessing.sharedctypes import Synchronized
-from typing import TypeVar
+from types import TracebackType
+from typing import Generic, TypeVar
 
-Job = TypeVar("Job")
+Known = TypeVar("Known")
+Given = TypeVar("Given")
 Result = TypeVar("Result")
 
 
-def spread(
-    work: Callable[[Job], Result], jobs: Sequence[Job], begun: Callable[[int], None] | None = None, cost: Callable[[Job], float] | None = None
-) -> list[Result]:
-    """The results of `work` for all jobs, in their order.
+def spread(work: Callable[[Known], Result], jobs: Sequence[Known]) -> list[Result]:
+    """The results of `work` for all jobs, in their order; only results need be plain data."""
+    with Team([(work, job) for job in jobs]) as team:
+        results = team.each(_applied, dict.fromkeys(range(len(jobs))))
+    return [results[index] for index in range(len(jobs))]
+
+
+def _applied(known: tuple[Callable[[Known], Result], Known], given: None) -> Result:
+    work, job = known
+    return work(job)
+
+
+class Team(Generic[Known]):
+    """This process and a helper that knows the same things, for several rounds of work on them.
+
+    A context manager: the helper lives from its beginning to its end.
 
     Parameters
     ----------
-    work : callable
-        Independent of what else was done; its results must be plain data.
-    jobs : sequence
-    begun : callable, optional
-        Told the index of each job that this process begins.
-    cost : callable, optional
-        About how long a job takes compared with others: the longest begin first, so that neither process waits long for the other.
+    known : sequence
+        What there is to work on, of any kind.
     """
-    if len(jobs) < 2 or not core_to_spare():
-        return [_told(work, jobs, index, begun) for index in range(len(jobs))]
-    order = sorted(range(len(jobs)), key=lambda index: -cost(jobs[index])) if cost is not None else list(range(len(jobs)))
-    context = multiprocessing.get_context("fork")
-    counter = context.Value("i", 0)
-    receiver, sender = context.Pipe(duplex=False)
-    helper = context.Process(target=_help, args=(work, jobs, order, counter, receiver, sender), daemon=True)
-    helper.start()
-    sender.close()
-    try:
+
+    def __init__(self, known: Sequence[Known]) -> None:
+        self._known = known
+        self._helper: BaseProcess | None = None
+
+    def __enter__(self) -> Team[Known]:
+        if len(self._known) > 1 and core_to_spare():
+            context = multiprocessing.get_context("fork")
+            self._counter: Synchronized[int] = context.Value("i", 0)
+            self._line, far_end = context.Pipe()
+            self._helper = context.Process(target=self._help, args=(far_end,), daemon=True)
+            self._helper.start()
+            far_end.close()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._helper is not None:
+            self._line.close()
+            if error is not None:
+                self._helper.terminate()
+                self._helper.join()
+
+    def each(
+        self, work: Callable[[Known, Given], Result], given: Mapping[int, Given], begun: Callable[[int], None] | None = None
+    ) -> dict[int, Result]:
+        """The results of a round of work on some of what the team knows.
+
+        Parameters
+        ----------
+        work : callable
+            Of something known and something given; a function of a module or a `partial` of one. It must not depend on what else was done.
+        given : mapping
+            By the places of the known; plain data, as the results are. Work begins in this order.
+        begun : callable, optional
+            Told the place of each job that this process begins.
+        """
+        jobs = list(given.items())
+        if len(jobs) < 2 or not self._told((work, jobs)):
+            return {index: _begun(work, self._known, begun, index, own) for index, own in jobs}
         results = {}
-        while (place := _next(counter)) < len(jobs):
-            results[order[place]] = _told(work, jobs, order[place], begun)
-        with contextlib.suppress(EOFError):  # what a helper that failed left undone is done here, and fails here if it must
-            results |= receiver.recv()
-    except BaseException:
-        helper.terminate()
-        raise
-    finally:
-        receiver.close()
-        helper.join()
-    return [results[index] if index in results else work(jobs[index]) for index in range(len(jobs))]
+        while (place := _next(self._counter)) < len(jobs):
+            index, own = jobs[place]
+            results[index] = _begun(work, self._known, begun, index, own)
+        try:
+            results |= self._line.recv()
+        except EOFError:  # what a helper that failed left undone is done here, and fails here if it must
+            self._helper = None
+            results |= {index: work(self._known[index], own) for index, own in jobs if index not in results}
+        return results
+
+    def _told(self, round_of_work: object) -> bool:
+        """Whether the helper knows what is to be done."""
+        if self._helper is None:
+            return False
+        self._counter.value = 0
+        try:
+            self._line.send(round_of_work)
+        except BrokenPipeError:
+            self._helper = None
+        return self._helper is not None
+
+    def _help(self, line: Connection) -> None:
+        # Ctrl-C concerns the process that asked; with it gone, the line ends and so does the helper.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        self._line.close()
+        gc.disable()  # it would touch, and so copy, everything that is known
+        try:
+            while True:
+                work, jobs = line.recv()
+                done = {}
+                while (place := _next(self._counter)) < len(jobs):
+                    index, own = jobs[place]
+                    done[index] = work(self._known[index], own)
+                line.send(done)
+        except Exception:  # told by the line's end
+            line.close()
+
+
+def _begun(work: Callable[[Known, Given], Result], known: Sequence[Known], begun: Callable[[int], None] | None, index: int, own: Given) -> Result:
+    if begun is not None:
+        begun(index)
+    return work(known[index], own)
 
 
 def core_to_spare() -> bool:
@@ -68,34 +139,7 @@ def core_to_spare() -> bool:
     return multiprocessing.parent_process() is None and len(os.sched_getaffinity(0)) > 1
 
 
-def _told(work: Callable[[Job], Result], jobs: Sequence[Job], index: int, begun: Callable[[int], None] | None) -> Result:
-    if begun is not None:
-        begun(index)
-    return work(jobs[index])
-
-
 def _next(counter: Synchronized[int]) -> int:
     with counter.get_lock():
         counter.value += 1
         return counter.value - 1
-
-
-def _help(
-    work: Callable[[Job], Result],
-    jobs: Sequence[Job],
-    order: Sequence[int],
-    counter: Synchronized[int],
-    receiver: Connection,
-    sender: Connection,
-) -> None:
-    # Ctrl-C concerns the process that asked; with it gone, sending fails and the helper ends.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    receiver.close()
-    done = {}
-    try:
-        while (place := _next(counter)) < len(jobs):
-            done[order[place]] = work(jobs[order[place]])
-        sender.send(done)
-    except Exception:  # told by the pipe's end
-        sender.close()

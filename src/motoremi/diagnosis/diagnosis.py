@@ -12,10 +12,11 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, nearest, possible_effects, rank, refitted
+from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, possible_effects, rank, refitted
 from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.pairs import RIVALS, crossed, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
+from motoremi.diagnosis.scouts import nearest
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect

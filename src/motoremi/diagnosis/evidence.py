@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from scipy.fft import dct
 from scipy.special import ndtr
 
 from motoremi.arrays import JsonDict, Progress
+from motoremi.diagnosis.scouts import Scouts, improved, nearest
 from motoremi.fitting.fit import told, trail_to, trail_without
-from motoremi.fitting.looks import FEW_POINTS, Begun, Ends, Scouted, Trail, advance, begin, follow, pursue, search_through, settle
+from motoremi.fitting.looks import FEW_POINTS, Scouted, Trail, pursue, search_through, settle
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
@@ -31,21 +30,16 @@ SEARCHED = 5
 SEARCHED_FACTOR = 10.0
 # One that leaves so many times the chi-squared of one that explains everything is no rival of it.
 HOPELESS_FACTOR = 100.0
-# One that after some more steps still leaves so many times what the best began with is not followed to the end.
-HOPELESS_START = 30.0
 # A fit that leaves less than so many times what noise does is near.
 NEAR_NOISE = 100.0
-# For each that is followed to the end, so many go some steps further than they were begun.
-AHEAD = 3
+# How many single effects are followed to the end, and the rest only if one of them is right.
+FOLLOWED = 14
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.
 SLOWEST_COSINES = 16
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
-
-
-Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,11 +225,6 @@ def possible_rivals(fit: Fit, effect: str) -> list[str]:
     return [name for name in possible_effects(fit) if seen_in(fit, name) == place]
 
 
-def nearest(looks: Mapping[Name, Begun] | Mapping[Name, Scouted]) -> list[Name]:
-    """Those that describe the data best first."""
-    return sorted(looks, key=lambda name: looks[name].objective)
-
-
 def near_noise(fit: Fit) -> bool:
     """Whether a fit leaves more than noise, but little: what is missing beside it is then sought by the likelihood."""
     return not is_good(fit) and fit.objective < NEAR_NOISE * good_enough(fit.problem)
@@ -244,35 +233,6 @@ def near_noise(fit: Fit) -> bool:
 def trail_beside(before: Fit, effect: str, near: Mapping[str, float] | None = None) -> Trail:
     """Where to begin to look for one more effect."""
     return trail_to(before, effect, near=near, points=FEW_POINTS, by_likelihood=near_noise(before))
-
-
-def begun(trails: Mapping[Name, Trail], progress: Progress | None = None) -> dict[Name, Begun]:
-    """The first steps of several trails."""
-
-    def tell(index: int) -> None:
-        if progress is not None:
-            progress(" + ".join(list(trails.values())[index].task.motor.effects), index, len(trails))
-
-    ends = spread(begin, list(trails.values()), tell, cost=lambda trail: len(trail.starts))
-    return {name: Begun(trail, end) for (name, trail), end in zip(trails.items(), ends, strict=True)}
-
-
-def followed(these: Mapping[Name, Begun], most: int | None = None) -> dict[Name, Scouted]:
-    """What was begun, followed: of the nearest, those `most` that are nearest after some more steps; not to the end what falls far behind."""
-    hopeless = HOPELESS_START * min((one.objective for one in these.values()), default=np.inf)
-    ahead = nearest(these)[: None if most is None else AHEAD * most]
-    steps = spread(advance, [these[name] for name in ahead])
-    further = {name: Begun(these[name].trail, ends) for name, ends in zip(ahead, steps, strict=True)}
-    chosen = nearest(further)[:most]
-    found = spread(partial(follow, hopeless=hopeless), [further[name] for name in chosen])
-    return {name: Scouted(further[name].trail, ends) for name, ends in zip(chosen, found, strict=True)}
-
-
-def improved(looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[Scouted], Ends]) -> None:
-    """Take some looks further that are not right yet: `pursue` them or `search_through`."""
-    left = [name for name in names if not looks[name].right]
-    for name, ends in zip(left, spread(how, [looks[name] for name in left]), strict=True):
-        looks[name] = Scouted(looks[name].trail, ends)
 
 
 def glances(
@@ -295,17 +255,18 @@ def glances(
     progress : callable, optional
     """
     names = possible_effects(before) if replacing is None else possible_rivals(before, replacing)
-    first = begun({name: trail_beside(before, name, near) for name in names}, progress)
-    found = followed(first, most)
-    if replacing is not None:
-        found |= followed({name: one for name, one in first.items() if name not in found and _alike(name, replacing)})
-    order = nearest(found)
-    best = found[order[0]]
-    if best.right:
-        rivals = (*order[:PURSUED], *(name for name in order[PURSUED:] if _alike(name, order[0])))
-        improved(found, (name for name in rivals if found[name].objective <= HOPELESS_FACTOR * best.objective), pursue)
-    else:
-        improved(found, order[:PURSUED_IN_THE_DARK], pursue)
+    with Scouts({name: trail_beside(before, name, near) for name in names}) as scouts:
+        first = scouts.begun(progress=progress)
+        found = scouts.followed(first, most)
+        if replacing is not None:
+            found |= scouts.followed({name: one for name, one in first.items() if name not in found and _alike(name, replacing)})
+        order = nearest(found)
+        best = found[order[0]]
+        if best.right:
+            rivals = (*order[:PURSUED], *(name for name in order[PURSUED:] if _alike(name, order[0])))
+            scouts.improve(found, (name for name in rivals if found[name].objective <= HOPELESS_FACTOR * best.objective), pursue)
+        else:
+            scouts.improve(found, order[:PURSUED_IN_THE_DARK], pursue)
     return found
 
 
@@ -334,8 +295,9 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
 
 def members(pair: Fit, one: str, other: str) -> tuple[Candidate, Candidate]:
     """Each of two effects of a fit without the other, from where the two of them led, which is a better valley than it may have found alone."""
-    looks = followed(begun({one: trail_without(pair, other), other: trail_without(pair, one)}))
-    improved(looks, (one, other), pursue)
+    with Scouts({one: trail_without(pair, other), other: trail_without(pair, one)}) as scouts:
+        looks = scouts.followed(scouts.begun())
+        scouts.improve(looks, (one, other), pursue)
     found = {candidate.effect: candidate for candidate in refitted(pair, looks)}
     return found[one], found[other]
 

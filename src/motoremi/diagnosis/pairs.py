@@ -13,17 +13,14 @@ from typing import TypeAlias
 from motoremi.arrays import Progress
 from motoremi.diagnosis.evidence import (
     Candidate,
-    begun,
-    followed,
     glances,
-    improved,
     near_noise,
-    nearest,
     possible_effects,
     possible_rivals,
     refitted,
     trail_beside,
 )
+from motoremi.diagnosis.scouts import Scouts, improved, nearest
 from motoremi.fitting.fit import trail_to
 from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue, search_through
 from motoremi.fitting.search import surely_right
@@ -38,13 +35,13 @@ MORE_FIRSTS = 5
 COLUMNS = 2
 FIRSTS_OF_COLUMNS = 14
 RECURRING = 8
-# Of those that begin together, how many are followed, and how many of these are pursued. In 57 blind pairs of other seeds the right second
-# effect was among the first five of its row nine times out of ten.
-FOLLOWED = 4
+# Of those that begin together, how many are followed. In 115 blind pairs of other seeds the right one was never behind the third of a row,
+# nor behind the seventh of those begun from a pair that is near.
+FOLLOWED = 3
+FOLLOWED_IF_NEAR = 7
+# How many of those followed are pursued if they are near.
 PURSUED = 2
-# Near a pair more are pursued: from there a rival is soon right.
-PURSUED_IF_NEAR = 4
-# Where none has come near, so many decide which description is the closest.
+# Of all looks, so many are pursued in the end, near or not.
 PURSUED_AT_LAST = 4
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
@@ -100,8 +97,9 @@ def crossed(
                 own = {**_own(firsts[first], first), **_own(seconds[second], second)}
                 trail = trail_to(singles[first].fit, second, near=pair, points=FEW_POINTS)
                 trails[first, second] = dataclasses.replace(trail, starts=[{**pair, **own}], group=1)
-    looks = followed(begun(trails))
-    improved(looks, nearest(looks)[:PURSUED], pursue)
+    with Scouts(trails) as scouts:
+        looks = scouts.followed(scouts.begun())
+        scouts.improve(looks, nearest(looks)[:PURSUED], pursue)
     return looks
 
 
@@ -121,12 +119,11 @@ class _Search:
         self._exchange_below = NEAR_FACTOR
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        for stage in (self._rows, self._exchanges, self._more_rows, self._exchanges, self._columns, self._recombined, self._thoroughly):
+        exchanges = self._exchanges
+        for stage in (self._rows, exchanges, self._more_rows, exchanges, self._columns, self._recombined, exchanges, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
-        if _factor(self._looks[nearest(self._looks)[0]]) > NEAR_FACTOR:
-            improved(self._looks, nearest(self._looks)[:PURSUED_AT_LAST], pursue)
         first, second = nearest(self._looks)[0]
         return self._singles[first], self._refitted(first, {second: self._looks[first, second]})
 
@@ -164,7 +161,7 @@ class _Search:
                 return None
             self._exchange_below = NEARER * _factor(self._looks[pair])
             near = self._looks[pair].values()
-            self._look([*self._instead(pair[0], pair[1]), *self._instead(pair[1], pair[0])], 2 * FOLLOWED, near)
+            self._look([*self._instead(pair[0], pair[1]), *self._instead(pair[1], pair[0])], FOLLOWED_IF_NEAR, near)
             if (right := self._right()) is not None:
                 return right
             self._keep(crossed(self._singles, near, self._others(pair[1], pair), self._others(pair[0], pair)))
@@ -172,13 +169,16 @@ class _Search:
                 return right
 
     def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
-        """The nearest pairs from the other side, then searched through."""
+        """The nearest pairs from the other side, then pursued and searched through."""
         ahead = nearest(self._looks)[:THOROUGH]
         self._look([(second, first) for first, second in ahead if second in self._singles and (second, first) not in self._followed])
         if (found := self._right()) is not None:
             return found
-        improved(self._looks, nearest(self._looks)[:THOROUGH], search_through)
-        return self._right()
+        for most, how in ((PURSUED_AT_LAST, pursue), (THOROUGH, search_through)):
+            improved(self._looks, nearest(self._looks)[:most], how)
+            if (found := self._right()) is not None:
+                return found
+        return None
 
     def _others(self, first: str, without: Pair) -> dict[str, Scouted]:
         return {pair[1]: look for pair, look in self._looks.items() if pair[0] == first and pair[1] not in without}
@@ -205,16 +205,17 @@ class _Search:
 
     def _look_at(self, pairs: Sequence[Pair], most: int, near: Mapping[str, float] | None) -> None:
         """Begin what has not been begun (anew where a pair is `near`), follow those that begin best, and pursue the nearest."""
-        fresh = pairs if near else [pair for pair in pairs if pair not in self._begun]
-        trails = {(first, second): trail_beside(self._singles[first].fit, second, near) for first, second in fresh}
-        found = begun(trails, self._progress)
+        pairs = pairs if near else [pair for pair in pairs if pair not in self._followed]
+        old = {} if near else {pair: self._begun[pair] for pair in pairs if pair in self._begun}
+        trails = {pair: old[pair].trail if pair in old else trail_beside(self._singles[pair[0]].fit, pair[1], near) for pair in pairs}
+        with Scouts(trails) as scouts:
+            found = scouts.begun([pair for pair in pairs if pair not in old], self._progress)
+            looks = scouts.followed({**old, **found}, most)
+            ahead = nearest(looks)[:PURSUED]
+            scouts.improve(looks, (pair for pair in ahead if _factor(looks[pair]) < NEAR_FACTOR), pursue)
         if not near:
             self._begun |= found
-            found = {pair: self._begun[pair] for pair in pairs if pair not in self._followed}
-        looks = followed(found, most)
-        if not near:
             self._followed |= set(looks)
-        improved(looks, nearest(looks)[: PURSUED_IF_NEAR if near else PURSUED], pursue)
         self._keep(looks)
 
     def _keep(self, looks: Mapping[Pair, Scouted]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.errors import BadInput
-from motoremi.fitting.polish import polish
+from motoremi.fitting.polish import Precision, polish
 from motoremi.fitting.problem import Problem
 from motoremi.quantities import show
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # 95 % point of chi-squared with one degree of freedom: how much the objective may rise within the interval.
 RISE_95 = 3.841
+# A profile is needed to a hundredth of that rise.
+ALONG_PROFILE = Precision(0.02, 1e-5)
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def profile(fit: Fit, name: str) -> Interval:
         held = Problem(fit.motor, fit.measurement, fit.bounds, {**fit.held, name: float(np.exp(value))})
         # From the neighbour, from the solution, and from where the others have to go where they show only as a product.
         along = problem.named(problem.clip(fit.unknowns + direction * (value - best)))
-        end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, tolerance=0.02)
+        end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, precision=ALONG_PROFILE)
         return float(end.objective[end.best]) - limit, held.named(end.u[end.best])
 
     def edge(bound: float) -> tuple[float, bool]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.fitting.colony import Colony
-from motoremi.fitting.polish import Polished, polish
+from motoremi.fitting.polish import Polished, Precision, polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.search import GENERATIONS, ROUGH, Found, Task, climb, good_enough, moved, surely_right, winner
 
@@ -27,6 +27,8 @@ STEPS_OF_ALL = 1
 FIRST_STEPS = 3
 MOST_KEPT = 12
 # Further steps for so many of the better ones, then for the best few.
+FURTHER_STEPS = 14
+FURTHER_LEADERS = 6
 MORE_STEPS = 12
 MOST_LEADERS = 9
 # A search may stop once it leaves so much less than the model before.
@@ -40,6 +42,12 @@ STEPS_IF_BLURRED = 20
 THOROUGH_STEPS = 7
 # Of what leaves less than so many times the chi-squared of noise alone, but more than that, the two best ends are settled.
 UNSURE_FACTOR = 10.0
+# Steps of a pursuit in a round by the likelihood, and how much of what is too much a round must take away for another one to follow.
+PURSUED_STEPS = 15
+MORE_ROUNDS = 3
+WORTH_A_ROUND = 0.1
+# When a polish by the likelihood has converged as far as a look is concerned.
+CLOSE = Precision(0.1, 1e-3)
 # Damping to begin with close to the solution, where the linear model holds.
 WARM = 1e-6
 
@@ -150,17 +158,17 @@ def begin(trail: Trail) -> Polished:
     """A few steps for all start values, which need not lead anywhere."""
     few = trail.few
     enough = trail.enough(few)
-    ends = polish(few, few.vectors(trail.starts), iterations=STEPS_OF_ALL, **ROUGH, enough=enough)
+    ends = polish(few, few.vectors(trail.starts), iterations=STEPS_OF_ALL, precision=ROUGH, enough=enough)
     kept = _leaders(ends.objective, trail.group, MOST_KEPT)
-    further = polish(few, ends.u[kept], iterations=FIRST_STEPS, **ROUGH, enough=enough)
+    further = polish(few, ends.u[kept], iterations=FIRST_STEPS, precision=ROUGH, enough=enough, bending=False)
     return ends.replaced(kept, further)
 
 
 def advance(begun: Begun) -> Polished:
     """Some more steps for the better ones of what was begun, still on few points."""
     trail = begun.trail
-    starts = begun.ends.u[_leaders(begun.ends.objective, trail.group)]
-    part = polish(trail.few, starts, iterations=MORE_STEPS, **ROUGH, enough=trail.enough(trail.few))
+    starts = begun.ends.u[_leaders(begun.ends.objective, trail.group, FURTHER_LEADERS)]
+    part = polish(trail.few, starts, iterations=FURTHER_STEPS, precision=ROUGH, enough=trail.enough(trail.few), bending=False)
     return dataclasses.replace(part, evaluations=part.evaluations + begun.ends.evaluations)
 
 
@@ -169,7 +177,7 @@ def follow(advanced: Begun, hopeless: float = np.inf) -> Ends:
     trail, search = advanced.trail, advanced.trail.search
     if advanced.objective > hopeless:
         return Ends(advanced.ends, _judged(trail, advanced.ends, 0))
-    found = polish(search, advanced.ends.distinct(3), iterations=MORE_STEPS, **ROUGH, enough=trail.enough(search))
+    found = polish(search, advanced.ends.distinct(3), iterations=MORE_STEPS, precision=ROUGH, enough=trail.enough(search))
     found = dataclasses.replace(found, evaluations=found.evaluations + advanced.ends.evaluations)
     if found.objective[found.best] > hopeless:
         return Ends(found, _judged(trail, found, 0))
@@ -182,16 +190,29 @@ def pursue(scouted: Scouted) -> Ends:
     if scouted.right:
         return scouted.ends
     trail = scouted.trail
-    found = polish(trail.search, scouted.ends.found.u, iterations=40, **ROUGH, enough=trail.enough(trail.search))
-    return Ends(found, _judged(trail, found, 60)).joined(scouted.ends)
+    if trail.by_likelihood:
+        found = scouted.ends.likely
+    else:
+        found = polish(trail.search, scouted.ends.found.u, iterations=40, precision=ROUGH, enough=trail.enough(trail.search))
+    likelihood = trail.likelihood
+    enough, before = 0.9 * surely_right(likelihood), scouted.objective
+    likely = _judged(trail, found, PURSUED_STEPS)
+    for _ in range(MORE_ROUNDS):
+        now = float(likely.objective[likely.best])
+        if now < enough or before - now < WORTH_A_ROUND * (before - enough):
+            break
+        before, done = now, likely.evaluations
+        likely = polish(likelihood, likely.u, iterations=PURSUED_STEPS, precision=CLOSE, enough=enough, damping=WARM)
+        likely = dataclasses.replace(likely, evaluations=likely.evaluations + done)
+    return Ends(found, likely).joined(scouted.ends)
 
 
 def search_through(scouted: Scouted) -> Ends:
     """The same starts once more without haste: more steps before the best are chosen, and the low end of the band comes first."""
     trail, search = scouted.trail, scouted.trail.search
     enough = trail.enough(search)
-    first = polish(search, trail.first, iterations=THOROUGH_STEPS, **ROUGH)
-    found = polish(search, first.u[_leaders(first.objective, trail.group)], iterations=40, **ROUGH, enough=enough)
+    first = polish(search, trail.first, iterations=THOROUGH_STEPS, precision=ROUGH)
+    found = polish(search, first.u[_leaders(first.objective, trail.group)], iterations=40, precision=ROUGH, enough=enough)
     if found.objective[found.best] > enough and not trail.by_likelihood:
         found = found.joined(climb(trail.task, search, trail.first[_leaders(first.objective, trail.group, MOST_KEPT)]))
     found = found.joined(scouted.ends.found)
@@ -232,7 +253,7 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
     if thorough and final.objective[final.best] > good_enough(full):
         colony = Colony(search, np.random.default_rng(seed), np.concatenate([trail.first, found.u]))
         colony.walk(GENERATIONS)
-        more = polish(search, colony.different(12), iterations=40, **ROUGH)
+        more = polish(search, colony.different(12), iterations=40, precision=ROUGH)
         final = final.joined(polish(full, moved(more.distinct(3), search, full)))
         found = found.joined(more)
     u, converged, evaluations = winner(full, final)
@@ -251,4 +272,4 @@ def _judged(trail: Trail, found: Polished, iterations: int) -> Polished:
     """The best ends of a search polished by the likelihood, still on the thinned grid."""
     likelihood = trail.likelihood
     ends = moved(found.distinct(3), trail.search, likelihood)
-    return polish(likelihood, ends, iterations=iterations, tolerance=0.1, relative=1e-3, enough=0.9 * surely_right(likelihood))
+    return polish(likelihood, ends, iterations=iterations, precision=CLOSE, enough=0.9 * surely_right(likelihood))

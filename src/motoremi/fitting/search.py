@@ -15,7 +15,7 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
-from motoremi.fitting.polish import Polished, polish, sharpened
+from motoremi.fitting.polish import Polished, Precision, polish, sharpened
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.starts import data_driven_starts
 from motoremi.model.motor import Motor
@@ -26,7 +26,8 @@ SEARCH_POINTS = 48
 FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
-ROUGH = {"tolerance": 1e-7, "relative": 1e-4}
+# Of the residual `log`.
+ROUGH = Precision(1e-7, 1e-4)
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def search_base(task: Task, seed: int) -> Found:
                 history.append({"evaluations": count, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
             evaluations += colony.evaluations - done
             candidates = colony.different(8)
-        rough = polish(search, candidates, iterations=40, **ROUGH, enough=likely)
+        rough = polish(search, candidates, iterations=40, precision=ROUGH, enough=likely)
         if round_number > 0 and rough.objective[rough.best] > likely:
             rough = rough.joined(climb(task, search, candidates))
         evaluations += rough.evaluations
@@ -156,8 +157,8 @@ def climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
     u, evaluations = starts, 0
     for share in (0.36, 0.5, 0.63, 0.75, 0.88):
         part = task.thinned(60, lowest * (highest / lowest) ** share)
-        stage = polish(part, u, iterations=25, tolerance=1e-6, relative=1e-3)
+        stage = polish(part, u, iterations=25, precision=Precision(1e-6, 1e-3))
         evaluations += stage.evaluations
         u = stage.u[np.argsort(stage.objective)[: max(FOLLOWED, len(u) // 2)]]
-    last = polish(search, u, iterations=40, **ROUGH)
+    last = polish(search, u, iterations=40, precision=ROUGH)
     return dataclasses.replace(last, evaluations=last.evaluations + evaluations)
