@@ -24,7 +24,7 @@ PROMISING_FACTOR = 2.0
 PROMISING_MARGIN = 100.0
 # How many of the nearest are followed beyond a glance: all that may be rivals of one that is right; without one, the first few.
 PURSUED = 6
-PURSUED_IN_THE_DARK = 4
+PURSUED_IN_THE_DARK = 6
 # How many of the nearest are searched through: with one that explains everything at hand, those within a factor of its chi-squared.
 SEARCHED = 5
 SEARCHED_FACTOR = 10.0
@@ -32,8 +32,6 @@ SEARCHED_FACTOR = 10.0
 HOPELESS_FACTOR = 100.0
 # A fit that leaves less than so many times what noise does is near.
 NEAR_NOISE = 100.0
-# How many single effects are followed to the end, and the rest only if one of them is right.
-FOLLOWED = 14
 # How many are refitted on all points where none is right.
 POLISHED_IN_THE_DARK = 2
 # Cosines along each sweep that are looked at for a shape in what is left: those that a few resonances and corners can draw.

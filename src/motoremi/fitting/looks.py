@@ -35,9 +35,8 @@ MOST_LEADERS = 9
 MUCH_BETTER = 0.02
 # Steps by the likelihood straight after the first: in 87 trials of true effects 86 % needed no more.
 DIRECT_STEPS = 12
-# Steps by the likelihood otherwise: few, but more where the analyser's errors blur what the search can see.
+# Steps by the likelihood otherwise.
 FEW_STEPS = 6
-STEPS_IF_BLURRED = 20
 # Steps for all start values where they are searched through.
 THOROUGH_STEPS = 7
 # Of what leaves less than so many times the chi-squared of noise alone, but more than that, the two best ends are settled.
@@ -181,8 +180,7 @@ def follow(advanced: Begun, hopeless: float = np.inf) -> Ends:
     found = dataclasses.replace(found, evaluations=found.evaluations + advanced.ends.evaluations)
     if found.objective[found.best] > hopeless:
         return Ends(found, _judged(trail, found, 0))
-    blurred = not trail.by_likelihood and found.objective[found.best] < search.observed.expected_objective
-    return Ends(found, _judged(trail, found, STEPS_IF_BLURRED if blurred else FEW_STEPS))
+    return Ends(found, _judged(trail, found, FEW_STEPS))
 
 
 def pursue(scouted: Scouted) -> Ends:
