@@ -234,7 +234,7 @@ def until_right(scouted: Scouted) -> Scouted:
 
 
 def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:
-    """Polish on all points; `thorough` sends ants out as well where the starts do not lead down to the noise.
+    """Polish on all points; `thorough` searches the starts through, and sends ants out, where they do not lead down to the noise.
 
     Without `polished`, the solution on the thinned grid is taken as it is.
     """
@@ -243,7 +243,7 @@ def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -
     # Both problems of the likelihood have the same unknowns. Near the noise a few points may not tell which of two ends is the right one.
     unsure = not scouted.right and scouted.objective < UNSURE_FACTOR * surely_right(trail.likelihood)
     final = polish(full, ends.likely.distinct(2 if unsure else 1), iterations=150 if polished else 0, damping=WARM)
-    if polished and scouted.right and final.objective[final.best] > good_enough(full):
+    if thorough and scouted.right and final.objective[final.best] > good_enough(full):
         # What looked right on a few points is not on all.
         ends = search_through(scouted)
         final = final.joined(polish(full, ends.likely.distinct(2), damping=WARM))
