@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.scouts import Scouts, improved, nearest
 from motoremi.fitting.fit import told, trail_to, trail_without
-from motoremi.fitting.looks import FEW_POINTS, Scouted, Trail, pursue, search_through, settle
+from motoremi.fitting.looks import FEW_POINTS, Scouted, pursue, search_through, settle
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
@@ -225,12 +225,7 @@ def possible_rivals(fit: Fit, effect: str) -> list[str]:
 
 def near_noise(fit: Fit) -> bool:
     """Whether a fit leaves more than noise, but little: what is missing beside it is then sought by the likelihood."""
-    return not is_good(fit) and fit.objective < NEAR_NOISE * good_enough(fit.problem)
-
-
-def trail_beside(before: Fit, effect: str, near: Mapping[str, float] | None = None) -> Trail:
-    """Where to begin to look for one more effect."""
-    return trail_to(before, effect, near=near, points=FEW_POINTS, by_likelihood=near_noise(before))
+    return bool(fit.objective < NEAR_NOISE * good_enough(fit.problem)) and not is_good(fit)
 
 
 def glances(
@@ -253,7 +248,9 @@ def glances(
     progress : callable, optional
     """
     names = possible_effects(before) if replacing is None else possible_rivals(before, replacing)
-    with Scouts({name: trail_beside(before, name, near) for name in names}) as scouts:
+    likely = near_noise(before)
+    trails = {name: trail_to(before, name, near=near, points=FEW_POINTS, by_likelihood=likely) for name in names}
+    with Scouts(trails) as scouts:
         first = scouts.begun(progress=progress)
         found = scouts.followed(first, most)
         if replacing is not None:

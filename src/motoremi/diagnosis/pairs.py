@@ -18,11 +18,10 @@ from motoremi.diagnosis.evidence import (
     possible_effects,
     possible_rivals,
     refitted,
-    trail_beside,
 )
 from motoremi.diagnosis.scouts import Scouts, improved, nearest
 from motoremi.fitting.fit import trail_to
-from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, pursue, search_through
+from motoremi.fitting.looks import FEW_POINTS, Begun, Scouted, Trail, pursue, search_through
 from motoremi.fitting.search import surely_right
 
 # A first effect and a second one.
@@ -30,11 +29,8 @@ Pair: TypeAlias = tuple[str, str]
 # From how many of the best single effects a second one is looked for at once, and from how many in the end.
 FIRSTS = 3
 MORE_FIRSTS = 5
-# Where these do not do, beside how many of the best second effects one of how many first ones is, and how many of those that recur in the
-# nearest pairs are tried beside each other.
-COLUMNS = 2
-FIRSTS_OF_COLUMNS = 14
-RECURRING = 8
+# Where these do not do, how many of those that recur in the nearest pairs are tried beside each other.
+RECURRING = 6
 # Of those that begin together, how many are followed. In 115 blind pairs of other seeds the right one was never behind the third of a row,
 # nor behind the eighth of those begun from a pair that is near.
 FOLLOWED = 3
@@ -111,6 +107,7 @@ class _Search:
     def __init__(self, singles: Sequence[Candidate], progress: Progress | None) -> None:
         self._singles = {single.effect: single for single in singles}
         self._firsts = list(self._singles)
+        self._near_noise = {single.effect: near_noise(single.fit) for single in singles}
         self._progress = progress
         self._begun: dict[Pair, Begun] = {}
         self._followed: set[Pair] = set()
@@ -120,7 +117,7 @@ class _Search:
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
         exchanges = self._exchanges
-        for stage in (self._rows, exchanges, self._more_rows, exchanges, self._columns, self._recombined, exchanges, self._thoroughly):
+        for stage in (self._rows, exchanges, self._more_rows, exchanges, self._recombined, exchanges, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
@@ -139,12 +136,6 @@ class _Search:
     def _more_rows(self) -> tuple[Candidate, list[Candidate]] | None:
         """Where several single effects draw the same curve, the right one may come later."""
         self._look([pair for first in self._firsts[FIRSTS:MORE_FIRSTS] for pair in self._row(first)])
-        return self._right()
-
-    def _columns(self) -> tuple[Candidate, list[Candidate]] | None:
-        """What helps as a second effect, whatever the first, beside more first ones: it may be one of the two though it says little alone."""
-        helping = dict.fromkeys(second for _, second in nearest(self._looks))
-        self._look([(first, second) for second in list(helping)[:COLUMNS] for first in self._firsts[:FIRSTS_OF_COLUMNS] if first != second])
         return self._right()
 
     def _recombined(self) -> tuple[Candidate, list[Candidate]] | None:
@@ -200,14 +191,17 @@ class _Search:
     def _look(self, pairs: Sequence[Pair], most: int = FOLLOWED, near: Mapping[str, float] | None = None) -> None:
         """Look at pairs; what is begun by the likelihood is not compared with what is not."""
         for is_near in (True, False):
-            if these := [pair for pair in pairs if near_noise(self._singles[pair[0]].fit) == is_near]:
-                self._look_at(these, most, near)
+            if these := [pair for pair in pairs if self._near_noise[pair[0]] == is_near]:
+                self._look_at(these, is_near, most, near)
 
-    def _look_at(self, pairs: Sequence[Pair], most: int, near: Mapping[str, float] | None) -> None:
+    def _trail(self, pair: Pair, likely: bool, near: Mapping[str, float] | None) -> Trail:
+        return trail_to(self._singles[pair[0]].fit, pair[1], near=near, points=FEW_POINTS, by_likelihood=likely)
+
+    def _look_at(self, pairs: Sequence[Pair], likely: bool, most: int, near: Mapping[str, float] | None) -> None:
         """Begin what has not been begun (anew where a pair is `near`), follow those that begin best, and pursue the nearest."""
         pairs = pairs if near else [pair for pair in pairs if pair not in self._followed]
         old = {} if near else {pair: self._begun[pair] for pair in pairs if pair in self._begun}
-        trails = {pair: old[pair].trail if pair in old else trail_beside(self._singles[pair[0]].fit, pair[1], near) for pair in pairs}
+        trails = {pair: old[pair].trail if pair in old else self._trail(pair, likely, near) for pair in pairs}
         with Scouts(trails) as scouts:
             found = scouts.begun([pair for pair in pairs if pair not in old], self._progress)
             looks = scouts.followed({**old, **found}, most)

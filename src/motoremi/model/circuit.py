@@ -117,14 +117,16 @@ class Parallel(Node):
         return self.members
 
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        if len(parts) == 2:  # a division takes as long as five products
+            inverse = 1 / (parts[0] + parts[1])
+            shares = [parts[1] * inverse, parts[0] * inverse]
+            return parts[0] * shares[0], shares
         admittances = [1 / part for part in parts]
-        total = admittances[0]
-        for admittance in admittances[1:]:
-            total = total + admittance
-        return 1 / total, admittances
+        impedance = 1 / sum(admittances[1:], start=admittances[0])
+        return impedance, [impedance * admittance for admittance in admittances]
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
-        return [(impedance * admittance) ** 2 for admittance in kept], ()
+        return [share**2 for share in kept], ()  # of the current
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
         return Parallel(children)
