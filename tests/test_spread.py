@@ -15,7 +15,7 @@ import pytest
 import motoremi as me
 from motoremi import spread as module
 from motoremi.blind.cases import draw
-from motoremi.spread import core_to_spare, spread
+from motoremi.spread import Team, core_to_spare, spread
 
 needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks on Linux only")
 
@@ -31,23 +31,56 @@ def slow_square(value: int) -> tuple[int, int]:
     return value**2, os.getpid()
 
 
+def slow_power(known: int, given: int) -> tuple[int, int]:
+    time.sleep(0.02)
+    return known**given, os.getpid()
+
+
+def gone(seconds: float = 5.0) -> bool:
+    """Whether no helper is left; one whose work is done may take a moment to go."""
+    until = time.monotonic() + seconds
+    while multiprocessing.active_children() and time.monotonic() < until:
+        time.sleep(0.01)
+    return not multiprocessing.active_children()
+
+
 @needs_fork
 def test_results_come_in_order_from_two_processes() -> None:
-    begun: list[int] = []
-    results = spread(slow_square, range(12), begun.append)
+    results = spread(slow_square, range(12))
     assert [value for value, _ in results] == [value**2 for value in range(12)]
     assert len({process for _, process in results}) == 2
-    own = [index for index, (_, process) in enumerate(results) if process == os.getpid()]
-    assert begun == own
-    assert not multiprocessing.active_children()
+    assert gone()
 
 
 @needs_fork
-def test_the_longest_jobs_begin_first_and_results_keep_their_order() -> None:
+def test_one_helper_stays_for_several_rounds_on_some_of_what_is_known() -> None:
     begun: list[int] = []
-    results = spread(slow_square, range(12), begun.append, cost=float)
-    assert [value for value, _ in results] == [value**2 for value in range(12)]
-    assert begun == sorted(begun, reverse=True)
+    with Team(range(12)) as team:
+        first = team.each(slow_power, dict.fromkeys((7, 3, 11, 2, 5, 9), 2), begun.append)
+        helpers = {process for _, process in first.values()} - {os.getpid()}
+        second = team.each(slow_power, {3: 3, 4: 1, 5: 0, 6: 2})
+        assert {process for _, process in second.values()} == {os.getpid(), *helpers}
+        alone = team.each(slow_power, {8: 2})
+    assert len(helpers) == 1
+    assert {place: value for place, (value, _) in first.items()} == {place: place**2 for place in (7, 3, 11, 2, 5, 9)}
+    assert {place: value for place, (value, _) in second.items()} == {3: 27, 4: 4, 5: 1, 6: 36}
+    assert alone == {8: (64, os.getpid())}
+    # Told of what it begins itself, in the order given.
+    own = [place for place, (_, process) in first.items() if process == os.getpid()]
+    assert begun == sorted(own, key=(7, 3, 11, 2, 5, 9).index)
+    assert gone()
+
+
+@needs_fork
+def test_a_helper_killed_between_rounds_is_missed_by_nobody() -> None:
+    with Team(range(6)) as team:
+        team.each(slow_power, dict.fromkeys(range(6), 1))
+        (helper,) = multiprocessing.active_children()
+        helper.kill()
+        helper.join()
+        for _ in range(2):
+            assert {place: value for place, (value, _) in team.each(slow_power, dict.fromkeys(range(6), 2)).items()} == {p: p**2 for p in range(6)}
+    assert gone()
 
 
 @needs_fork
@@ -66,7 +99,7 @@ def test_a_helper_that_fails_loses_nothing(way: str) -> None:
         return -value
 
     assert spread(work, range(8)) == [-value for value in range(8)]
-    assert not multiprocessing.active_children()
+    assert gone()
 
 
 def test_an_error_of_the_work_is_raised() -> None:
@@ -77,7 +110,7 @@ def test_an_error_of_the_work_is_raised() -> None:
 
     with pytest.raises(ZeroDivisionError, match="three"):
         spread(work, range(6))
-    assert not multiprocessing.active_children()
+    assert gone()
 
 
 @needs_fork
@@ -94,7 +127,7 @@ def test_an_interrupt_ends_the_helper_too() -> None:
     with pytest.raises(KeyboardInterrupt):
         spread(work, range(4))
     assert time.monotonic() - started < 10
-    assert not multiprocessing.active_children()
+    assert gone()
 
 
 @needs_fork

@@ -41,8 +41,9 @@ PURSUED = 2
 PURSUED_AT_LAST = 4
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
-# Better partners for the two of the nearest pair are sought again where they leave so much less.
+# Better partners for the two of the nearest pair are sought again where they leave so much less, but no more than so many times.
 NEARER = 0.3
+MOST_EXCHANGES = 2
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 6
 # Where nothing is right, so many of the nearest are searched through.
@@ -114,6 +115,7 @@ class _Search:
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
         self._exchange_below = NEAR_FACTOR
+        self._exchanged = 0
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
         exchanges = self._exchanges
@@ -148,8 +150,9 @@ class _Search:
         """Look for a better partner of each of two effects that are near, from where the two of them led."""
         while True:
             pair = nearest(self._looks)[0]
-            if _factor(self._looks[pair]) > self._exchange_below:
+            if _factor(self._looks[pair]) > self._exchange_below or self._exchanged == MOST_EXCHANGES:
                 return None
+            self._exchanged += 1
             self._exchange_below = NEARER * _factor(self._looks[pair])
             near = self._looks[pair].values()
             self._look([*self._instead(pair[0], pair[1]), *self._instead(pair[1], pair[0])], FOLLOWED_IF_NEAR, near)

@@ -27,16 +27,16 @@ STEPS_OF_ALL = 1
 FIRST_STEPS = 3
 MOST_KEPT = 12
 # Further steps for so many of the better ones, then for the best few.
-FURTHER_STEPS = 14
+FURTHER_STEPS = 10
 FURTHER_LEADERS = 6
-MORE_STEPS = 12
+MORE_STEPS = 5
 MOST_LEADERS = 9
 # A search may stop once it leaves so much less than the model before.
 MUCH_BETTER = 0.02
 # Steps by the likelihood straight after the first: in 87 trials of true effects 86 % needed no more.
 DIRECT_STEPS = 12
 # Steps by the likelihood otherwise.
-FEW_STEPS = 6
+FEW_STEPS = 8
 # Steps for all start values where they are searched through.
 THOROUGH_STEPS = 7
 # Of what leaves less than so many times the chi-squared of noise alone, but more than that, the two best ends are settled.
