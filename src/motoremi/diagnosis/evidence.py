@@ -261,7 +261,10 @@ def glances(
             rivals = (*order[:PURSUED], *(name for name in order[PURSUED:] if _alike(name, order[0])))
             scouts.improve(found, (name for name in rivals if found[name].objective <= HOPELESS_FACTOR * best.objective), pursue)
         else:
-            scouts.improve(found, order[:PURSUED_IN_THE_DARK], pursue)
+            # What the search found nearest may need more steps by the likelihood than it has had.
+            by_search = sorted(found, key=lambda name: found[name].searched)
+            alternating = dict.fromkeys(name for both in zip(order, by_search, strict=True) for name in both)
+            scouts.improve(found, list(alternating)[:PURSUED_IN_THE_DARK], pursue)
     return found
 
 

@@ -148,6 +148,11 @@ class Scouted:
         """Minus twice the log likelihood of the best end, on the thinned grid."""
         return float(self.ends.likely.objective[self.ends.likely.best])
 
+    @property
+    def searched(self) -> float:
+        """Sum of squares that the search left, on the thinned grid."""
+        return float(self.ends.found.objective[self.ends.found.best])
+
     def values(self) -> dict[str, float]:
         """Parameters of the best end in SI units."""
         return self.trail.likelihood.named(self.ends.likely.u[self.ends.likely.best])
