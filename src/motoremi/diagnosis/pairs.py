@@ -37,8 +37,8 @@ FOLLOWED = 4
 FOLLOWED_IF_NEAR = 8
 # How many of those followed are pursued if they are near.
 PURSUED = 2
-# Of all looks, so many are pursued in the end, near or not.
-PURSUED_AT_LAST = 4
+# Of all looks, so many are pursued whether near or not.
+NEAREST = 4
 # Pairs that leave less than so many times the chi-squared of noise alone are near: one of the two may have a rival that is right.
 NEAR_FACTOR = 100.0
 # Better partners for the two of the nearest pair are sought again where they leave so much less, but no more than so many times.
@@ -46,8 +46,8 @@ NEARER = 0.3
 MOST_EXCHANGES = 2
 # How many rivals for the second place beside a first effect are looked at once a pair is right.
 RIVALS = 6
-# Where nothing is right, so many of the nearest are searched through.
-THOROUGH = 2
+# Where nothing is right, so many of the nearest are searched through, and looked at from the other side.
+THOROUGH = 1
 # Rivals for each place of a pair that are tried together: two effects may look like two others, neither of which fits beside one of them.
 CROSSED = 3
 # How often a pair that is right on a thinned grid is tried on all points.
@@ -95,7 +95,7 @@ def crossed(
                 trail = trail_to(singles[first].fit, second, near=pair, points=FEW_POINTS)
                 trails[first, second] = dataclasses.replace(trail, starts=[{**pair, **own}], group=1)
     with Scouts(trails) as scouts:
-        looks = scouts.followed(scouts.begun())
+        looks = scouts.followed(scouts.begun(), FOLLOWED)
         scouts.improve(looks, nearest(looks)[:PURSUED], pursue)
     return looks
 
@@ -114,12 +114,13 @@ class _Search:
         self._followed: set[Pair] = set()
         self._looks: dict[Pair, Scouted] = {}
         self._judged: set[Pair] = set()
+        self._ends: dict[Pair, float] = {}
         self._exchange_below = NEAR_FACTOR
         self._exchanged = 0
 
     def result(self) -> tuple[Candidate, list[Candidate]]:
-        exchanges = self._exchanges
-        for stage in (self._rows, exchanges, self._more_rows, exchanges, self._recombined, exchanges, self._thoroughly):
+        near, wide = (self._pursued, self._exchanges), (self._more_rows, self._exchanges, self._recombined)
+        for stage in (self._rows, *near, *wide, *near, self._thoroughly):
             found = stage()
             if found is not None:
                 return found
@@ -163,16 +164,20 @@ class _Search:
                 return right
 
     def _thoroughly(self) -> tuple[Candidate, list[Candidate]] | None:
-        """The nearest pairs from the other side, then pursued and searched through."""
+        """The nearest pairs from the other side, then searched through."""
         ahead = nearest(self._looks)[:THOROUGH]
         self._look([(second, first) for first, second in ahead if second in self._singles and (second, first) not in self._followed])
         if (found := self._right()) is not None:
             return found
-        for most, how in ((PURSUED_AT_LAST, pursue), (THOROUGH, search_through)):
-            improved(self._looks, nearest(self._looks)[:most], how)
-            if (found := self._right()) is not None:
-                return found
-        return None
+        improved(self._looks, nearest(self._looks)[:THOROUGH], search_through)
+        return self._right()
+
+    def _pursued(self) -> tuple[Candidate, list[Candidate]] | None:
+        """The nearest of all, near or not, to their end."""
+        ahead = [pair for pair in nearest(self._looks)[:NEAREST] if self._looks[pair].objective != self._ends.get(pair)]
+        improved(self._looks, ahead, pursue)
+        self._ends |= {pair: self._looks[pair].objective for pair in ahead}
+        return self._right()
 
     def _others(self, first: str, without: Pair) -> dict[str, Scouted]:
         return {pair[1]: look for pair, look in self._looks.items() if pair[0] == first and pair[1] not in without}
