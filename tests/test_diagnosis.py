@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import motoremi as me
+from motoremi.blind.cases import draw
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.compare import Tolerance
-from motoremi.diagnosis.evidence import at_bound, effective_share, possible_effects
+from motoremi.diagnosis.evidence import at_bound, effective_share, has_shape, possible_effects
 from motoremi.errors import BadInput
 from motoremi.simulate.effects import DEMO_EFFECTS
 
@@ -60,6 +61,17 @@ def test_motor_that_hides_nothing_is_adequate(measure, seed):
     check_contract(diagnosis.to_dict())
     assert diagnosis.verdict == "adequate"
     assert diagnosis.effects == ()
+
+
+def test_a_slight_shape_that_nothing_describes_is_no_effect():
+    # One draw of noise in a hundred or so swings slowly enough to be seen.
+    fit = me.fit(me.dc_motor(), draw(61133490, 135).sweeps())
+    assert has_shape(fit)
+    diagnosis = me.diagnose(fit)
+    check_contract(diagnosis.to_dict())
+    assert diagnosis.verdict == "adequate"
+    assert 0.5 < diagnosis.confidence < 0.93
+    assert any("repeat the sweeps" in reason for reason in diagnosis.reasons)
 
 
 def test_two_hidden_effects_are_both_named(measure):

@@ -12,13 +12,14 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.evidence import Candidate, effective_share, glances, is_good, members, possible_effects, rank, refitted
+from motoremi.diagnosis.evidence import Candidate, effective_share, glances, has_shape, is_good, members, possible_effects, rank, refitted
 from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.pairs import RIVALS, crossed, rank_pairs
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.scouts import nearest
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.result import Fit
+from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
 
@@ -193,6 +194,8 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
         return _adequate(fit, candidates, probabilities, none, where)
     explanation = _explain(fit, candidates, progress)
     if not is_good(explanation.best):
+        if fit.objective < good_enough(fit.problem) and explanation.best.log_evidence - fit.log_evidence < LEAST_GAIN:
+            return _adequate(fit, candidates, probabilities, none, where)
         return _unexplained(fit, explanation, candidates, probabilities, where)
     return _named(fit, explanation, candidates, probabilities, where)
 
@@ -302,11 +305,13 @@ def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, fl
         f"the model describes the sweeps down to noise and analyser (chi2_reduced {fit.chi2_reduced:.3g}, error "
         f"{fit.rms_error_percent:.2g} %, floor {fit.floor_percent:.2g} %)"
     )
+    shaped = has_shape(fit)
+    slight = "what is left swings along frequency, slightly more than chance would have it, and no effect describes that: repeat the sweeps"
     return Diagnosis(
         verdict="adequate",
         effects=(),
         families=(),
-        confidence=(1 - DOUBT) * max(none, 0.5),
+        confidence=(1 - (DOUBT_OF_UNEXPLAINED if shaped else DOUBT)) * max(none, 0.5),
         base=fit,
         best=fit,
         candidates=tuple(candidates),
@@ -314,7 +319,7 @@ def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, fl
         steps=(fit,),
         where=where,
         following=next_measurement(fit, []),
-        reasons=(reason, "an effect too weak to be seen by this analyser over this band cannot be ruled out"),
+        reasons=(reason, *((slight,) if shaped else ()), "an effect too weak to be seen by this analyser over this band cannot be ruled out"),
     )
 
 
