@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import sys
 import threading
 import time
@@ -55,7 +56,7 @@ def test_results_come_in_order_from_two_processes() -> None:
 @needs_fork
 def test_one_helper_stays_for_several_rounds_on_some_of_what_is_known() -> None:
     begun: list[int] = []
-    with Team(range(12)) as team:
+    with Team({place: place for place in range(12)}) as team:
         first = team.each(slow_power, dict.fromkeys((7, 3, 11, 2, 5, 9), 2), begun.append)
         helpers = {process for _, process in first.values()} - {os.getpid()}
         second = team.each(slow_power, {3: 3, 4: 1, 5: 0, 6: 2})
@@ -73,13 +74,24 @@ def test_one_helper_stays_for_several_rounds_on_some_of_what_is_known() -> None:
 
 @needs_fork
 def test_a_helper_killed_between_rounds_is_missed_by_nobody() -> None:
-    with Team(range(6)) as team:
+    with Team({place: place for place in range(6)}) as team:
         team.each(slow_power, dict.fromkeys(range(6), 1))
         (helper,) = multiprocessing.active_children()
         helper.kill()
         helper.join()
         for _ in range(2):
             assert {place: value for place, (value, _) in team.each(slow_power, dict.fromkeys(range(6), 2)).items()} == {p: p**2 for p in range(6)}
+    assert gone()
+
+
+@needs_fork
+def test_a_helper_killed_before_it_heard_is_missed_by_nobody() -> None:
+    with Team({place: place for place in range(6)}) as team:
+        (helper,) = multiprocessing.active_children()
+        os.kill(helper.pid or 0, signal.SIGSTOP)
+        # What it has not read lies in its end of the line when that closes.
+        results = team.each(slow_power, dict.fromkeys(range(6), 2), lambda place: helper.kill() if place == 5 else None)
+    assert results == {place: (place**2, os.getpid()) for place in range(6)}
     assert gone()
 
 

@@ -13,13 +13,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.sharedctypes import Synchronized
 from types import TracebackType
 from typing import Generic, TypeVar
 
+Name = TypeVar("Name", bound=Hashable)
 Known = TypeVar("Known")
 Given = TypeVar("Given")
 Result = TypeVar("Result")
@@ -27,9 +28,9 @@ Result = TypeVar("Result")
 
 def spread(work: Callable[[Known], Result], jobs: Sequence[Known]) -> list[Result]:
     """The results of `work` for all jobs, in their order; only results need be plain data."""
-    with Team([(work, job) for job in jobs]) as team:
+    with Team({place: (work, job) for place, job in enumerate(jobs)}) as team:
         results = team.each(_applied, dict.fromkeys(range(len(jobs))))
-    return [results[index] for index in range(len(jobs))]
+    return [results[place] for place in range(len(jobs))]
 
 
 def _applied(known: tuple[Callable[[Known], Result], Known], given: None) -> Result:
@@ -37,22 +38,22 @@ def _applied(known: tuple[Callable[[Known], Result], Known], given: None) -> Res
     return work(job)
 
 
-class Team(Generic[Known]):
+class Team(Generic[Name, Known]):
     """This process and a helper that knows the same things, for several rounds of work on them.
 
     A context manager: the helper lives from its beginning to its end.
 
     Parameters
     ----------
-    known : sequence
-        What there is to work on, of any kind.
+    known : mapping
+        What there is to work on, of any kind, by name.
     """
 
-    def __init__(self, known: Sequence[Known]) -> None:
+    def __init__(self, known: Mapping[Name, Known]) -> None:
         self._known = known
         self._helper: BaseProcess | None = None
 
-    def __enter__(self) -> Team[Known]:
+    def __enter__(self) -> Team[Name, Known]:
         if len(self._known) > 1 and core_to_spare():
             context = multiprocessing.get_context("fork")
             self._counter: Synchronized[int] = context.Value("i", 0)
@@ -70,32 +71,36 @@ class Team(Generic[Known]):
                 self._helper.join()
 
     def each(
-        self, work: Callable[[Known, Given], Result], given: Mapping[int, Given], begun: Callable[[int], None] | None = None
-    ) -> dict[int, Result]:
-        """The results of a round of work on some of what the team knows.
+        self, work: Callable[[Known, Given], Result], given: Mapping[Name, Given], begun: Callable[[Name], None] | None = None
+    ) -> dict[Name, Result]:
+        """The results of a round of work on some of what the team knows, in the order given.
 
         Parameters
         ----------
         work : callable
             Of something known and something given; a function of a module or a `partial` of one. It must not depend on what else was done.
         given : mapping
-            By the places of the known; plain data, as the results are. Work begins in this order.
+            Plain data, as names and results are. Work begins in this order.
         begun : callable, optional
-            Told the place of each job that this process begins.
+            Told the name of each job that this process begins.
         """
-        jobs = list(given.items())
-        if len(jobs) < 2 or not self._told((work, jobs)):
-            return {index: _begun(work, self._known, begun, index, own) for index, own in jobs}
+
+        def done(name: Name) -> Result:
+            if begun is not None:
+                begun(name)
+            return work(self._known[name], given[name])
+
+        names = list(given)
+        if len(names) < 2 or not self._told((work, list(given.items()))):
+            return {name: done(name) for name in names}
         results = {}
-        while (place := _next(self._counter)) < len(jobs):
-            index, own = jobs[place]
-            results[index] = _begun(work, self._known, begun, index, own)
+        while (place := _next(self._counter)) < len(names):
+            results[names[place]] = done(names[place])
         try:
             results |= self._line.recv()
-        except EOFError:  # what a helper that failed left undone is done here, and fails here if it must
+        except (EOFError, ConnectionError):  # what a helper that failed left undone is done here, and fails here if it must
             self._helper = None
-            results |= {index: work(self._known[index], own) for index, own in jobs if index not in results}
-        return results
+        return {name: results[name] if name in results else done(name) for name in names}
 
     def _told(self, round_of_work: object) -> bool:
         """Whether the helper knows what is to be done."""
@@ -104,7 +109,7 @@ class Team(Generic[Known]):
         self._counter.value = 0
         try:
             self._line.send(round_of_work)
-        except BrokenPipeError:
+        except ConnectionError:
             self._helper = None
         return self._helper is not None
 
@@ -119,17 +124,11 @@ class Team(Generic[Known]):
                 work, jobs = line.recv()
                 done = {}
                 while (place := _next(self._counter)) < len(jobs):
-                    index, own = jobs[place]
-                    done[index] = work(self._known[index], own)
+                    name, own = jobs[place]
+                    done[name] = work(self._known[name], own)
                 line.send(done)
         except Exception:  # told by the line's end
             line.close()
-
-
-def _begun(work: Callable[[Known, Given], Result], known: Sequence[Known], begun: Callable[[int], None] | None, index: int, own: Given) -> Result:
-    if begun is not None:
-        begun(index)
-    return work(known[index], own)
 
 
 def core_to_spare() -> bool:

@@ -306,7 +306,10 @@ def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, fl
         f"{fit.rms_error_percent:.2g} %, floor {fit.floor_percent:.2g} %)"
     )
     shaped = has_shape(fit)
-    slight = "what is left swings along frequency, slightly more than chance would have it, and no effect describes that: repeat the sweeps"
+    reasons = [reason]
+    if shaped:
+        reasons.append("what is left swings along frequency slightly more than by chance, and no effect describes that: repeat the sweeps")
+    reasons.append("an effect too weak to be seen by this analyser over this band cannot be ruled out")
     return Diagnosis(
         verdict="adequate",
         effects=(),
@@ -319,7 +322,7 @@ def _adequate(fit: Fit, candidates: list[Candidate], probabilities: dict[str, fl
         steps=(fit,),
         where=where,
         following=next_measurement(fit, []),
-        reasons=(reason, *((slight,) if shaped else ()), "an effect too weak to be seen by this analyser over this band cannot be ruled out"),
+        reasons=tuple(reasons),
     )
 
 

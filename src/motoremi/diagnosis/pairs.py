@@ -31,8 +31,8 @@ FIRSTS = 3
 MORE_FIRSTS = 5
 # Where these do not do, how many of those that recur in the nearest pairs are tried beside each other.
 RECURRING = 6
-# Of those that begin together, how many are followed. In 115 blind pairs of other seeds the right one was never behind the fourth of a row,
-# nor behind the eighth of those begun from a pair that is near.
+# Of those that begin together, how many are followed: one more than it took. In 115 blind pairs of other seeds the right one was never behind
+# the third of a row, nor behind the seventh of those begun from a pair that is near.
 FOLLOWED = 4
 FOLLOWED_IF_NEAR = 8
 # How many of those followed are pursued if they are near.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from functools import partial
 from types import TracebackType
@@ -37,8 +38,7 @@ class Scouts(Generic[Name]):
 
     def __init__(self, trails: Mapping[Name, Trail]) -> None:
         self._trails = trails
-        self._place = {name: place for place, name in enumerate(trails)}
-        self._team = Team(list(trails.values()))
+        self._team = Team(trails)
 
     def __enter__(self) -> Scouts[Name]:
         self._team.__enter__()
@@ -50,36 +50,30 @@ class Scouts(Generic[Name]):
     def begun(self, names: Iterable[Name] | None = None, progress: Progress | None = None) -> dict[Name, Begun]:
         """The first steps of some trails, of all by default."""
         chosen = list(self._trails if names is None else names)
-        effects = {self._place[name]: self._trails[name].task.motor.effects for name in chosen}
-        told = 0
+        told = itertools.count()
 
-        def tell(place: int) -> None:
-            nonlocal told
+        def tell(name: Name) -> None:
             if progress is not None:
-                progress(" + ".join(effects[place]), told, len(chosen))
-            told += 1
+                progress(" + ".join(self._trails[name].task.motor.effects), next(told), len(chosen))
 
         # The longest first, so that neither process waits long for the other.
         order = sorted(chosen, key=lambda name: -len(self._trails[name].starts))
-        ends = self._team.each(_begin, {self._place[name]: None for name in order}, tell)
-        return {name: Begun(self._trails[name], ends[self._place[name]]) for name in chosen}
+        ends = self._team.each(_begin, dict.fromkeys(order), tell)
+        return {name: Begun(self._trails[name], ends[name]) for name in chosen}
 
     def followed(self, these: Mapping[Name, Begun], most: int | None = None) -> dict[Name, Scouted]:
         """What was begun, followed: of the nearest, those `most` that are nearest after some more steps; not to the end what falls far behind."""
         hopeless = HOPELESS_START * min((one.objective for one in these.values()), default=np.inf)
         ahead = nearest(these)[: None if most is None else most + AHEAD]
-        steps = self._team.each(_advance, {self._place[name]: these[name].ends for name in ahead})
-        further = {name: Begun(self._trails[name], steps[self._place[name]]) for name in ahead}
-        chosen = nearest(further)[:most]
-        found = self._team.each(partial(_follow, hopeless=hopeless), {self._place[name]: further[name].ends for name in chosen})
-        return {name: Scouted(self._trails[name], found[self._place[name]]) for name in chosen}
+        steps = self._team.each(_advance, {name: these[name].ends for name in ahead})
+        further = {name: Begun(self._trails[name], ends) for name, ends in steps.items()}
+        found = self._team.each(partial(_follow, hopeless=hopeless), {name: further[name].ends for name in nearest(further)[:most]})
+        return {name: Scouted(self._trails[name], ends) for name, ends in found.items()}
 
     def improve(self, looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[Scouted], Ends]) -> None:
         """Take some looks further that are not right yet: `pursue` them or `search_through`."""
-        left = [name for name in names if not looks[name].right]
-        found = self._team.each(partial(_improve, how=how), {self._place[name]: looks[name].ends for name in left})
-        for name in left:
-            looks[name] = Scouted(self._trails[name], found[self._place[name]])
+        left = {name: looks[name].ends for name in names if not looks[name].right}
+        looks |= {name: Scouted(self._trails[name], ends) for name, ends in self._team.each(partial(_improve, how=how), left).items()}
 
 
 def improved(looks: dict[Name, Scouted], names: Iterable[Name], how: Callable[[Scouted], Ends]) -> None:
