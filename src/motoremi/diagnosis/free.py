@@ -9,7 +9,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.diagnosis.evidence import is_good
 from motoremi.diagnosis.parts import with_element
-from motoremi.fitting.looks import Trail, glance, until_right
+from motoremi.fitting.looks import Trail, until_right
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit, summarise
@@ -81,7 +81,7 @@ def _resonating(fit: Fit, element: str) -> dict[str, float]:
     tried = [(0.002, f, 10.0) for f in np.geomspace(frequency.min(), frequency.max(), 24)]
     tried += [(0.04, f, q) for f in np.geomspace(frequency.min(), frequency.max(), 6) for q in (0.5, 10.0)]
     starts = [{**base, "free strength": b, "free resonance": f, "free quality": q} for b, f, q in tried for base in bases]
-    found = until_right(glance(Trail(Task(motor, fit.measurement, fit.bounds, fit.held), starts, len(bases))))
+    found = until_right(Trail(Task(motor, fit.measurement, fit.bounds, fit.held), starts, len(bases)))
     return found.values()
 
 

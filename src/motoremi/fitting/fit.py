@@ -11,9 +11,10 @@ import numpy as np
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
-from motoremi.fitting.looks import POINTS, Scouted, Trail, glance, settle, until_right
+from motoremi.fitting.looks import POINTS, Scouted, Trail, settle, until_right
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
+from motoremi.fitting.readings import read_starts
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import Found, Task, search_base
@@ -141,6 +142,8 @@ def trail_to(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
+    if read := read_starts(before.measurement).get(added.effect.name):
+        tried.append(dict(read))
     if near:
         bases = [{**own, **near}, own]
     else:
@@ -153,9 +156,12 @@ def trail_to(
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
-    """Elements and an effect's start values together; a start may ask for an element to be scaled, or something to be taken off it."""
-    changed = {name: max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value) for name, value in base.items()}
-    return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("*", "-"))}}
+    """Elements and an effect's start values together; a start may set an element, scale it, or take something off it."""
+    changed = {
+        name: start.get(f"={name}", max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value))
+        for name, value in base.items()
+    }
+    return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("=", "*", "-"))}}
 
 
 def refit_with(
@@ -166,7 +172,7 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
-    return settled(until_right(glance(trail_to(before, effect, held, limits))), before, thorough)
+    return settled(until_right(trail_to(before, effect, held, limits)), before, thorough)
 
 
 def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
@@ -181,7 +187,7 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
     if not trail.task.motor.effects:
         started = time.perf_counter()
         return dataclasses.replace(_by_ants(trail.task, before.seed), elapsed_s=time.perf_counter() - started)
-    return settled(until_right(glance(trail)), before, thorough)
+    return settled(until_right(trail), before, thorough)
 
 
 def trail_without(before: Fit, gone: str) -> Trail:

@@ -33,8 +33,11 @@ MORE_STEPS = 5
 MOST_LEADERS = 9
 # A search may stop once it leaves so much less than the model before.
 MUCH_BETTER = 0.02
-# Steps by the likelihood straight after the first: in 87 trials of true effects 86 % needed no more.
-DIRECT_STEPS = 12
+# Steps by the likelihood straight after the first, and more of them below so many times the chi-squared of noise: of 174 trials of true
+# effects 150 got to the noise so; of the others 15 were above that, of these 150 one.
+TRIED_STEPS = 4
+PROMISING = 1000.0
+DIRECT_STEPS = 8
 # Steps by the likelihood otherwise.
 FEW_STEPS = 8
 # Steps for all start values where they are searched through.
@@ -225,17 +228,35 @@ def search_through(scouted: Scouted) -> Ends:
 def glance(trail: Trail) -> Scouted:
     """Begin and follow a trail; where the likelihood leads straight from the first steps to the noise, nothing needs following."""
     begun = Begun(trail, begin(trail))
-    likely = _judged(trail, begun.ends, DIRECT_STEPS)
-    u = moved(likely.u, trail.likelihood, trail.search)
-    found = Polished(u, trail.search.objective(u), likely.converged, begun.ends.evaluations)
-    direct = Scouted(trail, Ends(found, likely))
+    direct = _direct(begun)
     return direct if direct.right else Scouted(trail, follow(Begun(trail, advance(begun))))
 
 
-def until_right(scouted: Scouted) -> Scouted:
-    """As far as it takes: to the end of the trail, or through all starts again."""
-    pursued = Scouted(scouted.trail, pursue(scouted))
-    return pursued if pursued.right else Scouted(scouted.trail, search_through(pursued))
+def until_right(trail: Trail) -> Scouted:
+    """As far as it takes: straight by the likelihood, by the search to its end, or through all starts again."""
+    begun = Begun(trail, begin(trail))
+    look = _direct(begun)
+    if not look.right:
+        ahead = advance(begun)
+        ends = _ends_at(trail.search, ahead.distinct(3), ahead.evaluations)
+        look = Scouted(trail, pursue(Scouted(trail, Ends(ends, look.ends.likely))))
+    return look if look.right else Scouted(trail, search_through(look))
+
+
+def _direct(begun: Begun) -> Scouted:
+    """The likelihood straight from the first steps, for as long as it looks as if it leads to the noise."""
+    trail = begun.trail
+    likelihood = trail.likelihood
+    right = surely_right(likelihood)
+    likely = _judged(trail, begun.ends, TRIED_STEPS)
+    if 0.9 * right < likely.objective[likely.best] < PROMISING * right:
+        likely = polish(likelihood, likely.u, iterations=DIRECT_STEPS, precision=CLOSE, enough=0.9 * right, damping=WARM)
+    return Scouted(trail, Ends(_ends_at(trail.search, moved(likely.u, likelihood, trail.search), begun.ends.evaluations), likely))
+
+
+def _ends_at(search: Problem, u: FloatArray, evaluations: int) -> Polished:
+    """Solutions as ends of the search."""
+    return Polished(u, search.objective(u), np.zeros(len(u), dtype=np.bool_), evaluations)
 
 
 def settle(scouted: Scouted, seed: int, thorough: bool, polished: bool = True) -> Found:

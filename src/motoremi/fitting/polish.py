@@ -2,7 +2,9 @@
 
 Every member of the batch has its own damping; members that have converged leave the batch. Unknowns at a bound that the gradient
 pushes outwards are held for that step. Steps follow the curve of the valley by a geodesic correction (Transtrum and Sethna 2012),
-which costs one evaluation and saves many where effects and elements trade off along a bent ridge.
+which costs one evaluation and saves many where effects and elements trade off along a bent ridge. A step that leads up a narrow valley's
+side all the same is not given up at once: if the slopes there promise to lead down below where it began, a second step follows them
+(a watchdog of one step, Chamberlain et al. 1982).
 """
 
 from __future__ import annotations
@@ -14,12 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray
-from motoremi.fitting.problem import Problem
+from motoremi.fitting.problem import Linearised, Problem
 
 # A solution has converged when an undamped step promises no more than so many times what a small step may gain.
 UNDAMPED = 30.0
 # In error bars: what is left to go once a solution is sharpened.
 SHARP = 1e-6
+# A step back to the floor of a valley is damped at least so much: it should not lead along the valley.
+BACK_DAMPING = 1e-5
 
 
 class Precision(NamedTuple):
@@ -121,22 +125,18 @@ def polish(
     for to_come in range(iterations - 1, -1, -1):
         if not live.size or (here.objective < enough).any():
             break
-        held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
-        right = np.where(held, 0.0, here.gradient)
-        spread: FloatArray = _diagonal(here.matrix)
-        system = _free_part(here.matrix, held)
-        _diagonal(system)[...] = np.where(held, 1.0, spread * (1 + damped[:, None]) + 1e-12)
-        newton: FloatArray = np.asarray(-np.linalg.solve(system, right[..., None])[..., 0], dtype=np.float64)
-        step = _limited(newton)
+        newton = _newton(problem, u, here, damped)
+        step, right = newton.step, newton.right
         if bending and bent.any():
-            bend = np.where(held, 0.0, problem.curvature_pull(here, u, step))
-            turn = -0.5 * np.linalg.solve(system, bend[..., None])[..., 0]
+            bend = np.where(newton.held, 0.0, problem.curvature_pull(here, u, step))
+            turn = -0.5 * np.linalg.solve(newton.system, bend[..., None])[..., 0]
+            spread = _diagonal(here.matrix)
             gentle = np.einsum("ij,ij->i", turn**2, spread) < 0.16 * np.einsum("ij,ij->i", step**2, spread)
             corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
             step = _limited(corrected)
             evaluations += live.size
         trial = problem.clip(u + step)
-        expected = -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
+        expected = _expected(here, right, step)
         evaluations += live.size
         if not to_come:  # nobody will ask for slopes there
             reached = problem.objective(trial)
@@ -144,6 +144,8 @@ def polish(
             u, here.objective = np.where(better[:, None], trial, u), np.where(better, reached, here.objective)
             break
         new = problem.linearised(trial)
+        if bending:
+            evaluations += _led_back(problem, trial, new, here.objective, damped)
         gained = here.objective - new.objective
         better = gained >= 0
         bent |= gained < 0.7 * expected
@@ -152,7 +154,7 @@ def polish(
         free = (damped < 1e-2) | (damped > 1e8)
         still = free & ((np.abs(expected) < small) | (better & (gained < 0.1 * small)))
         if still.any():
-            still[still] = (_decrement(here.matrix[still], right[still], held[still]) < UNDAMPED * small[still]) | (damped[still] > 1e8)
+            still[still] = (_decrement(here.matrix[still], right[still], newton.held[still]) < UNDAMPED * small[still]) | (damped[still] > 1e8)
         u = np.where(better[:, None], trial, u)
         # Copy those that are fewer.
         if 2 * np.count_nonzero(better) < live.size:
@@ -171,6 +173,44 @@ def polish(
             live, u, here, damped, bent = live[stay], u[stay], here.subset(stay), damped[stay], bent[stay]
     ends.u[live], ends.objective[live] = u, here.objective
     return dataclasses.replace(ends, evaluations=evaluations)
+
+
+class _Newton(NamedTuple):
+    """A damped Gauss-Newton step for a batch, with what it was solved from."""
+
+    step: FloatArray
+    right: FloatArray
+    held: BoolArray
+    system: FloatArray
+
+
+def _newton(problem: Problem, u: FloatArray, here: Linearised, damped: FloatArray) -> _Newton:
+    held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
+    right = np.where(held, 0.0, here.gradient)
+    system = _free_part(here.matrix, held)
+    _diagonal(system)[...] = np.where(held, 1.0, _diagonal(here.matrix) * (1 + damped[:, None]) + 1e-12)
+    return _Newton(_limited(np.asarray(-np.linalg.solve(system, right[..., None])[..., 0])), right, held, system)
+
+
+def _expected(here: Linearised, right: FloatArray, step: FloatArray) -> FloatArray:
+    """What a step gains by the linear model, shape (batch,)."""
+    gain: FloatArray = -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
+    return gain
+
+
+def _led_back(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
+    """Lead trials that went uphill on by a second step, in place, where its slopes promise less than `before`; how many there were."""
+    uphill = np.flatnonzero(new.objective > before)
+    if not uphill.size:
+        return 0
+    there = new.subset(uphill)
+    back = _newton(problem, trial[uphill], there, np.maximum(damped[uphill], BACK_DAMPING))
+    hopeful = there.objective - _expected(there, back.right, back.step) < before[uphill]
+    chosen = uphill[hopeful]
+    if chosen.size:
+        trial[chosen] = problem.clip(trial[chosen] + back.step[hopeful])
+        new.take(chosen, problem.linearised(trial[chosen]))
+    return int(chosen.size)
 
 
 def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[FloatArray, int]:

@@ -81,6 +81,11 @@ class Linearised:
         for name in _MEMBERS:
             getattr(self, name)[index] = getattr(other, name)[index]
 
+    def take(self, index: np.ndarray, other: Linearised) -> None:
+        """Take all members of another batch to these places."""
+        for name in _MEMBERS:
+            getattr(self, name)[index] = getattr(other, name)
+
 
 _MEMBERS = tuple(field.name for field in dataclasses.fields(Linearised))
 

@@ -1,9 +1,8 @@
 """Start values that the data give away.
 
-The short-circuit sweep is b0 + b1 s over 1 + a1 s + a2 s^2, which becomes linear least squares once multiplied by the denominator
-(Levy), reweighted with its last value (Sanathanan and Koerner 1963). The frame's share of the open-circuit sweep is weaker than its
-noise over much of the band, where that way is biased; but with its resonance and damping given it is linear in 1/(Cr + Cf) and 1/Cf,
-so those two are scanned and the rest solved for.
+The short-circuit sweep is b0 + b1 s over 1 + a1 s + a2 s^2, a rational fit. The frame's share of the open-circuit sweep is weaker than
+its noise over much of the band, where that way is biased; but with its resonance and damping given it is linear in 1/(Cr + Cf) and
+1/Cf, so those two are scanned and the rest solved for.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import informative_points
+from motoremi.fitting.rational import rational_fit
 
-MOST_POINTS = 200
 FRAME_POINTS = 80
 # Around the band: a resonance further away than this shows only by its slope.
 BEYOND_BAND = (0.3, 10.0)
@@ -35,50 +34,42 @@ LEAST_SHARE = 0.01
 @lru_cache(maxsize=8)
 def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], ...]:
     """Sets of start values in SI units, the likeliest first; possibly none, never complete nonsense."""
-    sweeps = {sweep.termination: (sweep.frequency_hz, sweep.mean_ohm) for sweep in measurement.sweeps}
-    if "short" not in sweeps:
-        return ()
-    frequency, short = sweeps["short"]
-    # A rational fit of four coefficients gains nothing from more points than this.
-    step = max(1, frequency.size // MOST_POINTS)
-    winding = _winding(frequency[::step], short[::step])
+    winding = _winding(measurement)
     if not winding:
         return ()
-    if "open" not in sweeps:
+    apart = open_and_winding(measurement)
+    if apart is None:
         return (winding,)
-    at, seen = sweeps["open"]
-    if at.size == frequency.size and np.allclose(at, frequency):
-        through = short
-    else:
-        s = 2j * np.pi * at
-        branch = winding["Ra"] + s * winding["La"]
-        through = branch / (1 + s * winding["Ca"] * branch)
+    at, seen, through = apart
     chosen = informative_points(at, seen, FRAME_POINTS)
     return tuple({**winding, **frame} for frame in _frames(at[chosen], seen[chosen], through[chosen]))
 
 
-def _winding(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> dict[str, float]:
+def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray, ComplexArray] | None:
+    """Frequency in Hz, and in ohms the open-circuit sweep and the winding's share of it; None where it is not known."""
+    sweeps = {sweep.termination: (sweep.frequency_hz, sweep.mean_ohm) for sweep in measurement.sweeps}
+    winding = _winding(measurement)
+    if not winding or "open" not in sweeps:
+        return None
+    frequency, short = sweeps["short"]
+    at, seen = sweeps["open"]
+    if at.size == frequency.size and np.allclose(at, frequency):
+        return at, seen, short
+    s = 2j * np.pi * at
+    branch = winding["Ra"] + s * winding["La"]
+    return at, seen, branch / (1 + s * winding["Ca"] * branch)
+
+
+@lru_cache(maxsize=8)
+def _winding(measurement: Measurement) -> Mapping[str, float]:
     """Ra, La, Ca from (b0 + b1 s)/(1 + a1 s + a2 s^2)."""
-    middle = 2 * np.pi * float(np.sqrt(frequency_hz[0] * frequency_hz[-1]))
-    s: ComplexArray = (2j * np.pi / middle) * frequency_hz.astype(np.complex128)
-    regressors = np.array([np.ones_like(s), s, -impedance_ohm * s, -impedance_ohm * s**2]).T
-    solution, denominator = np.zeros(4), np.ones_like(s)
-    for _ in range(8):
-        scale = 1 / np.abs(impedance_ohm * denominator)
-        left, right = regressors * scale[:, None], impedance_ohm * scale
-        system = np.concatenate([left.real, left.imag])
-        norms = np.linalg.norm(system, axis=0)
-        found = np.linalg.lstsq(system / norms, np.concatenate([right.real, right.imag]), rcond=None)[0] / norms
-        if not np.all(np.isfinite(found)):
-            break
-        solution = found
-        denominator = 1 + solution[2] * s + solution[3] * s**2
-        denominator = np.where(np.abs(denominator) < 1e-9, 1e-9, denominator)
-    b0, b1, _, a2 = solution
-    if b1 <= 0 or a2 <= 0:
-        return {}
-    inductance = float(b1 / middle)
-    return {"Ra": max(float(b0), 1e-3), "La": inductance, "Ca": float(a2 / b1 / middle)}
+    for sweep in measurement.sweeps:
+        if sweep.termination == "short":
+            found = rational_fit(sweep.frequency_hz, sweep.mean_ohm, 1 / np.abs(sweep.mean_ohm), (1, 2))
+            (b0, b1), a2 = found.numerator, found.denominator[2]
+            if b1 > 0 and a2 > 0:
+                return {"Ra": max(float(b0), 1e-3), "La": float(b1 / found.middle), "Ca": float(a2 / b1 / found.middle)}
+    return {}
 
 
 @dataclass(frozen=True)

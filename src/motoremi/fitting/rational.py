@@ -1,0 +1,67 @@
+"""Quotients of polynomials through measured values.
+
+Multiplied by its denominator, a rational fit is linear least squares (Levy 1959), reweighted with its last value (Sanathanan and
+Koerner 1963).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+
+MOST_POINTS = 200
+ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class Rational:
+    """Numerator over denominator, in powers of s over `middle`.
+
+    Parameters
+    ----------
+    middle : float
+        Angular frequency in rad/s.
+    lowest : float
+        Where the values begin, over `middle`.
+    numerator, denominator : ndarray
+        Coefficients of rising powers; the denominator begins with 1.
+    """
+
+    middle: float
+    lowest: float
+    numerator: FloatArray
+    denominator: FloatArray
+
+
+def rational_fit(frequency_hz: FloatArray, value: ComplexArray, weight: FloatArray, degrees: tuple[int, int]) -> Rational:
+    """The quotient of these degrees that comes near the values.
+
+    Parameters
+    ----------
+    frequency_hz, value, weight : ndarray, shape (n,)
+        Weight is one over the error of a value, up to a factor.
+    degrees : tuple of int
+        Of numerator and denominator.
+    """
+    step = max(1, frequency_hz.size // MOST_POINTS)
+    frequency, value, weight = frequency_hz[::step], value[::step], weight[::step]
+    middle = 2 * np.pi * float(np.sqrt(frequency[0] * frequency[-1]))
+    top, bottom = (((2j * np.pi / middle) * frequency.astype(np.complex128))[:, None] ** np.arange(degree + 1) for degree in degrees)
+    regressors = np.concatenate([top, -value[:, None] * bottom[:, 1:]], axis=1)
+    solution, denominator = np.zeros(regressors.shape[1]), np.ones_like(value)
+    for _ in range(ROUNDS):
+        scale = weight / np.abs(denominator)
+        left, right = regressors * scale[:, None], value * scale
+        system = np.concatenate([left.real, left.imag])
+        norms = np.linalg.norm(system, axis=0)
+        found = np.linalg.lstsq(system / norms, np.concatenate([right.real, right.imag]), rcond=None)[0] / norms
+        if not np.all(np.isfinite(found)):
+            break
+        solution = found
+        denominator = 1 + bottom[:, 1:] @ solution[top.shape[1] :]
+        denominator = np.where(np.abs(denominator) < 1e-9, 1e-9, denominator)
+    lowest = 2 * np.pi * float(frequency[0]) / middle
+    return Rational(middle, lowest, solution[: top.shape[1]], np.concatenate([[1.0], solution[top.shape[1] :]]))
