@@ -36,8 +36,10 @@ def _rationals(measurement: Measurement) -> dict[str, Rational]:
     if "short" not in sweeps:
         return {}
     frequency, short = sweeps["short"].frequency_hz, sweeps["short"].mean_ohm
-    winding = rational_fit(frequency, short, 1 / np.abs(short), (3, 4))
-    found = {"second-resonance": winding, "field-coupling": winding}
+    weight = 1 / np.abs(short)
+    resonating = rational_fit(frequency, short, weight, (3, 4))
+    relaxing = rational_fit(frequency, short, weight, (2, 3))
+    found = {"second-resonance": resonating, "field-coupling": resonating, "permeability-relaxation": relaxing}
     if (apart := open_and_winding(measurement)) is not None:
         at, seen, through = apart
         omega = 2 * np.pi * at
@@ -67,21 +69,33 @@ def _second_cell(short: Rational) -> dict[str, float]:
 
 
 def _coupled_winding(short: Rational) -> dict[str, float]:
-    """Ca beside Ra + s La (1 - k^2 s^2 / (s^2 + s w/Q + w^2)), from the continued fraction."""
-    shunt, rest = np.polydiv(short.denominator[::-1], short.numerator[::-1])
-    a2, a1, a0 = _last(rest, 3)
-    inner, _ = np.polydiv(short.numerator[::-1], rest)
-    b0, b1 = short.numerator[:2]
-    inductance = b1 / a0 - b0 * a1 / a0**2
+    """Ra + s La (1 - k^2 s^2 / (s^2 + s w/Q + w^2)) beside Ca."""
+    elements, missing, (a2, a1, a0) = _beside_ca(short)
     resonance = np.sqrt(a0 / a2)
     return {
-        "=Ra": float(b0 / a0),
-        "=La": float(inductance / short.middle),
-        "=Ca": float(shunt[0] / short.middle),
-        "coupling": float(np.sqrt(1 - inner[0] / inductance)),
+        **elements,
+        "coupling": float(np.sqrt(missing)),
         "resonance_hz": float(resonance * short.middle / (2 * np.pi)),
         "quality": float(resonance * a2 / a1),
     }
+
+
+def _relaxing_core(short: Rational) -> dict[str, float]:
+    """Ra + s La (1 - k s / (s + w)) beside Ca."""
+    elements, missing, (a1, a0) = _beside_ca(short)
+    return {**elements, "share": float(missing), "corner_hz": float(a0 / a1 * short.middle / (2 * np.pi))}
+
+
+def _beside_ca(short: Rational) -> tuple[dict[str, float], float, np.ndarray]:
+    """From the continued fraction: elements, the share of La that is missing at high frequencies, and what the branch beside Ca has below."""
+    numerator = short.numerator[::-1]
+    shunt, rest = np.polydiv(short.denominator[::-1], numerator)
+    below = _last(rest, numerator.size - 1)
+    branch, _ = np.polydiv(numerator, below)
+    (b0, b1), (a1, a0) = short.numerator[:2], below[-2:]
+    inductance = b1 / a0 - b0 * a1 / a0**2
+    elements = {"=Ra": float(b0 / a0), "=La": float(inductance / short.middle), "=Ca": float(shunt[0] / short.middle)}
+    return elements, float(1 - branch[0] / inductance), below
 
 
 def _film(frame: Rational) -> dict[str, float]:
@@ -117,5 +131,6 @@ def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
 READERS: Mapping[str, Callable[[Rational], dict[str, float]]] = {
     "second-resonance": _second_cell,
     "field-coupling": _coupled_winding,
+    "permeability-relaxation": _relaxing_core,
     "bearing-film": _film,
 }

@@ -204,7 +204,7 @@ EFFECTS = (
         source="uniform line; physics notes A.1 effect 12; Mirafzal et al. 2009",
         change=_distributed,
         # Without the effect, what is spread across the winding was taken for a part of Ca.
-        starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.95), (0.1, 0.7), (0.2, 0.5), (0.3, 0.3))),
+        starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))),
     ),
     Effect(
         name="field-coupling",
