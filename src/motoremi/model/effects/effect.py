@@ -46,7 +46,7 @@ class Effect:
         Adds the effect to a motor.
     starts : tuple of mapping
         Start values worth trying, by short name; `*La` multiplies the element La that the search starts from,
-        `-Ca` is taken off Ca, most of it at most.
+        `-Ca` is taken off Ca, most of it at most. `fitting.readings` adds what the sweeps themselves give away.
     repeatable : bool
         Whether a motor may have several.
     kin : str

@@ -1,0 +1,97 @@
+"""Start values read off the sweeps: true elements within the noise's reach, for circuits written out here; nothing where nothing can be read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import motoremi as me
+from motoremi.data.measurement import Measurement
+from motoremi.fitting.readings import read_starts
+
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
+S = 2j * np.pi * FREQUENCY_HZ
+RA, LA, CA, RR, LR, CR, CF = 20.0, 12.1e-6, 22e-12, 39.8, 1.6e-6, 424e-12, 210e-12
+# One part in a thousand of noise, averaged over 400 points, and the bias of the linearised fit.
+NOISE, NEAR = 1e-3, 0.1
+
+
+def beside(*parts: np.ndarray) -> np.ndarray:
+    return 1 / sum(1 / part for part in parts)
+
+
+def frame(film: np.ndarray | float = 0.0) -> np.ndarray:
+    return beside(RR + S * LR + 1 / (S * CR) + film, 1 / (S * CF))
+
+
+def measured(winding: np.ndarray, rotor: np.ndarray, terminations: tuple[str, ...] = ("short", "open")) -> Measurement:
+    rng = np.random.default_rng(5)
+    true = {"short": winding, "open": winding + rotor}
+    return Measurement.of([
+        me.ImpedanceSweep(t, FREQUENCY_HZ, true[t] * (1 + NOISE * (rng.normal(size=401) + 1j * rng.normal(size=401))))
+        for t in terminations for _ in range(3)
+    ])  # fmt: skip
+
+
+def winding(inside: np.ndarray) -> np.ndarray:
+    return beside(RA + inside, 1 / (S * CA))
+
+
+def coupled(k: float, resonance_hz: float, quality: float) -> np.ndarray:
+    """A mesh of its own: the other winding of 3 mH, closed by a capacitance and a resistance in series."""
+    inductance = 3e-3
+    w = 2 * np.pi * resonance_hz
+    mesh = S * inductance + w * inductance / quality + w**2 * inductance / S
+    return S * LA - (S * k * np.sqrt(LA * inductance)) ** 2 / mesh
+
+
+def relaxing(share: float, corner_hz: float) -> np.ndarray:
+    """(1 - k) La in series with k La beside a resistance."""
+    return S * LA * (1 - share) + beside(S * LA * share, np.full_like(S, 2 * np.pi * corner_hz * LA * share))
+
+
+def test_a_second_cell_is_read_off_the_short_sweep():
+    cell = beside(S * 4e-7, 1 / (S * 3e-10), np.full_like(S, 500.0))
+    found = read_starts(measured(winding(S * LA) + cell, frame()))["second-resonance"]
+    truth = {"=Ra": RA, "=La": LA, "=Ca": CA, "inductance_h": 4e-7, "resistance_ohm": 500.0}
+    assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
+    assert found["resonance_hz"] == pytest.approx(1 / (2 * np.pi * np.sqrt(4e-7 * 3e-10)), rel=NEAR)
+
+
+def test_a_coupled_winding_is_read_off_the_short_sweep():
+    found = read_starts(measured(winding(coupled(0.25, 3e6, 8.0)), frame()))["field-coupling"]
+    assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "coupling": 0.25, "resonance_hz": 3e6, "quality": 8.0}, rel=NEAR)
+
+
+def test_a_relaxing_core_is_read_off_the_short_sweep():
+    found = read_starts(measured(winding(relaxing(0.4, 3e6)), frame()))["permeability-relaxation"]
+    assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "share": 0.4, "corner_hz": 3e6}, rel=NEAR)
+
+
+def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
+    film = beside(np.full_like(S, 2e3), 1 / (S * 1.5e-10))
+    found = read_starts(measured(winding(S * LA), frame(film)))["bearing-film"]
+    assert (found["=Cf"], found["=Lr"]) == pytest.approx((CF, LR), rel=NEAR)
+    # Of these the noise of the low end, where the frame is far above the winding, leaves more.
+    assert (found["=Cr"], found["resistance_ohm"], found["capacitance_f"]) == pytest.approx((CR, 2e3, 1.5e-10), rel=4 * NEAR)
+
+
+def test_a_film_slower_than_the_band_still_gives_a_start():
+    film = beside(np.full_like(S, 3e4), 1 / (S * 1.8e-10))  # 29 kHz
+    found = read_starts(measured(winding(S * LA), frame(film)))["bearing-film"]
+    assert found["=Cf"] == pytest.approx(CF, rel=NEAR)
+    in_series = 1 / (1 / found["=Cr"] + 1 / found["capacitance_f"])
+    assert in_series == pytest.approx(1 / (1 / CR + 1 / 1.8e-10), rel=2 * NEAR)
+
+
+def test_one_sweep_gives_what_it_shows():
+    everything = winding(relaxing(0.4, 3e6)), frame()
+    assert "bearing-film" not in read_starts(measured(*everything, ("short",)))
+    assert "permeability-relaxation" in read_starts(measured(*everything, ("short",)))
+    assert read_starts(measured(*everything, ("open",))) == {}
+
+
+def test_what_is_read_where_nothing_hides_can_be_started_from():
+    """All values are of the right sign, whatever the noise looked like."""
+    for start in read_starts(measured(winding(S * LA), frame())).values():
+        assert all(np.isfinite(value) and value > 0 for value in start.values())
