@@ -23,8 +23,10 @@ needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks on Linux 
 
 @pytest.fixture(autouse=True)
 def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever this machine has."""
+    """Whatever this machine has, and whatever threads other tests left in this process (Dask keeps its own for good)."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    left = set(threading.enumerate()) - {threading.main_thread()}
+    monkeypatch.setattr(threading, "active_count", lambda: len(set(threading.enumerate()) - left))
 
 
 def slow_square(value: int) -> tuple[int, int]:
