@@ -74,6 +74,13 @@ def test_a_slight_shape_that_nothing_describes_is_no_effect():
     assert any("repeat the sweeps" in reason for reason in diagnosis.reasons)
 
 
+def test_what_passes_for_right_on_few_points_is_sought_again():
+    # Two valleys side by side, 58 units of chi-squared apart on the thinned grid: both may be right there, one is on all points.
+    diagnosis = me.diagnose(me.fit(me.dc_motor(), draw(85083618, 283).sweeps()))
+    assert diagnosis.effects == ("eddy-laminations",)
+    assert diagnosis.best.chi2_reduced < 1.05
+
+
 def test_two_hidden_effects_are_both_named(measure):
     sweeps, _ = measure(2, ("eddy-laminations", "insulation-leakage@Cf"))
     diagnosis = me.diagnose(me.fit(me.dc_motor(), sweeps))

@@ -288,7 +288,17 @@ def rank(before: Fit, progress: Progress | None = None) -> list[Candidate]:
     if best.right:
         rivals = (name for name in order[:SEARCHED] if looks[name].objective < SEARCHED_FACTOR * best.objective)
         improved(looks, rivals, search_through)
-    return refitted(before, looks)
+    ranked = refitted(before, looks)
+    first = ranked[0]
+    if first.look.right and not is_good(first.fit):
+        # On few points it passed for right what lies in the valley beside.
+        beside = refitted(before, {first.effect: Scouted(first.look.trail, search_through(first.look))})[0]
+        ranked = sorted((max(first, beside, key=_evidence), *ranked[1:]), key=_evidence, reverse=True)
+    return ranked
+
+
+def _evidence(candidate: Candidate) -> float:
+    return candidate.log_evidence
 
 
 def members(pair: Fit, one: str, other: str) -> tuple[Candidate, Candidate]:
@@ -308,7 +318,7 @@ def refitted(before: Fit, looks: Mapping[str, Scouted]) -> list[Candidate]:
     found = spread(lambda look: settle(look, before.seed, thorough=False, polished=look.objective <= limit), [looks[name] for name in order])
     fits = [told(looks[name].trail.task, end, before) for name, end in zip(order, found, strict=True)]
     ranked = [_candidate(name, fit, looks[name]) for name, fit in zip(order, fits, strict=True)]
-    return sorted(ranked, key=lambda candidate: -candidate.log_evidence)
+    return sorted(ranked, key=_evidence, reverse=True)
 
 
 def _candidate(effect: str, fit: Fit, look: Scouted) -> Candidate:

@@ -191,15 +191,17 @@ def follow(advanced: Begun, hopeless: float = np.inf) -> Ends:
     return Ends(found, _judged(trail, found, FEW_STEPS))
 
 
-def pursue(scouted: Scouted) -> Ends:
-    """What was followed, to its end."""
+def pursue(scouted: Scouted, tried: bool = True) -> Ends:
+    """What was followed, to its end; where the likelihood was `tried` from what is good enough for the search, that was not good enough."""
     if scouted.right:
         return scouted.ends
     trail = scouted.trail
     if trail.by_likelihood:
         found = scouted.ends.likely
     else:
-        found = polish(trail.search, scouted.ends.found.u, iterations=40, precision=ROUGH, enough=trail.enough(trail.search))
+        wanted = trail.enough(trail.search)
+        stop = -np.inf if tried and scouted.searched < wanted else wanted
+        found = polish(trail.search, scouted.ends.found.u, iterations=40, precision=ROUGH, enough=stop)
     likelihood = trail.likelihood
     enough, before = 0.9 * surely_right(likelihood), scouted.objective
     likely = _judged(trail, found, PURSUED_STEPS)
@@ -239,7 +241,8 @@ def until_right(trail: Trail) -> Scouted:
     if not look.right:
         ahead = advance(begun)
         ends = _ends_at(trail.search, ahead.distinct(3), ahead.evaluations)
-        look = Scouted(trail, pursue(Scouted(trail, Ends(ends, look.ends.likely))))
+        tried = begun.objective < trail.enough(trail.search)
+        look = Scouted(trail, pursue(Scouted(trail, Ends(ends, look.ends.likely)), tried))
     return look if look.right else Scouted(trail, search_through(look))
 
 

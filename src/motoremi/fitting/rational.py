@@ -57,6 +57,8 @@ def rational_fit(frequency_hz: FloatArray, value: ComplexArray, weight: FloatArr
         left, right = regressors * scale[:, None], value * scale
         system = np.concatenate([left.real, left.imag])
         norms = np.linalg.norm(system, axis=0)
+        if not (np.isfinite(norms).all() and norms.all()):
+            break
         found = np.linalg.lstsq(system / norms, np.concatenate([right.real, right.imag]), rcond=None)[0] / norms
         if not np.all(np.isfinite(found)):
             break
