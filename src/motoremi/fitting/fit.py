@@ -14,7 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.looks import POINTS, Scouted, Trail, settle, until_right
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.problem import Problem, checked_bounds
-from motoremi.fitting.readings import read_starts
+from motoremi.fitting.readings import read_start
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import Found, Task, search_base
@@ -142,7 +142,7 @@ def trail_to(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
-    if read := read_starts(before.measurement).get(added.effect.name):
+    if read := read_start(before.measurement, added.effect.name):
         tried.append(dict(read))
     if near:
         bases = [{**own, **near}, own]

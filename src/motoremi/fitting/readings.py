@@ -19,6 +19,11 @@ from motoremi.fitting.starts import open_and_winding
 LEAST_SHARE = 0.01
 
 
+def read_start(measurement: Measurement, effect: str) -> Mapping[str, float]:
+    """Start values of one effect by its name, empty where there is nothing to read; most effects need no rational fit."""
+    return read_starts(measurement).get(effect, {}) if effect in READERS else {}
+
+
 @lru_cache(maxsize=8)
 def read_starts(measurement: Measurement) -> Mapping[str, Mapping[str, float]]:
     """Start values by effect, those of elements as `=La`; only of effects that these data allow for."""
