@@ -7,7 +7,7 @@ import pytest
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.fitting.readings import read_starts
+from motoremi.fitting.readings import READERS, read_start
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
 S = 2j * np.pi * FREQUENCY_HZ
@@ -52,25 +52,25 @@ def relaxing(share: float, corner_hz: float) -> np.ndarray:
 
 def test_a_second_cell_is_read_off_the_short_sweep():
     cell = beside(S * 4e-7, 1 / (S * 3e-10), np.full_like(S, 500.0))
-    found = read_starts(measured(winding(S * LA) + cell, frame()))["second-resonance"]
+    found = read_start(measured(winding(S * LA) + cell, frame()), "second-resonance")
     truth = {"=Ra": RA, "=La": LA, "=Ca": CA, "inductance_h": 4e-7, "resistance_ohm": 500.0}
     assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
     assert found["resonance_hz"] == pytest.approx(1 / (2 * np.pi * np.sqrt(4e-7 * 3e-10)), rel=NEAR)
 
 
 def test_a_coupled_winding_is_read_off_the_short_sweep():
-    found = read_starts(measured(winding(coupled(0.25, 3e6, 8.0)), frame()))["field-coupling"]
+    found = read_start(measured(winding(coupled(0.25, 3e6, 8.0)), frame()), "field-coupling")
     assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "coupling": 0.25, "resonance_hz": 3e6, "quality": 8.0}, rel=NEAR)
 
 
 def test_a_relaxing_core_is_read_off_the_short_sweep():
-    found = read_starts(measured(winding(relaxing(0.4, 3e6)), frame()))["permeability-relaxation"]
+    found = read_start(measured(winding(relaxing(0.4, 3e6)), frame()), "permeability-relaxation")
     assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "share": 0.4, "corner_hz": 3e6}, rel=NEAR)
 
 
 def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
     film = beside(np.full_like(S, 2e3), 1 / (S * 1.5e-10))
-    found = read_starts(measured(winding(S * LA), frame(film)))["bearing-film"]
+    found = read_start(measured(winding(S * LA), frame(film)), "bearing-film")
     assert (found["=Cf"], found["=Lr"]) == pytest.approx((CF, LR), rel=NEAR)
     # Of these the noise of the low end, where the frame is far above the winding, leaves more.
     assert (found["=Cr"], found["resistance_ohm"], found["capacitance_f"]) == pytest.approx((CR, 2e3, 1.5e-10), rel=4 * NEAR)
@@ -78,7 +78,7 @@ def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
 
 def test_a_film_slower_than_the_band_still_gives_a_start():
     film = beside(np.full_like(S, 3e4), 1 / (S * 1.8e-10))  # 29 kHz
-    found = read_starts(measured(winding(S * LA), frame(film)))["bearing-film"]
+    found = read_start(measured(winding(S * LA), frame(film)), "bearing-film")
     assert found["=Cf"] == pytest.approx(CF, rel=NEAR)
     in_series = 1 / (1 / found["=Cr"] + 1 / found["capacitance_f"])
     assert in_series == pytest.approx(1 / (1 / CR + 1 / 1.8e-10), rel=2 * NEAR)
@@ -86,19 +86,21 @@ def test_a_film_slower_than_the_band_still_gives_a_start():
 
 def test_one_sweep_gives_what_it_shows():
     everything = winding(relaxing(0.4, 3e6)), frame()
-    assert "bearing-film" not in read_starts(measured(*everything, ("short",)))
-    assert "permeability-relaxation" in read_starts(measured(*everything, ("short",)))
-    assert read_starts(measured(*everything, ("open",))) == {}
+    assert not read_start(measured(*everything, ("short",)), "bearing-film")
+    assert read_start(measured(*everything, ("short",)), "permeability-relaxation")
+    assert not any(read_start(measured(*everything, ("open",)), effect) for effect in READERS)
 
 
-def test_what_is_read_where_nothing_hides_can_be_started_from():
+@pytest.mark.parametrize("effect", READERS)
+def test_what_is_read_where_nothing_hides_can_be_started_from(effect):
     """All values are of the right sign, whatever the noise looked like."""
-    for start in read_starts(measured(winding(S * LA), frame())).values():
-        assert all(np.isfinite(value) and value > 0 for value in start.values())
+    start = read_start(measured(winding(S * LA), frame()), effect)
+    assert all(np.isfinite(value) and value > 0 for value in start.values())
 
 
+@pytest.mark.parametrize("effect", READERS)
 @pytest.mark.parametrize("impedance", [10 + S * 1e-5 + 1 / (S * 1e-10), 1 / (S * 1e-12), S * 1e-3, 0.05 + 0 * S])
-def test_what_is_no_motor_gives_no_trouble(impedance):
+def test_what_is_no_motor_gives_no_trouble(impedance, effect):
     """Without noise a quotient of lower degree is exact, and the columns of the linear system vanish."""
-    for start in read_starts(Measurement.of([me.ImpedanceSweep(t, FREQUENCY_HZ, impedance) for t in ("short", "open")])).values():
-        assert all(np.isfinite(value) and value > 0 for value in start.values())
+    start = read_start(Measurement.of([me.ImpedanceSweep(t, FREQUENCY_HZ, impedance) for t in ("short", "open")]), effect)
+    assert all(np.isfinite(value) and value > 0 for value in start.values())

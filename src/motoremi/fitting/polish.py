@@ -184,8 +184,14 @@ class _Newton(NamedTuple):
     system: FloatArray
 
 
+def _held(problem: Problem, u: FloatArray, here: Linearised) -> BoolArray:
+    """Unknowns at a bound that the gradient pushes outwards."""
+    held: BoolArray = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
+    return held
+
+
 def _newton(problem: Problem, u: FloatArray, here: Linearised, damped: FloatArray) -> _Newton:
-    held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
+    held = _held(problem, u, here)
     right = np.where(held, 0.0, here.gradient)
     system = _free_part(here.matrix, held)
     _diagonal(system)[...] = np.where(held, 1.0, _diagonal(here.matrix) * (1 + damped[:, None]) + 1e-12)
@@ -230,7 +236,7 @@ def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[Fl
         here = problem.linearised(u)
         if here.objective > objective * (1 + 1e-12):  # beyond rounding
             return best, evaluations
-        held = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
+        held = _held(problem, u, here)
         scale = np.sqrt(np.diag(here.matrix)) + 1e-150
         system = here.matrix / np.outer(scale, scale)
         system[held[:, None] | held[None, :]] = 0.0

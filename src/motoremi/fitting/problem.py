@@ -76,10 +76,8 @@ class Linearised:
 
     def put(self, index: np.ndarray, other: Linearised) -> None:
         """Take some members of another batch."""
-        if not index.any():
-            return
-        for name in _MEMBERS:
-            getattr(self, name)[index] = getattr(other, name)[index]
+        if index.any():
+            self.take(index, other.subset(index))
 
     def take(self, index: np.ndarray, other: Linearised) -> None:
         """Take all members of another batch to these places."""

@@ -13,43 +13,45 @@ import numpy as np
 
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.rational import Rational, rational_fit
-from motoremi.fitting.starts import open_and_winding
+from motoremi.fitting.starts import open_and_winding, short_rational
 
 # Where the rational fit finds a resistance below zero, such a share of the effect's own is tried.
 LEAST_SHARE = 0.01
 
 
+@lru_cache(maxsize=32)
 def read_start(measurement: Measurement, effect: str) -> Mapping[str, float]:
-    """Start values of one effect by its name, empty where there is nothing to read; most effects need no rational fit."""
-    return read_starts(measurement).get(effect, {}) if effect in READERS else {}
+    """Start values of an effect by its name, those of elements as `=La`; empty where these data allow for none, or none can be read."""
+    if effect not in READERS:
+        return {}
+    fitted, reader = READERS[effect]
+    rational = fitted(measurement)
+    if rational is None:
+        return {}
+    with np.errstate(all="ignore"):
+        start = reader(rational)
+    return start if all(np.isfinite(value) and value > 0 for value in start.values()) else {}
 
 
 @lru_cache(maxsize=8)
-def read_starts(measurement: Measurement) -> Mapping[str, Mapping[str, float]]:
-    """Start values by effect, those of elements as `=La`; only of effects that these data allow for."""
-    found = {}
-    with np.errstate(all="ignore"):
-        for effect, rational in _rationals(measurement).items():
-            start = READERS[effect](rational)
-            if all(np.isfinite(value) and value > 0 for value in start.values()):
-                found[effect] = start
-    return found
+def _resonating(measurement: Measurement) -> Rational | None:
+    """The short-circuit sweep of a winding with two resonances."""
+    return short_rational(measurement, (3, 4))
 
 
-def _rationals(measurement: Measurement) -> dict[str, Rational]:
-    sweeps = {sweep.termination: sweep for sweep in measurement.sweeps}
-    if "short" not in sweeps:
-        return {}
-    frequency, short = sweeps["short"].frequency_hz, sweeps["short"].mean_ohm
-    weight = 1 / np.abs(short)
-    resonating = rational_fit(frequency, short, weight, (3, 4))
-    relaxing = rational_fit(frequency, short, weight, (2, 3))
-    found = {"second-resonance": resonating, "field-coupling": resonating, "permeability-relaxation": relaxing}
-    if (apart := open_and_winding(measurement)) is not None:
-        at, seen, through = apart
-        omega = 2 * np.pi * at
-        found["bearing-film"] = rational_fit(at, 1j * omega * (seen - through), 1 / (omega * np.hypot(np.abs(seen), np.abs(through))), (3, 3))
-    return found
+def _relaxing(measurement: Measurement) -> Rational | None:
+    """That of a winding with a resonance and a corner."""
+    return short_rational(measurement, (2, 3))
+
+
+def _frame(measurement: Measurement) -> Rational | None:
+    """s times the difference of the sweeps."""
+    apart = open_and_winding(measurement)
+    if apart is None:
+        return None
+    at, seen, through = apart
+    omega = 2 * np.pi * at
+    return rational_fit(at, 1j * omega * (seen - through), 1 / (omega * np.hypot(np.abs(seen), np.abs(through))), (3, 3))
 
 
 def _second_cell(short: Rational) -> dict[str, float]:
@@ -133,9 +135,9 @@ def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
     return padded
 
 
-READERS: Mapping[str, Callable[[Rational], dict[str, float]]] = {
-    "second-resonance": _second_cell,
-    "field-coupling": _coupled_winding,
-    "permeability-relaxation": _relaxing_core,
-    "bearing-film": _film,
+READERS: Mapping[str, tuple[Callable[[Measurement], Rational | None], Callable[[Rational], dict[str, float]]]] = {
+    "second-resonance": (_resonating, _second_cell),
+    "field-coupling": (_resonating, _coupled_winding),
+    "permeability-relaxation": (_relaxing, _relaxing_core),
+    "bearing-film": (_frame, _film),
 }

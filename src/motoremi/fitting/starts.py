@@ -16,7 +16,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import informative_points
-from motoremi.fitting.rational import rational_fit
+from motoremi.fitting.rational import Rational, rational_fit
 
 FRAME_POINTS = 80
 # Around the band: a resonance further away than this shows only by its slope.
@@ -60,16 +60,24 @@ def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray
     return at, seen, branch / (1 + s * winding["Ca"] * branch)
 
 
+def short_rational(measurement: Measurement, degrees: tuple[int, int]) -> Rational | None:
+    """A rational fit of the short-circuit sweep; None without one."""
+    for sweep in measurement.sweeps:
+        if sweep.termination == "short":
+            return rational_fit(sweep.frequency_hz, sweep.mean_ohm, 1 / np.abs(sweep.mean_ohm), degrees)
+    return None
+
+
 @lru_cache(maxsize=8)
 def _winding(measurement: Measurement) -> Mapping[str, float]:
     """Ra, La, Ca from (b0 + b1 s)/(1 + a1 s + a2 s^2)."""
-    for sweep in measurement.sweeps:
-        if sweep.termination == "short":
-            found = rational_fit(sweep.frequency_hz, sweep.mean_ohm, 1 / np.abs(sweep.mean_ohm), (1, 2))
-            (b0, b1), a2 = found.numerator, found.denominator[2]
-            if b1 > 0 and a2 > 0:
-                return {"Ra": max(float(b0), 1e-3), "La": float(b1 / found.middle), "Ca": float(a2 / b1 / found.middle)}
-    return {}
+    found = short_rational(measurement, (1, 2))
+    if found is None:
+        return {}
+    (b0, b1), a2 = found.numerator, found.denominator[2]
+    if b1 <= 0 or a2 <= 0:
+        return {}
+    return {"Ra": max(float(b0), 1e-3), "La": float(b1 / found.middle), "Ca": float(a2 / b1 / found.middle)}
 
 
 @dataclass(frozen=True)
