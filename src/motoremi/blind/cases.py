@@ -10,6 +10,7 @@ import numpy as np
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
+from motoremi.fitting.result import Fit
 from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.model.motor import dc_motor
@@ -61,11 +62,12 @@ class Case:
 
     def detectable(self) -> bool:
         """Whether each hidden effect alone keeps the best refit of the seven elements above noise and specification."""
-        for name in self.hidden:
-            base = fit(dc_motor(), self.sweeps((name,)))
-            if base.objective < good_enough(base.problem):
-                return False
-        return True
+        return all(visible(fit(dc_motor(), self.sweeps((name,)))) for name in self.hidden)
+
+
+def visible(base: Fit) -> bool:
+    """Whether the data show that the seven elements alone are not enough, above noise and specification."""
+    return base.objective >= good_enough(base.problem)
 
 
 def catalogue_kinds() -> dict[str, list[str]]:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import JsonDict, Progress
+from motoremi.blind.calibration import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.cases import Case, draw_many
+from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, named_exactly, outcome
 from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.fitting.fit import fit
 from motoremi.model.motor import dc_motor
 
-BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
+# Stated confidence and hit rate of any kind of verdict may differ by this.
+CALIBRATION_GOAL = 0.05
 
 
 @dataclass(frozen=True)
@@ -51,35 +52,20 @@ def play(case: Case) -> Played:
         base = fit(dc_motor(), case.sweeps())
         started = time.perf_counter()
         found = diagnose(base)
-        seconds = time.perf_counter() - started
+        took = time.perf_counter() - started
     except Exception as error:  # a crash is an answer too, and the worst; the others go on
         return Played(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), detectable)
     floor = found.best.floor_percent
     answer = Answer(
         found.verdict, found.effects, found.families, found.confidence,
-        found.base.rms_error_percent / floor, found.best.rms_error_percent / floor, seconds,
+        found.base.rms_error_percent / floor, found.best.rms_error_percent / floor, took,
     )  # fmt: skip
     return Played(case, answer, detectable)
 
 
-def play_all(seed: int, count: int, jobs: int, progress: Callable[[str, int, int], None] | None = None) -> list[Played]:
+def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[Played]:
     """All cases of a seed, in order; the same whatever the number of jobs."""
-    cases = draw_many(seed, count)
-    if jobs <= 1:
-        return [play(case) for case in _told(cases, count, progress)]
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(play, case) for case in cases]
-        for done, _ in enumerate(as_completed(futures), start=1):
-            if progress is not None:
-                progress(f"case {done} of {count}", done, count)
-        return [future.result() for future in futures]
-
-
-def _told(cases: Iterable[Case], count: int, progress: Callable[[str, int, int], None] | None) -> Iterable[Case]:
-    for done, case in enumerate(cases):
-        if progress is not None:
-            progress(f"case {done + 1} of {count}", done, count)
-        yield case
+    return play_each(play, draw_many(seed, count), jobs, progress)
 
 
 def summary(played: Sequence[Played]) -> JsonDict:
@@ -89,7 +75,8 @@ def summary(played: Sequence[Played]) -> JsonDict:
     -------
     dict
         `goals`: each with `value`, `wanted`, `cases` and `reached` (None without a case); `by_kind`: outcomes of each hidden effect;
-        `confusion`: truth -> answer -> number; `reliability`: stated confidence against hit rate; `calibration_error`; `troubles`.
+        `confusion`: truth -> answer -> number; `reliability`: stated confidence against hit rate; `kinds_of_verdict`: the same for
+        each kind; `calibration_error`; `troubles`.
     """
     sorts: dict[str, list[Played]] = defaultdict(list)
     for one in played:
@@ -99,13 +86,14 @@ def summary(played: Sequence[Played]) -> JsonDict:
     named = [one for one in played if one.answer.effects]
     good = ("right", "family")
     goals = {
-        "false alarms, nothing hidden": _goal([one.outcome == "false alarm" for one in sorts["none"]], 0.01, at_most=True),
-        "one hidden: name, or family of at most three": _goal([one.outcome in good for one in known], 0.95),
-        "one hidden: exact name": _goal([named_exactly(one.case.hidden, one.answer) for one in known], 0.85),
-        "two hidden: both": _goal([one.outcome in good for one in pairs], 0.85),
-        "outside the catalogue: unexplained": _goal([one.outcome == "right" for one in sorts["outside"] if one.detectable], 0.90),
-        "error after at most 1.3 noise floors": _goal([one.answer.error_after_floors <= 1.3 for one in named], 0.95),
-        "expected calibration error": _calibration_goal(played),
+        "false alarms, nothing hidden": goal([one.outcome == "false alarm" for one in sorts["none"]], 0.01, at_most=True),
+        "one hidden: name, or family of at most three": goal([one.outcome in good for one in known], 0.95),
+        "one hidden: exact name": goal([named_exactly(one.case.hidden, one.answer) for one in known], 0.85),
+        "two hidden: both": goal([one.outcome in good for one in pairs], 0.85),
+        "outside the catalogue: unexplained": goal([one.outcome == "right" for one in sorts["outside"] if one.detectable], 0.90),
+        "error after at most 1.3 noise floors": goal([one.answer.error_after_floors <= 1.3 for one in named], 0.95),
+        "expected calibration error": goal_of(calibration_error(played), CALIBRATION_GOAL, len(played), at_most=True),
+        "calibration of the kind of verdict that is furthest off": worst_kind(played, CALIBRATION_GOAL),
     }
     by_kind: dict[str, Counter[str]] = defaultdict(Counter)
     confusion: dict[str, Counter[str]] = defaultdict(Counter)
@@ -121,8 +109,12 @@ def summary(played: Sequence[Played]) -> JsonDict:
         "by_kind": {kind: dict(counts) for kind, counts in sorted(by_kind.items())},
         "confusion": {kind: dict(counts) for kind, counts in sorted(confusion.items())},
         "reliability": reliability(played),
+        "kinds_of_verdict": by_kind_of_verdict(played),
         "calibration_error": goals["expected calibration error"]["value"],
-        "seconds": {**_seconds(played), "by_sort": {sort: _seconds(ones) for sort, ones in sorted(sorts.items())}},
+        "seconds": {
+            **seconds([one.answer for one in played]),
+            "by_sort": {sort: seconds([one.answer for one in ones]) for sort, ones in sorted(sorts.items())},
+        },
         "troubles": [
             {"index": one.case.index, "hidden": list(one.case.hidden), "trouble": one.answer.trouble} for one in played if one.answer.trouble
         ],
@@ -130,39 +122,9 @@ def summary(played: Sequence[Played]) -> JsonDict:
     }
 
 
-def _goal(results: Sequence[bool], wanted: float, at_most: bool = False) -> JsonDict:
-    value = float(np.mean(results)) if results else None
-    reached = None if value is None else value <= wanted if at_most else value >= wanted
-    return {"value": value, "wanted": wanted, "at_most": at_most, "cases": len(results), "reached": reached}
-
-
-def reliability(played: Sequence[Played]) -> list[JsonDict]:
-    """Stated confidence against hit rate, in bins."""
-    stated = np.array([one.answer.confidence for one in played])
-    hits = np.array([one.hit for one in played])
-    rows = []
-    for low, high in pairwise(BINS):
-        inside = (stated >= low) & ((stated < high) | (high == BINS[-1]))
-        if inside.any():
-            row = {
-                "low": low,
-                "high": high,
-                "cases": int(inside.sum()),
-                "stated": float(stated[inside].mean()),
-                "hit_rate": float(hits[inside].mean()),
-            }
-            rows.append(row)
-    return rows
-
-
-def _calibration_goal(played: Sequence[Played]) -> JsonDict:
-    rows = reliability(played)
-    error = sum(row["cases"] * abs(row["stated"] - row["hit_rate"]) for row in rows) / max(1, len(played))
-    return {"value": error, "wanted": 0.05, "at_most": True, "cases": len(played), "reached": error <= 0.05}
-
-
-def _seconds(played: Sequence[Played]) -> JsonDict:
-    finite = [one.answer.seconds for one in played if np.isfinite(one.answer.seconds)]
+def seconds(answers: Sequence[Answer]) -> JsonDict:
+    """How long diagnoses took: median, 90 %, largest."""
+    finite = [answer.seconds for answer in answers if np.isfinite(answer.seconds)]
     if not finite:
         return {"cases": 0, "median": None, "most": None, "largest": None}
     return {"cases": len(finite), "median": float(np.median(finite)), "most": float(np.quantile(finite, 0.9)), "largest": max(finite)}

@@ -10,7 +10,6 @@ import json
 import time
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
+from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, named_exactly, outcome
 from motoremi.data.plain import plain
 from motoremi.data.spectrum import Spectrum
@@ -176,20 +176,7 @@ def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None)
     """All cases of a seed, in order; the same whatever the number of jobs."""
     if count < 1:
         raise BadInput(f"{count} cases: ask for at least one")
-    cases = [draw(seed, index) for index in range(count)]
-    if jobs <= 1:
-        played = []
-        for case in cases:
-            if progress is not None:
-                progress(f"case {case.index + 1} of {count}", case.index, count)
-            played.append(play(case))
-        return played
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(play, case) for case in cases]
-        for done, _ in enumerate(as_completed(futures), start=1):
-            if progress is not None:
-                progress(f"case {done} of {count}", done, count)
-        return [future.result() for future in futures]
+    return play_each(play, [draw(seed, index) for index in range(count)], jobs, progress)
 
 
 def summary(played: Sequence[PlayedSpectrum]) -> JsonDict:

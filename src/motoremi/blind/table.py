@@ -15,12 +15,8 @@ OUTCOMES = ("right", "family", "wrong", "missed", "unexplained", "false alarm", 
 
 def markdown(result: JsonDict) -> str:
     """All tables of a scoreboard."""
-    lines = [f"# Blind test: {result['cases']} cases, seed {result['seed']}", "", "| goal | wanted | reached | cases | |", "|---|---|---|---|---|"]
-    for name, goal in result["goals"].items():
-        sign = "<=" if goal["at_most"] else ">="
-        value = "-" if goal["value"] is None else f"{100 * goal['value']:.1f} %"
-        state = "" if goal["reached"] is None else "yes" if goal["reached"] else "NO"
-        lines.append(f"| {name} | {sign} {100 * goal['wanted']:.0f} % | {value} | {goal['cases']} | {state} |")
+    lines = [f"# Blind test: {result['cases']} cases, seed {result['seed']}", ""]
+    lines += goal_lines(result["goals"])
     lines += ["", "| hidden | diagnoses | median | 90 % within | longest |", "|---|---|---|---|---|"]
     for sort, seconds in (*result["seconds"]["by_sort"].items(), ("all", result["seconds"])):
         if seconds["cases"]:
@@ -28,19 +24,49 @@ def markdown(result: JsonDict) -> str:
     lines += ["", "| hidden | " + " | ".join(OUTCOMES) + " |", "|---" * (len(OUTCOMES) + 1) + "|"]
     for kind, counts in result["by_kind"].items():
         lines.append(f"| {kind} | " + " | ".join(str(counts.get(outcome, "")) for outcome in OUTCOMES) + " |")
-    lines += ["", "| stated confidence | cases | mean stated | hit rate |", "|---|---|---|---|"]
-    for row in result["reliability"]:
-        lines.append(f"| {row['low']:.2f} - {row['high']:.2f} | {row['cases']} | {row['stated']:.3f} | {row['hit_rate']:.3f} |")
-    lines += ["", "Named instead (single effects):", "", "| hidden | named |", "|---|---|"]
-    for kind, counts in result["confusion"].items():
-        lines.append(f"| {kind} | {', '.join(f'{name} {count}' for name, count in sorted(counts.items(), key=lambda pair: -pair[1]))} |")
+    lines += calibration_lines(result)
+    lines += ["", "Named instead (single effects):", "", *confusion_lines(result["confusion"], "hidden", "named")]
     if result["wrong"]:
         lines += ["", "Cases to look at (`index: hidden -> answer`):", ""]
-        for one in result["wrong"]:
-            answer = " + ".join(one["effects"]) or one["trouble"] or one["verdict"]
-            families = "; ".join(", ".join(family) for family in one["families"])
-            lines.append(f"- {one['index']}: {' + '.join(one['hidden']) or 'none'} -> {answer}" + (f" ({families})" if families else ""))
+        lines += [wrong_line(one) for one in result["wrong"]]
     return "\n".join(lines) + "\n"
+
+
+def goal_lines(goals: JsonDict) -> list[str]:
+    """The table of goals."""
+    lines = ["| goal | wanted | reached | cases | |", "|---|---|---|---|---|"]
+    for name, goal in goals.items():
+        sign = "<=" if goal["at_most"] else ">="
+        value = "-" if goal["value"] is None else f"{100 * goal['value']:.1f} %"
+        state = "" if goal["reached"] is None else "yes" if goal["reached"] else "NO"
+        lines.append(f"| {name} | {sign} {100 * goal['wanted']:.0f} % | {value} | {goal['cases']} | {state} |")
+    return lines
+
+
+def calibration_lines(result: JsonDict) -> list[str]:
+    """Stated confidence against hit rate: in bins, and by kind of verdict."""
+    lines = ["", "| stated confidence | cases | mean stated | hit rate |", "|---|---|---|---|"]
+    for row in result["reliability"]:
+        lines.append(f"| {row['low']:.2f} - {row['high']:.2f} | {row['cases']} | {row['stated']:.3f} | {row['hit_rate']:.3f} |")
+    lines += ["", "| kind of verdict | cases | mean stated | hit rate | difference |", "|---|---|---|---|---|"]
+    for row in result["kinds_of_verdict"]:
+        lines.append(f"| {row['kind']} | {row['cases']} | {row['stated']:.3f} | {row['hit_rate']:.3f} | {row['difference']:+.3f} |")
+    return lines
+
+
+def confusion_lines(confusion: JsonDict, hidden: str, named: str) -> list[str]:
+    """What was said instead of what, most often first."""
+    lines = [f"| {hidden} | {named} |", "|---|---|"]
+    for kind, counts in confusion.items():
+        lines.append(f"| {kind} | {', '.join(f'{name} {count}' for name, count in sorted(counts.items(), key=lambda pair: -pair[1]))} |")
+    return lines
+
+
+def wrong_line(one: JsonDict) -> str:
+    """One case to look at: what was hidden, what was said."""
+    answer = " + ".join(one["effects"]) or one["trouble"] or one["verdict"]
+    families = "; ".join(", ".join(family) for family in one["families"])
+    return f"- {one['index']}: {' + '.join(one['hidden']) or 'none'} -> {answer}" + (f" ({families})" if families else "")
 
 
 def reliability_figure(result: JsonDict) -> Figure:

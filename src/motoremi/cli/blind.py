@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import secrets
-from dataclasses import asdict
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from motoremi.arrays import JsonDict, Progress
 from motoremi.cli.options import AsJson, Out, command
 from motoremi.errors import BadInput
 
@@ -59,39 +61,50 @@ def scoreboard_(
     cases: Annotated[int, typer.Option(help="How many blind cases.", min=1)] = 300,
     seed: Annotated[int | None, typer.Option(help="Which cases; by default nobody knows, and it is printed.", min=0)] = None,
     jobs: Annotated[int, typer.Option(help="Processes. With 1 a diagnosis has two cores, as at the bench.", min=1)] = max(1, os.cpu_count() or 1),
+    hard: Annotated[bool, typer.Option("--hard", help="Motors measured outside the protocol, one departure each.")] = False,
     spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, seen in emission spectra.")] = False,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose many simulated motors with hidden effects and count how often the answer is right."""
-    from motoremi.blind import spectra as of_spectra
-    from motoremi.blind.scoreboard import play_all, summary
-    from motoremi.blind.table import markdown, write_all
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
 
+    if hard and spectra:
+        raise BadInput("--hard and --spectra are two scoreboards: ask for one")
     chosen = seed if seed is not None else secrets.randbelow(1_000_000)
-    if spectra:
-        with progress_bars(as_json) as bars:
-            played = of_spectra.play_all(chosen, cases, jobs, bars.bar("blind test of spectra"))
-        found = {"seed": chosen, **of_spectra.summary(played)}
-        if out is not None:
-            of_spectra.write_all(found, out)
-        if as_json:
-            emit_json(found)
-        else:
-            say(of_spectra.markdown(found))
-        return
+    board = _boards()["hard" if hard else "spectra" if spectra else "usual"]
     with progress_bars(as_json) as bars:
-        result = {"seed": chosen, **summary(play_all(chosen, cases, jobs, bars.bar("blind test")))}
+        result = {"seed": chosen, **board.summary(board.play(chosen, cases, jobs, bars.bar(board.label)))}
     if out is not None:
-        write_all(result, out)
+        board.write(result, out)
     if as_json:
         emit_json(result)
         return
-    say(markdown(result))
+    say(board.text(result))
     if out is not None:
         say(f"tables, data and picture: {out}")
+
+
+@dataclass(frozen=True)
+class _Board:
+    """A kind of scoreboard: how it is played, summed up, said and written."""
+
+    label: str
+    play: Callable[[int, int, int, Progress | None], Any]
+    summary: Callable[[Any], JsonDict]
+    text: Callable[[JsonDict], str]
+    write: Callable[[JsonDict, Path], None]
+
+
+def _boards() -> dict[str, _Board]:
+    from motoremi.blind import hard, hard_table, scoreboard, spectra, table
+
+    return {
+        "usual": _Board("blind test", scoreboard.play_all, scoreboard.summary, table.markdown, table.write_all),
+        "hard": _Board("blind test outside the protocol", hard.play_all, hard.summary, hard_table.markdown, hard_table.write_all),
+        "spectra": _Board("blind test of spectra", spectra.play_all, spectra.summary, spectra.markdown, spectra.write_all),
+    }
 
 
 def register(app: typer.Typer) -> None:

@@ -124,6 +124,11 @@ class StrangeMotor:
         rng = np.random.default_rng([self.seed, zlib.crc32(self.effect.encode())])
         return _KINDS[self.effect].draw(rng, self.motor.elements)
 
+    @property
+    def elements(self) -> Elements:
+        """The seven element values of the motor without the effect, SI units."""
+        return self.motor.elements
+
     def network(self, termination: Termination) -> Network:
         """The network between X and G, as `SimulatedMotor.network`."""
         kind, network = _KINDS[self.effect], self.motor.network("open")
