@@ -100,6 +100,8 @@ def test_version_2_is_in_ohm(tmp_path: Path) -> None:
     ("text", "says"),
     [
         (touchstone(WINDING, "# HZ G RI R 50"), "G parameters"),
+        ("# HZ S RI R 50\n" + rows(*[FREQUENCY] * 5), "5 values"),
+        ("[Version] 2.0\n# HZ S RI R 50\n[Number of Ports] 3\n", "has 3 ports"),
         (touchstone(reflection(OPEN)) + "4e7 1\n", "2 values"),
         ("# HZ S RI R 50\n" + rows(*[FREQUENCY] * 9), "two ports"),
         (touchstone(reflection(OPEN)) + "3e7 nan 1\n", "not a finite"),
@@ -114,6 +116,66 @@ def test_version_2_is_in_ohm(tmp_path: Path) -> None:
 def test_touchstone_that_is_refused(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(BadInput, match=says):
         read_impedance(write(tmp_path, text), "open")
+
+
+# Two ports with the motor between them
+
+
+def two_ports(through: np.ndarray, option: str = "# HZ S RI R 50", comments: str = "") -> str:
+    """Some programs write zeros for what they do not measure, so nothing but S21 may be used."""
+    nothing = np.zeros(FREQUENCY.size)
+    columns = (FREQUENCY, nothing, nothing, through.real, through.imag, nothing, nothing, nothing, nothing)
+    return f"! exported\n{comments}{option}\n{rows(*columns)}"
+
+
+def through_series(impedance: np.ndarray, reference: float = 50) -> np.ndarray:
+    """A voltage divider: source and load resistance with the motor between them, doubled."""
+    return 2 * reference / (2 * reference + impedance)
+
+
+def through_shunt(impedance: np.ndarray, reference: float = 50) -> np.ndarray:
+    """A voltage divider: source resistance above motor and load resistance across each other, doubled."""
+    across = impedance * reference / (impedance + reference)
+    return 2 * across / (across + reference)
+
+
+@pytest.mark.parametrize(("fixture", "through"), [("series-through", through_series), ("shunt-through", through_shunt)])
+def test_two_ports(tmp_path: Path, fixture: str, through: Callable[..., np.ndarray]) -> None:
+    sweep = read_impedance(write(tmp_path, two_ports(through(OPEN))), "open", fixture)
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-8)  # twelve digits of S21, a factor of 1e3 lost where it is near 0 or 1
+    assert sweep.metadata["fixture"] == fixture
+    assert sweep.metadata["read_as"].startswith(f"S21 of a {fixture} fixture, Z = ")
+    assert sweep.metadata["read_as"].endswith("Z0 = 50 Ohm")
+    other = read_impedance(write(tmp_path, two_ports(through(OPEN, 75), "# HZ S RI R 75", f"! Fixture: {fixture}\n")), "open")
+    np.testing.assert_allclose(other.impedance_ohm, OPEN, rtol=1e-8)
+
+
+def test_two_ports_of_version_2(tmp_path: Path) -> None:
+    head = "[Version] 2.0\n# HZ S RI R 50\n[Number of Ports] 2\n[Two-Port Data Order] 21_12\n[Number of Frequencies] 16\n[Reference] 75 75\n"
+    text = head + "[Network Data]\n" + two_ports(through_series(OPEN, 75)).split("R 50\n")[1] + "[End]\n"
+    sweep = read_impedance(write(tmp_path, text), "open", "series-through")
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-8)
+    assert sweep.metadata["read_as"].endswith("Z0 = 75 Ohm")
+    with pytest.raises(BadInput, match="different reference impedances"):
+        read_impedance(write(tmp_path, text.replace("75 75", "75 50")), "open", "series-through")
+
+
+@pytest.mark.parametrize(
+    ("text", "fixture", "says"),
+    [
+        (two_ports(through_series(OPEN)), None, "--fixture series-through .* or --fixture shunt-through"),
+        (two_ports(through_series(OPEN)), "sideways", "unknown fixture 'sideways'"),
+        (two_ports(through_series(OPEN), comments="! fixture: shunt-through\n"), "series-through", "comment says shunt-through"),
+        (two_ports(OPEN, "# HZ Z RI R 50"), "series-through", "Z parameters of two ports"),
+        (two_ports(0 * OPEN), "series-through", "S21 at 150000 Hz gives no finite impedance"),
+        (two_ports(0 * OPEN + 1), "shunt-through", "S21 at 150000 Hz gives no finite impedance"),
+        (two_ports(through_series(OPEN)) + "4e7 1 0\n", "series-through", "3 values where 9"),
+        (two_ports(through_series(OPEN)) + "1e6 1 0 0 1\n", "series-through", "noise parameters"),
+    ],
+)
+def test_two_ports_that_are_refused(tmp_path: Path, text: str, fixture: str | None, says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        read_impedance(write(tmp_path, text), "open", fixture)
 
 
 # E4990A and its kin
@@ -136,6 +198,12 @@ PAIRS: dict[str, tuple[np.ndarray, np.ndarray]] = {
     "Frequency(Hz), Cp(F)-data, Rp(Ohm)-data": ((1 / OPEN).imag / W, 1 / (1 / OPEN).real),
     "Frequency(Hz), Lp(H)-data, Rp(Ohm)-data": (-1 / ((1 / OPEN).imag * W), 1 / (1 / OPEN).real),
     "Frequency(Hz), Cp(F)-data, G(S)-data": ((1 / OPEN).imag / W, (1 / OPEN).real),
+    "Frequency(Hz), Cp(F)-data, D()-data": ((1 / OPEN).imag / W, np.abs(OPEN.real / OPEN.imag)),
+    "Frequency(Hz), Cs(F)-data, D()-data": (-1 / (OPEN.imag * W), np.abs(OPEN.real / OPEN.imag)),
+    "Frequency(Hz), Ls(H)-data, Q()-data": (OPEN.imag / W, np.abs(OPEN.imag / OPEN.real)),
+    "Frequency(Hz), Lp(H)-data, Q()-data": (-1 / ((1 / OPEN).imag * W), np.abs(OPEN.imag / OPEN.real)),
+    "Frequency(Hz), Z-Real(Ohm)-data, Z-Imag(Ohm)-data": (OPEN.real, OPEN.imag),
+    "Frequency(Hz), Y-Real(S)-data, Y-Imag(S)-data": ((1 / OPEN).real, (1 / OPEN).imag),
 }
 
 
@@ -151,6 +219,25 @@ def test_analyser_csv_of_the_older_maker_without_begin(tmp_path: Path) -> None:
     titles = "Frequency(Hz), |Z|(Ohm)-data, theta-z(deg)-data"
     text = e4990a(titles, *PAIRS[titles], maker="Agilent Technologies,E4990A").replace("BEGIN CH1_DATA\n", "").replace("!CSV A.01.01\n", "")
     np.testing.assert_allclose(read_impedance(write(tmp_path, text), "open").impedance_ohm, OPEN, rtol=1e-9)
+
+
+BIAS = "Title label, motor, left\nDCV(V), +5.0e-002, DCI(A), -2.0e-005\n"
+FOUR: dict[str, tuple[np.ndarray, ...]] = {
+    "|Z|(Ohm)-data, theta-z(deg)-data, R(Ohm)-data, X(Ohm)-data": (np.abs(OPEN), np.angle(OPEN, deg=True), OPEN.real, OPEN.imag),
+    "Cp(F)-data, D()-data, |Z|(Ohm)-data, theta-z(deg)-data": (OPEN.real, OPEN.imag, np.abs(OPEN), np.angle(OPEN, deg=True)),
+    "R(Ohm)-data, R(Ohm)-mem, X(Ohm)-data, X(Ohm)-mem": (OPEN.real, OPEN.imag, OPEN.imag, OPEN.real),
+    "R(Ohm)-data, X(Ohm)-data, DCV(V), DCI(A)": (OPEN.real, OPEN.imag, OPEN.real, OPEN.imag),
+}
+
+
+@pytest.mark.parametrize("titles", FOUR)
+@pytest.mark.parametrize("block", ["", BIAS])
+def test_analyser_csv_with_bias_and_four_traces(tmp_path: Path, titles: str, block: str) -> None:
+    head = f"!Agilent Technologies,E4990A\n!Date: Tue Feb 03 10:00:00 2024\n\nBEGIN CH1_DATA\n{block}Frequency(Hz), {titles}\n"
+    sweep = read_impedance(write(tmp_path, head + rows(FREQUENCY, *FOUR[titles], delimiter=", ") + "END\n"), "open")
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-9)
+    if block:
+        assert (sweep.metadata["DCV(V)"], sweep.metadata["DCI(A)"], sweep.metadata["Title label"]) == (0.05, -2e-5, "motor, left")
 
 
 def test_analyser_csv_that_is_refused(tmp_path: Path) -> None:
@@ -334,6 +421,7 @@ def sweep_table(path: Path) -> list[tuple[float, complex]]:
 
 READERS: dict[str, tuple[str, Callable[[Path], list[tuple[float, complex]]]]] = {
     "s1p": (touchstone(reflection(OPEN)), sweep_table),
+    "s2p": (two_ports(through_series(OPEN), comments="! fixture: series-through\n"), sweep_table),
     "z1p": (touchstone(OPEN / 50, "# HZ Z RI R 50"), sweep_table),
     "e4990a": (e4990a("Frequency(Hz), R(Ohm)-data, X(Ohm)-data", OPEN.real, OPEN.imag), sweep_table),
     "dat": (dat([("MAX PEAK", "dBuV", LEVEL), ("AVERAGE", "dBuV", LEVEL - 9)], GRID), spectra_table),

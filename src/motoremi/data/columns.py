@@ -1,31 +1,43 @@
-"""Which column holds what: names and units as people and instruments write them."""
+"""Which column holds what: names and units as people and instruments write them.
+
+A title is the name of a quantity, then its unit, as in `R[mOhm]`, `Re{Z}/Ohm`, `|Z| in kOhm`, `Frequency (MHz)` or `resistance_ohm`.
+The longest known name counts; blanks, brackets, `/`, `,`, `_`, `-` and the word `in` may stand between name and unit. Capitals do not matter,
+but for one letter: before ohm, `m` is milli and `M` is mega, and in capitals throughout (`MOHM`) it is either, so the unit is not taken.
+Before hertz both are mega, before all other units both are milli. A minus in front of the name, as in `-Im(Z)`, turns the sign.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from motoremi.data.table import Table
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
-_SEPARATORS = re.compile(r"[\s()\[\]/\-_.,:]+")
-_SPELLINGS = (("µ", "u"), ("μ", "u"), ("ω", "ohm"), ("ohms", "ohm"), ("degrees", "deg"), ("degree", "deg"), ("°", "deg"))
+_BETWEEN = r"\s()\[\]{}<>/\-_.,:;="
+_SEPARATORS = re.compile(f"[{_BETWEEN}]+")
+_BRACKETS = re.compile(r"[\s()\[\]{}<>]+")
+# An E4990A marks its traces with `-data`, and what it holds in memory for comparison with `-mem`.
+_TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
+_MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
+_MINUS = re.compile(r"^[-−–]\s*")
+_LONGEST_TITLE = 80
+_NAME_SPELLINGS = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "∠": "phase ", "’": "'", "′": "'", "″": "''"})
+_UNIT_SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm", "ω": "ohm", "°": "deg", "º": "deg"})
+_DECIBEL = re.compile(r"(?:^|_)db(?:[a-zµμ]*)(?:_|$)")
 
-_FREQUENCY = ("frequency", "freq", "f")
-_RESISTANCE = ("resistance", "r", "z_re", "zre", "re_z", "z_real", "real_z", "re", "real")
-_REACTANCE = ("reactance", "x", "xs", "z_im", "zim", "im_z", "z_imag", "imag_z", "im", "imag")
-_MAGNITUDE = ("impedance", "z", "|z|", "z_abs", "abs_z", "z_mag", "mag_z", "zmag", "magnitude", "impedance_magnitude")
-_PHASE = ("phase", "theta", "theta_z", "phase_z", "z_phase", "impedance_phase")
-_LEVEL = ("level", "amplitude", "power")
-# Columns named after a detector, as receivers' software writes them.
-_DETECTOR_COLUMNS = {
-    "peak": ("peak", "max_peak", "maxpeak", "pk"),
-    "quasi-peak": ("quasi_peak", "quasipeak", "qp", "qpk"),
-    "average": ("average", "avg", "av", "caverage", "cispr_average"),
-    "rms-average": ("rms_average", "cispr_rms", "crms", "rms_avg"),
+_PREFIXES = {
+    1e-12: ("p", "pico"),
+    1e-9: ("n", "nano"),
+    1e-6: ("u", "micro"),
+    1e-3: ("m", "milli"),
+    1.0: ("",),
+    1e3: ("k", "kilo", "kil"),
+    1e6: ("M", "mega", "meg"),
+    1e9: ("g", "giga", "gig"),
 }
 
 
@@ -37,49 +49,138 @@ class Column:
     factor: float
 
 
-def _units(names: Sequence[str], factors: dict[str, float]) -> dict[str, float]:
-    return {f"{name}_{unit}": factor for name in names for unit, factor in factors.items()}
+@dataclass(frozen=True)
+class _Units:
+    """The units of one kind of quantity: how to recommend them, and the factor of each."""
+
+    shown: str
+    factors: dict[str, float]
+
+    def factor(self, text: str) -> float | None:
+        """The factor of a unit as written, None if it is not known or may be two."""
+        plain = _BRACKETS.sub("", text).strip(".").translate(_UNIT_SPELLINGS)
+        if self.may_be_two(plain):
+            return None
+        lower = plain.lower()
+        return self.factors.get(plain[:1] + lower[1:], self.factors.get(lower))
+
+    def may_be_two(self, text: str) -> bool:
+        """Whether it is written in capitals throughout, so that nothing tells milli from mega."""
+        rest = text[1:].lower()
+        return text.isupper() and text.startswith("M") and "m" + rest in self.factors and "M" + rest in self.factors
 
 
-# Milliohm and megohm differ by a capital letter that header rows do not keep, so neither is taken.
-_OHM = {"ohm": 1.0, "kohm": 1e3}
-_SIEMENS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-_HENRY = {"h": 1.0, "mh": 1e-3, "uh": 1e-6, "nh": 1e-9}
-_FARAD = {"f": 1.0, "uf": 1e-6, "nf": 1e-9, "pf": 1e-12}
-_KNOWN: dict[str, dict[str, float]] = {
-    "frequency": _units(_FREQUENCY, {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}),
-    "resistance": _units(_RESISTANCE, _OHM),
-    "reactance": _units(_REACTANCE, _OHM),
-    "magnitude": _units(_MAGNITUDE, _OHM),
-    "phase": _units(_PHASE, {"deg": 1.0, "rad": 180 / math.pi}),
-    "conductance": _units(("conductance", "g", "gp"), _SIEMENS),
-    "susceptance": _units(("susceptance", "b", "bp"), _SIEMENS),
-    "admittance": _units(("admittance", "y", "|y|", "y_abs", "abs_y"), _SIEMENS),
-    "admittance_phase": _units(("theta_y", "phase_y", "y_phase"), {"deg": 1.0, "rad": 180 / math.pi}),
-    "series_inductance": _units(("ls",), _HENRY),
-    "parallel_inductance": _units(("lp",), _HENRY),
-    "series_capacitance": _units(("cs",), _FARAD),
-    "parallel_capacitance": _units(("cp",), _FARAD),
-    "series_resistance": _units(("rs",), _OHM),
-    "parallel_resistance": _units(("rp",), _OHM),
-    "s11_real": dict.fromkeys(("s11_re", "s11_real", "re_s11", "real_s11"), 1.0),
-    "s11_imag": dict.fromkeys(("s11_im", "s11_imag", "im_s11", "imag_s11"), 1.0),
-    "level": _units(_LEVEL, {"dbuv": 1.0}),
-    "level_dbm": {**_units(_LEVEL, {"dbm": 1.0}), "dbm": 1.0},
-    **{f"level {detector}": _units(names, {"dbuv": 1.0}) for detector, names in _DETECTOR_COLUMNS.items()},
-    "sigma_relative": {"sigma_relative": 1.0},
-    "overload": {"overload": 1.0},
-}
-_DECIBEL = re.compile(r"(?:^|_)db(?:[a-z]*)(?:_|$)")
+def _prefixed(shown: str, lowest: float, highest: float, *words: str) -> _Units:
+    spellings = {spelling: size for size, names in _PREFIXES.items() if lowest <= size <= highest for spelling in names}
+    if "m" not in spellings and "M" in spellings:
+        spellings["m"] = spellings.pop("M")
+    return _Units(shown, {spelling + word: size for spelling, size in spellings.items() for word in words})
 
 
-def normal_name(title: str) -> str:
-    """One spelling for many: `Frequency (Hz)`, `freq[Hz]` and `freq_hz` differ in the first word only."""
-    name = title.strip().lower()
-    for spelling, normal in _SPELLINGS:
-        name = name.replace(spelling, normal)
-    # An E4990A marks its trace columns with `-data`.
-    return _SEPARATORS.sub("_", name).strip("_").removesuffix("_data")
+_HERTZ = _prefixed("Hz, kHz, MHz or GHz", 1.0, 1e9, "hz", "hertz")
+_OHM = _prefixed("uOhm, mOhm, Ohm, kOhm or MOhm", 1e-9, 1e9, "ohm", "ohms")
+_SIEMENS = _prefixed("nS, uS, mS or S", 1e-12, 1.0, "s", "siemens", "mho")
+_HENRY = _prefixed("nH, uH, mH or H", 1e-12, 1.0, "h", "henry")
+_FARAD = _prefixed("pF, nF, uF or F", 1e-12, 1.0, "f", "farad")
+_ANGLE = _Units(
+    "deg or rad",
+    {**dict.fromkeys(("deg", "degree", "degrees"), 1.0), **dict.fromkeys(("rad", "radian", "radians"), 180 / math.pi), "mrad": 0.18 / math.pi},
+)
+_DBUV = _Units("dBuV", {"dbuv": 1.0})
+_DBM = _Units("dBm", {"dbm": 1.0})
+_NUMBER = _Units("no unit", {"": 1.0})
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    meaning: str
+    units: _Units
+    names: tuple[str, ...]
+
+
+def _part(symbol: str, *words: str) -> tuple[str, ...]:
+    """Names of a part of a quantity: `re_z`, `z_re` and so on."""
+    return tuple(name for word in words for name in (f"{word}_{symbol}", f"{symbol}_{word}", f"{symbol}{word}"))
+
+
+_REAL = ("re", "real")
+_IMAGINARY = ("im", "imag", "imaginary")
+_SIZE = ("abs", "mag", "magnitude", "modulus")
+_TURN = ("phase", "theta", "arg", "angle", "phi")
+_LEVEL = ("level", "amplitude", "power")
+_QUANTITIES = (
+    _Quantity("frequency", _HERTZ, ("frequency", "freq", "f")),
+    _Quantity("resistance", _OHM, ("resistance", "r", *_REAL, "z'", *_part("z", *_REAL))),
+    _Quantity("reactance", _OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part("z", *_IMAGINARY))),
+    _Quantity("magnitude", _OHM, ("impedance", "z", "|z|", "magnitude", "impedance_magnitude", *_part("z", *_SIZE))),
+    _Quantity("phase", _ANGLE, (*_TURN, "phase_angle", "impedance_phase", *_part("z", *_TURN))),
+    _Quantity("conductance", _SIEMENS, ("conductance", "g", "gp", *_part("y", *_REAL))),
+    _Quantity("susceptance", _SIEMENS, ("susceptance", "b", "bp", *_part("y", *_IMAGINARY))),
+    _Quantity("admittance", _SIEMENS, ("admittance", "y", "|y|", "admittance_magnitude", *_part("y", *_SIZE))),
+    _Quantity("admittance_phase", _ANGLE, ("admittance_phase", *_part("y", *_TURN))),
+    _Quantity("series_inductance", _HENRY, ("ls", "series_inductance")),
+    _Quantity("parallel_inductance", _HENRY, ("lp", "parallel_inductance")),
+    _Quantity("series_capacitance", _FARAD, ("cs", "series_capacitance")),
+    _Quantity("parallel_capacitance", _FARAD, ("cp", "parallel_capacitance")),
+    _Quantity("series_resistance", _OHM, ("rs", "esr", "series_resistance")),
+    _Quantity("parallel_resistance", _OHM, ("rp", "parallel_resistance")),
+    _Quantity("dissipation_factor", _NUMBER, ("d", "dissipation_factor", "tan_delta")),
+    _Quantity("quality_factor", _NUMBER, ("q", "quality_factor")),
+    _Quantity("s11_real", _NUMBER, _part("s11", *_REAL)),
+    _Quantity("s11_imag", _NUMBER, _part("s11", *_IMAGINARY)),
+    _Quantity("level", _DBUV, _LEVEL),
+    _Quantity("level_dbm", _DBM, _LEVEL),
+    _Quantity("level_dbm", _NUMBER, ("dbm",)),
+    # Columns named after a detector, as receivers' software writes them.
+    _Quantity("level peak", _DBUV, ("peak", "max_peak", "maxpeak", "pk")),
+    _Quantity("level quasi-peak", _DBUV, ("quasi_peak", "quasipeak", "qp", "qpk")),
+    _Quantity("level average", _DBUV, ("average", "avg", "av", "caverage", "cispr_average")),
+    _Quantity("level rms-average", _DBUV, ("rms_average", "cispr_rms", "crms", "rms_avg")),
+    _Quantity("sigma_relative", _NUMBER, ("sigma_relative",)),
+    _Quantity("overload", _NUMBER, ("overload",)),
+)
+_BY_NAME = {name: [one for one in _QUANTITIES if name in one.names] for quantity in _QUANTITIES for name in quantity.names}
+
+
+@dataclass(frozen=True)
+class _Title:
+    """A title whose name is known: what it may mean, its unit as written, and 1 or -1."""
+
+    quantities: list[_Quantity]
+    unit: str
+    sign: float
+
+    def reading(self) -> tuple[str, float] | None:
+        """Meaning and factor; None if the unit is not known."""
+        for quantity in self.quantities:
+            factor = quantity.units.factor(self.unit)
+            if factor is not None:
+                return quantity.meaning, self.sign * factor
+        return None
+
+    @property
+    def units_shown(self) -> str:
+        return " or ".join(quantity.units.shown for quantity in self.quantities)
+
+
+def _normal(text: str) -> str:
+    """One spelling for many: `Re(Z)`, `re{z}` and `Re_Z` are the same name."""
+    return _SEPARATORS.sub("_", text.lower().translate(_NAME_SPELLINGS)).strip("_")
+
+
+def _title(title: str) -> _Title | None:
+    """What a title says; None if it begins with no known name or is that of a memory trace."""
+    if len(title) > _LONGEST_TITLE or _MEMORY.search(title):
+        return None
+    whole = _TRACE_MARK.sub("", title.strip())
+    text = _MINUS.sub("", whole)
+    cuts = [len(text), *(mark.start() for mark in reversed(list(_SEPARATORS.finditer(text))))]
+    for cut in cuts:
+        quantities = _BY_NAME.get(_normal(text[:cut]))
+        if quantities:
+            unit = re.sub(r"^in\s+", "", text[cut:].strip(" \t()[]{}<>/-_.,:;="))
+            return _Title(quantities, unit, 1.0 if text == whole else -1.0)
+    return None
 
 
 def find_columns(table: Table) -> dict[str, Column]:
@@ -92,20 +193,45 @@ def find_columns(table: Table) -> dict[str, Column]:
     """
     found: dict[str, Column] = {}
     for index, title in enumerate(table.columns):
-        name = normal_name(title)
-        for meaning, spellings in _KNOWN.items():
-            if name not in spellings:
-                continue
-            if meaning in found:
-                first = clean_text(table.columns[found[meaning].index], 40)
-                raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
-            found[meaning] = Column(index, spellings[name])
+        known = _title(title)
+        reading = known.reading() if known else None
+        if reading is None:
+            continue
+        meaning, factor = reading
+        if meaning in found:
+            first = clean_text(table.columns[found[meaning].index], 40)
+            raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
+        found[meaning] = Column(index, factor)
     return found
+
+
+def unit_trouble(table: Table) -> str:
+    """Why a column with a known name is not taken, in words; empty if there is none.
+
+    A unit that is not known comes before one that is missing. Decibels are left to `has_decibels`.
+    """
+    troubles = sorted(_unit_troubles(table))
+    return troubles[0][1] if troubles else ""
+
+
+def _unit_troubles(table: Table) -> Iterator[tuple[int, str]]:
+    for title in table.columns:
+        known = _title(title)
+        # Of several words behind the name, as in `R of the lead`, none is meant as its unit.
+        if known is None or known.reading() or re.search(r"[\s_]", known.unit) or known.unit.lower().startswith("db"):
+            continue
+        shown, unit = clean_text(title, 40), clean_text(known.unit, 40)
+        if not unit:
+            yield 2, f"the column {shown!r} has no unit: add {known.units_shown}"
+        elif any(quantity.units.may_be_two(known.unit) for quantity in known.quantities):
+            yield 0, f"the unit {unit!r} of column {shown!r} may be milli or mega: write mOhm or MOhm"
+        else:
+            yield 1, f"the unit {unit!r} of column {shown!r} is not known: use {known.units_shown}"
 
 
 def has_decibels(table: Table) -> bool:
     """Whether any column name carries a unit in decibel."""
-    return any(_DECIBEL.search(normal_name(title)) for title in table.columns)
+    return any(_DECIBEL.search(_normal(title)) for title in table.columns)
 
 
 def columns_found(table: Table) -> str:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
-from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
-from motoremi.data.columns import Column, columns_found, find_columns, has_decibels
+from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, unit_trouble
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import PAIRS, column_values, find_pair, impedance_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
+from motoremi.data.repeated import Rows, once_each
 from motoremi.data.source import decode, file_name, read_bytes, show_name
 from motoremi.data.spectrum import DETECTORS, Spectrum
-from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
 from motoremi.data.table import Table, parse_table
 from motoremi.data.text import clean_text
 from motoremi.data.tinysa import is_two_columns, parse_tinysa
@@ -28,24 +30,29 @@ from motoremi.quantities import parse
 
 IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
 SPECTRUM_COLUMNS = "frequency_hz,level_dbuv"
+Made = TypeVar("Made")
 _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.second)}
 
 
-def read_impedance(path: str | os.PathLike[str], termination: str) -> ImpedanceSweep:
+def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str | None = None) -> ImpedanceSweep:
     """Read one impedance sweep.
 
     Parameters
     ----------
     path : path-like
         CSV with the columns `frequency_hz` and `resistance_ohm,reactance_ohm` or `impedance_ohm,phase_deg` (or another pair of
-        quantities with its units), the ASCII file of a 4294A, the CSV of an E4990A, or Touchstone of one port (.s1p, .z1p).
+        quantities with its units), the ASCII file of a 4294A, the CSV of an E4990A, or Touchstone of one port (.s1p, .z1p) or of two
+        (.s2p) with the motor between them.
     termination : {"short", "open"}
         How the motor was connected.
+    fixture : {"series-through", "shunt-through"}, optional
+        For Touchstone of two ports: whether the motor stood in the line from port to port, or across it.
 
     Returns
     -------
     ImpedanceSweep
-        With `source`, `format`, `read_as` and the header of the file in its metadata.
+        With `source`, `format`, `read_as` and the header of the file in its metadata. Two rows of one frequency that agree within 3 %
+        are averaged; the metadata `changes` tell it.
 
     Raises
     ------
@@ -53,20 +60,30 @@ def read_impedance(path: str | os.PathLike[str], termination: str) -> ImpedanceS
         One line with file, line number and what to do, whenever a number is not beyond doubt.
     """
     name, text = _read_text(path)
+    rows, header, kind = _impedance_rows(text, name, termination, fixture)
+    merged, told = once_each(rows)
+    if "accuracy_percent" in header:
+        header["accuracy_percent"] = _of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
+    sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, path, kind)))
+    return sweep.with_change(told) if told else sweep
+
+
+def _impedance_rows(text: str, name: str, termination: str, fixture: str | None) -> tuple[Rows, JsonDict, str]:
+    """The rows of a file, its header with `read_as`, and the name of its format."""
     if is_agilent_ascii(text):
         frequency, impedance, header = parse_agilent_ascii(text, name)
-        return _with_origin(_sweep(name, termination, frequency, impedance, None, header), path, "4294a-ascii")
+        return Rows(frequency, impedance, None, lambda row: name), header, "4294a-ascii"
     if is_touchstone(text):
-        frequency, impedance, header = parse_touchstone(text, name)
-        return _with_origin(_sweep(name, termination, frequency, impedance, None, header), path, "touchstone")
+        frequency, impedance, header = parse_touchstone(text, name, fixture)
+        return Rows(frequency, impedance, None, lambda row: name), header, "touchstone"
     if is_analyser_csv(text):
         plain, known = plain_table(text, name)
-        sweep, title = _sweep_of_table(parse_table(plain, name), termination)
-        return _with_origin(sweep.with_metadata(**known, read_as=title), path, "e4990a-csv" if known else "analyser-csv")
+        rows, header, title = _rows_of_table(parse_table(plain, name), termination)
+        return rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv"
     if is_receiver_dat(text):
         raise BadInput(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
-    sweep, title = _sweep_of_table(parse_table(text, name), termination)
-    return _with_origin(sweep.with_metadata(read_as=title), path, "csv")
+    rows, header, title = _rows_of_table(parse_table(text, name), termination)
+    return rows, {**header, "read_as": title}, "csv"
 
 
 def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
@@ -116,18 +133,19 @@ def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
 
 
 def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSweep:
-    """An impedance sweep from the text of a CSV file; metadata are those of its header alone.
+    """An impedance sweep from the text of a CSV file; metadata are those of its header alone, and each row is kept as it is.
 
     Raises
     ------
     BadInput
-        As `read_impedance`.
+        As `read_impedance`, and if a frequency occurs twice.
     """
-    return _sweep_of_table(parse_table(text, name), termination)[0]
+    rows, header, _ = _rows_of_table(parse_table(text, name), termination)
+    return _of_file(name, lambda: _sweep(termination, rows, header))
 
 
-def _sweep_of_table(table: Table, termination: str) -> tuple[ImpedanceSweep, str]:
-    """The sweep, and what its columns hold."""
+def _rows_of_table(table: Table, termination: str) -> tuple[Rows, JsonDict, str]:
+    """The rows, the header, and what the columns hold."""
     name = table.name
     found = find_columns(table)
     pair = find_pair(found)
@@ -142,7 +160,7 @@ def _sweep_of_table(table: Table, termination: str) -> tuple[ImpedanceSweep, str
             raise BadInput(f"{name}: its header says it is the {written} sweep, but it was given as the {termination} sweep")
         del header["termination"]
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
-    return _sweep(name, termination, frequency, impedance_of(table, found, pair, frequency), sigma, header), pair.title
+    return Rows(frequency, impedance_of(table, found, pair, frequency), sigma, table.where), header, pair.title
 
 
 def parse_spectrum_csv(text: str, name: str) -> Spectrum:
@@ -169,6 +187,8 @@ def _spectra_of_table(table: Table) -> list[Spectrum]:
     if general is not None and named:
         raise BadInput(f"{name}: a column of levels without detector stands beside others; keep one kind ({columns_found(table)})")
     frequency = _frequency(table, found, SPECTRUM_COLUMNS, "an emission spectrum")
+    for row in np.flatnonzero(np.diff(frequency) == 0)[:1]:
+        raise BadInput(f"{table.where(int(row) + 1)}: the frequency {frequency[row]:g} Hz occurs twice; keep one row for each frequency")
     header = dict(table.header)
     header.pop("points", None)
     written = header.pop("detector", None)
@@ -190,10 +210,7 @@ def _spectra_of_table(table: Table) -> list[Spectrum]:
     spectra = []
     for detector, meaning in columns.items():
         level = column_values(table, found[meaning]) + (DBUV_OF_0_DBM if meaning == "level_dbm" else 0.0)
-        try:
-            spectra.append(Spectrum(detector, frequency, level, bandwidth, overload, header))
-        except BadInput as error:
-            raise BadInput(f"{name}: {error}") from error
+        spectra.append(_of_file(name, partial(Spectrum, detector, frequency, level, bandwidth, overload, header)))
     return spectra
 
 
@@ -203,25 +220,19 @@ def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def _origin(metadata: Mapping[str, Any], path: str | os.PathLike[str], file_format: str) -> dict[str, Any]:
-    # What the file itself calls its source or format is kept under another key, not overwritten.
-    kept = {f"header_{key}" if key in ("source", "format") else key: value for key, value in metadata.items()}
+    # What the file itself calls its source, format or changes is kept under another key, not overwritten.
+    kept = {f"header_{key}" if key in ("source", "format", "changes") else key: value for key, value in metadata.items()}
     return {**kept, "source": file_name(path), "format": file_format}
 
 
-def _with_origin(sweep: ImpedanceSweep, path: str | os.PathLike[str], file_format: str) -> ImpedanceSweep:
-    return dataclasses.replace(sweep, metadata=_origin(sweep.metadata, path, file_format))
+def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
+    return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, metadata)
 
 
-def _sweep(
-    name: str,
-    termination: str,
-    frequency: FloatArray,
-    impedance: ComplexArray,
-    sigma: FloatArray | None,
-    metadata: dict[str, Any],
-) -> ImpedanceSweep:
+def _of_file(name: str, make: Callable[[], Made]) -> Made:
+    """What `make` returns; its `BadInput` names the file."""
     try:
-        return ImpedanceSweep(termination, frequency, impedance, sigma, metadata)
+        return make()
     except BadInput as error:
         raise BadInput(f"{name}: {error}") from error
 
@@ -232,6 +243,9 @@ def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: st
         return BadInput(f"{table.name}: is an emission spectrum ({have}), but {what} is needed here")
     if needed == SPECTRUM_COLUMNS and _IMPEDANCE_MEANINGS & set(found):
         return BadInput(f"{table.name}: is an impedance sweep ({have}), but {what} is needed here")
+    trouble = unit_trouble(table)
+    if trouble:
+        return BadInput(f"{table.name}: {trouble}; {have}, but {what} needs the columns {needed}")
     if has_decibels(table):
         cure = "dBuV (in 50 Ohm: dBm + 107)" if needed == SPECTRUM_COLUMNS else "ohm"
         return BadInput(f"{table.name}: {have}, in another decibel unit; convert to {cure}: needed are {needed}")
@@ -243,11 +257,10 @@ def _frequency(table: Table, found: dict[str, Column], needed: str, what: str) -
         raise _wrong_columns(table, found, needed, what)
     frequency = column_values(table, found["frequency"])
     steps = np.diff(frequency)
-    for row in np.flatnonzero(steps <= 0)[:1]:
-        place = table.where(int(row) + 1)
-        if steps[row] == 0:
-            raise BadInput(f"{place}: the frequency {frequency[row]:g} Hz occurs twice; keep one row for each frequency")
-        raise BadInput(f"{place}: frequencies must increase, but {frequency[row + 1]:g} Hz follows {frequency[row]:g} Hz; sort the rows")
+    for row in np.flatnonzero(steps < 0)[:1]:
+        raise BadInput(
+            f"{table.where(int(row) + 1)}: frequencies must increase, but {frequency[row + 1]:g} Hz follows {frequency[row]:g} Hz; sort the rows"
+        )
     return frequency
 
 

@@ -44,6 +44,16 @@ def _reflection(w: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
     return REFERENCE_OHM * (1 + s) / (1 - s)
 
 
+def _series(w: FloatArray, reactance: FloatArray, loss: FloatArray) -> ComplexArray:
+    """A reactance and its loss, the resistance in series relative to it."""
+    return _rectangular(w, loss * np.abs(reactance), reactance)
+
+
+def _parallel(w: FloatArray, susceptance: FloatArray, loss: FloatArray) -> ComplexArray:
+    """A susceptance and its loss, the conductance across it relative to it."""
+    return 1 / _rectangular(w, loss * np.abs(susceptance), susceptance)
+
+
 # In the order in which they are taken where a file holds several.
 PAIRS = (
     Pair("resistance", "reactance", "R and X", _rectangular),
@@ -56,6 +66,14 @@ PAIRS = (
     Pair("parallel_inductance", "parallel_resistance", "Lp and Rp", lambda w, inductance, r: 1 / _rectangular(w, 1 / r, -1 / (w * inductance))),
     Pair("parallel_capacitance", "parallel_resistance", "Cp and Rp", lambda w, c, r: 1 / _rectangular(w, 1 / r, w * c)),
     Pair("parallel_capacitance", "conductance", "Cp and G", lambda w, c, g: 1 / _rectangular(w, g, w * c)),
+    Pair("series_inductance", "quality_factor", "Ls and Q", lambda w, inductance, q: _series(w, w * inductance, 1 / q)),
+    Pair("series_inductance", "dissipation_factor", "Ls and D", lambda w, inductance, d: _series(w, w * inductance, d)),
+    Pair("series_capacitance", "quality_factor", "Cs and Q", lambda w, c, q: _series(w, -1 / (w * c), 1 / q)),
+    Pair("series_capacitance", "dissipation_factor", "Cs and D", lambda w, c, d: _series(w, -1 / (w * c), d)),
+    Pair("parallel_inductance", "quality_factor", "Lp and Q", lambda w, inductance, q: _parallel(w, -1 / (w * inductance), 1 / q)),
+    Pair("parallel_inductance", "dissipation_factor", "Lp and D", lambda w, inductance, d: _parallel(w, -1 / (w * inductance), d)),
+    Pair("parallel_capacitance", "quality_factor", "Cp and Q", lambda w, c, q: _parallel(w, w * c, 1 / q)),
+    Pair("parallel_capacitance", "dissipation_factor", "Cp and D", lambda w, c, d: _parallel(w, w * c, d)),
     Pair("s11_real", "s11_imag", "S11 in 50 Ohm", _reflection),
 )
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
-from motoremi.quantities import show_band
+from motoremi.quantities import parse, show_band
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -112,6 +113,30 @@ class ImpedanceSweep:
         """The same sweep with more metadata."""
         return dataclasses.replace(self, metadata={**self.metadata, **extra})
 
+    def with_change(self, what: str) -> ImpedanceSweep:
+        """The same sweep with one more line in its metadata `changes`: what was changed since the instrument gave it."""
+        return self.with_metadata(changes=[*self.metadata.get("changes", []), what])
+
+    def within(self, low_hz: float, high_hz: float) -> ImpedanceSweep:
+        """The points of a band, both ends included; what was left out is told in the metadata `changes`.
+
+        Raises
+        ------
+        BadInput
+            If fewer than `MINIMUM_POINTS` remain.
+        """
+        # An end that was converted from kHz or MHz may differ in its last digit.
+        inside = (self.frequency_hz >= low_hz * (1 - 1e-9)) & (self.frequency_hz <= high_hz * (1 + 1e-9))
+        count = int(inside.sum())
+        band = show_band(low_hz, high_hz)
+        if count < MINIMUM_POINTS:
+            raise BadInput(f"{count} of {len(self)} points ({show_band(*self.span_hz)}) are within {band}; at least {MINIMUM_POINTS} are needed")
+        if count == len(self):
+            return self
+        sigma = None if self.sigma_relative is None else self.sigma_relative[inside]
+        part = ImpedanceSweep(self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata)
+        return part.with_change(f"{len(self) - count} of {len(self)} points outside {band} left out")
+
     def to_frame(self) -> pd.DataFrame:
         """A pandas table: frequency_hz, resistance_ohm, reactance_ohm, and sigma_relative where it is stated."""
         import pandas as pd
@@ -138,6 +163,20 @@ class ImpedanceSweep:
         from motoremi.report.plots import measured_figure
 
         return measured_figure(Measurement.of([self]))
+
+
+def checked_accuracy(percent: object) -> float:
+    """The accuracy that a user states for a sweep, in percent of |Z|; stored as the metadata `accuracy_percent`.
+
+    Raises
+    ------
+    BadInput
+        If it is not a number above 0 and below 100.
+    """
+    value = parse(percent, "%") if isinstance(percent, (str, int, float)) else 0.0
+    if not 0 < value < 100:
+        raise BadInput(f"the accuracy {clean_text(str(percent), 40)!r} is none: give percent of |Z|, above 0 and below 100")
+    return value
 
 
 def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:

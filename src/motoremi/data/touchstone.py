@@ -1,4 +1,4 @@
-"""Touchstone files of one port: .s1p as network analysers and NanoVNA programs save, .z1p, .y1p; version 1 and 2."""
+"""Touchstone files: .s1p as network analysers and NanoVNA programs save, .z1p, .y1p, and .s2p of a fixture between two ports; version 1 and 2."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 
@@ -27,6 +27,12 @@ _NORMALISED = re.compile(r"normali[sz]ed", re.IGNORECASE)
 _WINDING_F = (4e-12, 8e-12)
 _INSULATION_F = (60e-12, 200e-12)
 Scale = Literal["normalised", "ohm"]
+# How the motor stands between two ports: in the line from one to the other, or across that line.
+Fixture = Literal["series-through", "shunt-through"]
+FIXTURES: tuple[Fixture, ...] = get_args(Fixture)
+_HOW = "--fixture series-through (motor from port to port) or --fixture shunt-through (motor across the line)"
+# Numbers in a row of a file of one port and of two, the frequency among them.
+_PORTS = {3: 1, 9: 2}
 
 
 def is_touchstone(text: str) -> bool:
@@ -78,28 +84,40 @@ def _options(line: str) -> _Options | None:
     return _Options(unit, parameter, style, reference) if known >= 2 else None
 
 
-def parse_touchstone(text: str, name: str) -> tuple[FloatArray, ComplexArray, JsonDict]:
-    """Frequencies in hertz, impedance in ohm and what was found of a one-port file.
+def parse_touchstone(text: str, name: str, fixture: str | None = None) -> tuple[FloatArray, ComplexArray, JsonDict]:
+    """Frequencies in hertz, impedance in ohm and what was found of a file of one port, or of two with the motor between them.
 
     In version 1 the standard normalises Z and Y data to the reference resistance; some programs write ohms all the same. A comment that
     says so decides; else the standard is followed where its reading is that of a possible motor.
 
+    Parameters
+    ----------
+    text, name : str
+    fixture : {"series-through", "shunt-through"}, optional
+        How the motor stood between two ports; a comment line `! fixture: series-through` says it as well. Not used for one port.
+
     Raises
     ------
     BadInput
-        If a row is no row of a one-port, the file is cut off, or nothing tells whether its data are normalised.
+        If a row has the wrong length, the file is cut off, or nothing tells whether its data are normalised or how the motor stood
+        between two ports.
     """
-    options, version, comments, body = _checked(text, name)
+    file = _checked(text, name)
+    options = file.options
     parameter, reference = options.parameter, options.reference
     if parameter not in ("S", "Y", "Z"):
         raise BadInput(f"{name}: holds {parameter} parameters; save S, Z or Y")
     if not (reference > 0 and math.isfinite(reference)):
         raise BadInput(f"{name}: the reference resistance must be above 0 Ohm")
-    frequency, impedance = _by_library(body, name, parameter)
-    header: JsonDict = {key: value for comment in comments for key, value in [_key_value(comment)] if key}
+    header: JsonDict = {key: value for comment in file.comments for key, value in [_key_value(comment)] if key}
+    if file.ports == 2:
+        return _between_ports(file, header, name, fixture)
+    frequency, s, z0 = _by_library(file, name)
+    with np.errstate(all="ignore"):
+        impedance: ComplexArray = z0[:, 0] * (1 + s[:, 0, 0]) / (1 - s[:, 0, 0])
     told = f"{parameter} parameters in {reference:g} Ohm"
-    if parameter != "S" and version < 2 and reference != 1:
-        scale, why = _scale(comments, frequency, impedance, reference, name)
+    if parameter != "S" and file.version < 2 and reference != 1:
+        scale, why = _scale(file.comments, frequency, impedance, reference, name)
         if scale == "ohm":
             impedance = impedance / reference
         scaling = "not normalised" if scale == "ohm" else f"normalised to {reference:g} Ohm"
@@ -107,14 +125,24 @@ def parse_touchstone(text: str, name: str) -> tuple[FloatArray, ComplexArray, Js
     return frequency, impedance, {**header, "read_as": told}
 
 
-def _checked(text: str, name: str) -> tuple[_Options, float, list[str], list[str]]:
-    """Options, version, comments and the lines without them, once every number is known to be one.
+@dataclass(frozen=True)
+class _File:
+    options: _Options
+    version: float
+    ports: int
+    comments: list[str]
+    body: list[str]
+
+
+def _checked(text: str, name: str) -> _File:
+    """Options, version, ports, comments and the lines without them, once every number is known to be one.
 
     Libraries let `1_000`, `nan` and short rows pass, want the options in one order, and look into comments for settings of other programs.
     """
     options: _Options | None = None
     version, comments, last_column, body = 1.0, [], [], []
     frequencies: int | None = None
+    length = 0
     lines = split_lines(text)
     for number, raw in enumerate(lines, start=1):
         line, mark, comment = raw.strip().partition("!")
@@ -135,45 +163,82 @@ def _checked(text: str, name: str) -> tuple[_Options, float, list[str], list[str
             key, _, value = line.lower().partition("]")
             if key == "[version":
                 version = parse_number(value, where)
-            elif key == "[number of ports" and value.strip() != "1":
-                raise BadInput(f"{where}: has {clean_text(value.strip(), 20)} ports; save the reflection S11 alone (.s1p)")
+            elif key == "[number of ports" and value.strip() not in ("1", "2"):
+                raise BadInput(
+                    f"{where}: has {clean_text(value.strip(), 20)} ports; save one port (.s1p), or two with the motor between them (.s2p)"
+                )
             elif key == "[number of frequencies":
                 frequencies = int(parse_number(value, where))
         elif options is None:
             raise BadInput(f"{where}: data before the option line '# HZ S RI R 50'")
         else:
             cells = line.split()
-            if len(cells) in (5, 9):
-                raise BadInput(f"{where}: holds {len(cells)} values, as files of two ports do; save the reflection S11 alone (.s1p)")
-            if len(cells) != 3:
-                raise BadInput(f"{where}: {len(cells)} values where a frequency and two numbers are needed; the row or the file is cut off")
+            length = length or len(cells)
+            if length not in _PORTS:
+                raise BadInput(f"{where}: {length} values where a frequency and two numbers (one port) or eight (two ports) are needed")
+            if length == 9 and len(cells) == 5:
+                raise BadInput(f"{where}: noise parameters follow the S parameters; remove them")
+            if len(cells) != length:
+                raise BadInput(f"{where}: {len(cells)} values where {length} are needed; the row or the file is cut off")
             for cell in cells:
                 parse_number(cell, where)
-            last_column.append(cells[2])
+            last_column.append(cells[-1])
     if options is None or not last_column:
         raise BadInput(f"{name}: a Touchstone file without {'option line' if options is None else 'data'}")
     if frequencies is not None and frequencies != len(last_column):
         raise BadInput(f"{name}: announces {frequencies} frequencies but has {len(last_column)}; the file is cut off")
     if lines[-1].strip() and looks_cut(last_column[-1], last_column[:-1]):
         raise BadInput(f"{name}: the last number {last_column[-1]!r} is shorter than all others and no line end follows; the file is cut off")
-    return options, version, comments, body
+    return _File(options, version, _PORTS[length], comments, body)
 
 
-def _by_library(body: list[str], name: str, parameter: str) -> tuple[FloatArray, ComplexArray]:
+def _between_ports(file: _File, header: JsonDict, name: str, given: str | None) -> tuple[FloatArray, ComplexArray, JsonDict]:
+    """Impedance of what stands between two ports, from the transmission S21."""
+    if file.options.parameter != "S":
+        raise BadInput(f"{name}: holds {file.options.parameter} parameters of two ports; save S parameters")
+    fixture = _fixture(header, given, name)
+    frequency, s, z0 = _by_library(file, name)
+    if np.any(z0 != z0[0, 0]):
+        raise BadInput(f"{name}: the ports have different reference impedances; save them with one")
+    through, reference = s[:, 1, 0], z0[:, 0]
+    with np.errstate(all="ignore"):
+        if fixture == "series-through":
+            formula, impedance = "Z = 2 Z0 (1 - S21)/S21", 2 * reference * (1 - through) / through
+        else:
+            formula, impedance = "Z = Z0/2 S21/(1 - S21)", reference / 2 * through / (1 - through)
+    for point in np.flatnonzero(~np.isfinite(impedance))[:1]:
+        raise BadInput(f"{name}: S21 at {frequency[point]:g} Hz gives no finite impedance of a {fixture} fixture; was it measured?")
+    told = f"S21 of a {fixture} fixture, {formula}, Z0 = {reference[0].real:g} Ohm"
+    return frequency, impedance, {**header, "fixture": fixture, "read_as": told}
+
+
+def _fixture(header: JsonDict, given: str | None, name: str) -> str:
+    """The fixture that the user gives or a comment names."""
+    written = next((str(value).lower() for key, value in header.items() if key.lower() == "fixture"), None)
+    if given is not None and written in FIXTURES and written != given:
+        raise BadInput(f"{name}: its comment says {written}, but it was given as {given}; correct one of them")
+    fixture = given if given is not None else written
+    if fixture is None:
+        raise BadInput(f"{name}: holds two ports; say how the motor stood between them: {_HOW}")
+    if fixture not in FIXTURES:
+        raise BadInput(f"{name}: unknown fixture {clean_text(fixture, 40)!r}; use {_HOW}")
+    return fixture
+
+
+def _by_library(file: _File, name: str) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Frequencies, S parameters of shape (n, ports, ports), and reference impedances of shape (n, ports)."""
     from skrf.network import Network
 
-    file = io.StringIO("\n".join(body) + "\n")
-    file.name = "data.s1p"
+    text = io.StringIO("\n".join(file.body) + "\n")
+    text.name = f"data.s{file.ports}p"
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            network = Network(cast(str, file))  # takes open files too, though its type does not say so
-            s = network.s[:, 0, 0]
-            z0 = network.z0[:, 0]
-            impedance = np.asarray(z0 * (1 + s) / (1 - s), dtype=np.complex128)
+            network = Network(cast(str, text))  # takes open files too, though its type does not say so
+            s, z0 = np.asarray(network.s, dtype=np.complex128), np.asarray(network.z0, dtype=np.complex128)
     except Exception as error:  # the library raises whatever its parser meets
         raise BadInput(f"{name}: a Touchstone file that cannot be read: {clean_text(str(error), 120)}") from error
-    return np.asarray(network.f, dtype=np.float64), impedance
+    return np.asarray(network.f, dtype=np.float64), s, z0
 
 
 def _scale(comments: list[str], frequency: FloatArray, standard: ComplexArray, reference: float, name: str) -> tuple[Scale, str]:

@@ -1,0 +1,86 @@
+"""Titles of columns: every usual spelling of names and units has one meaning, or is refused by name."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from motoremi.data.columns import find_columns, unit_trouble
+from motoremi.data.table import Table
+
+
+def table(*titles: str) -> Table:
+    return Table("file", {}, titles, [], [])
+
+
+@pytest.mark.parametrize(
+    ("title", "meaning", "factor"),
+    [
+        ("f [MHz]", "frequency", 1e6),
+        ("Frequency/kHz", "frequency", 1e3),
+        ("freq_mhz", "frequency", 1e6),
+        ("FREQ (HZ)", "frequency", 1.0),
+        ("R[mΩ]", "resistance", 1e-3),
+        ("R[µΩ]", "resistance", 1e-6),
+        ("R (MΩ)", "resistance", 1e6),
+        ("R_mohm", "resistance", 1e-3),
+        ("R (Mohm)", "resistance", 1e6),
+        ("R [megohm]", "resistance", 1e6),
+        ("R in MilliOhms", "resistance", 1e-3),
+        ("R (uOhm)", "resistance", 1e-6),
+        ("R (KOHM)", "resistance", 1e3),
+        ("Re{Z}/Ohm", "resistance", 1.0),
+        ("Re(Z) [Ohm]", "resistance", 1.0),
+        ("Z' (Ohm)", "resistance", 1.0),
+        ("Im{Z}/mOhm", "reactance", 1e-3),
+        ("-Im(Z) [Ohm]", "reactance", -1.0),
+        ("-(Im Z) [Ohm]", "reactance", -1.0),
+        ("−Z'' (kOhm)", "reactance", -1e3),
+        ("|Z| in kOhm", "magnitude", 1e3),
+        ("Z (mOhm)", "magnitude", 1e-3),
+        ("Z magnitude, Ohm", "magnitude", 1.0),
+        ("Phase/°", "phase", 1.0),
+        ("theta [rad]", "phase", 180 / math.pi),
+        ("θ_z (deg)", "phase", 1.0),
+        ("Phase(Z) [Degrees]", "phase", 1.0),
+        ("∠Z (deg.)", "phase", 1.0),
+        ("Re{Y}/µS", "conductance", 1e-6),
+        ("Y in uS", "admittance", 1e-6),
+        ("G [mS]", "conductance", 1e-3),
+        ("Cp [pF]", "parallel_capacitance", 1e-12),
+        ("Ls (MH)", "series_inductance", 1e-3),
+        ("ESR/mOhm", "series_resistance", 1e-3),
+        ("D()-data", "dissipation_factor", 1.0),
+        ("S11(REAL)", "s11_real", 1.0),
+        ("Level dB(µV)", "level", 1.0),
+        ("Level (dBm)", "level_dbm", 1.0),
+        ("QuasiPeak (dBµV)", "level quasi-peak", 1.0),
+    ],
+)
+def test_usual_spellings(title: str, meaning: str, factor: float) -> None:
+    found = find_columns(table("other", title))
+    assert list(found) == [meaning]
+    assert (found[meaning].index, found[meaning].factor) == (1, pytest.approx(factor, rel=1e-15))
+
+
+@pytest.mark.parametrize(
+    "title",
+    ["R", "R (MOHM)", "R_dc [Ohm]", "R min (Ohm)", "1/Z [S]", "R(Ohm)-mem", "Level (dBµV/m)", "Z (mS)", "f0 [Hz]", "R" + "(" * 100_000 + "Ohm"],
+)
+def test_doubtful_titles_are_not_taken(title: str) -> None:
+    assert find_columns(table(title)) == {}
+
+
+@pytest.mark.parametrize(
+    ("titles", "says"),
+    [
+        (("f", "R[furlong]"), "the unit 'furlong' of column 'R[furlong]' is not known: use uOhm, mOhm, Ohm, kOhm or MOhm"),
+        (("f [Hz]", "R (MOHM)"), "the unit 'MOHM' of column 'R (MOHM)' may be milli or mega: write mOhm or MOhm"),
+        (("f [Hz]", "phase"), "the column 'phase' has no unit: add deg or rad"),
+        (("level",), "the column 'level' has no unit: add dBuV or dBm"),
+        (("f [Hz]", "R of the lead", "R(Ohm)-mem", "level_db", "remark"), ""),
+    ],
+)
+def test_the_unit_that_is_not_known_is_named(titles: tuple[str, ...], says: str) -> None:
+    assert unit_trouble(table(*titles)) == says
