@@ -40,6 +40,23 @@ def parse(text: str | float | int, unit: str) -> float:
     return value
 
 
+def parse_band(text: str) -> tuple[float, float]:
+    """Read a frequency span such as `150kHz:30MHz` and return both ends in hertz.
+
+    Raises
+    ------
+    BadInput
+        If an end is missing or no frequency, or the first is not below the second.
+    """
+    first, colon, second = text.partition(":")
+    if not (colon and first.strip() and second.strip()):
+        raise BadInput(f"cannot read {text!r} as a band: write for example '150kHz:30MHz'")
+    low, high = parse(first, "Hz"), parse(second, "Hz")
+    if not 0 <= low < high:
+        raise BadInput(f"the band {text!r} is empty: the first frequency must be below the second")
+    return low, high
+
+
 def show(value: float, unit: str, digits: int = 4) -> str:
     """Write a value with an SI prefix: `show(1.21e-5, "H")` gives `12.1 uH`."""
     if not math.isfinite(value):

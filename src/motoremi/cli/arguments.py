@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 SEVERAL = ("--short", "--open", "--spectrum")
+_ONE_VALUE = ("--analyser", "--motor", "--serial", "--operator", "--ambient", "--fixture", "--band", "--accuracy")
 
 
 def expanded(arguments: Sequence[str]) -> list[str]:
@@ -20,7 +21,7 @@ def expanded(arguments: Sequence[str]) -> list[str]:
             option, taken = word, 0
         elif word.startswith("-") and word != "-":
             result.append(word)
-            option = "value" if word in ("--analyser", "--motor", "--serial", "--operator", "--ambient") else ""
+            option = "value" if word in _ONE_VALUE else ""
         elif option in SEVERAL:
             result += [option, word]
             taken += 1

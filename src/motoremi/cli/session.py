@@ -15,6 +15,7 @@ from motoremi.report.kinds import PLOTS
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
+    from motoremi.data.sweep import ImpedanceSweep
     from motoremi.fitting.result import Fit
 
 
@@ -27,6 +28,14 @@ def import_(
         str | None,
         typer.Option("--analyser", metavar="NAME", help="Who made the sweeps: 4294a, e4990a, nanovna; none is ideal."),
     ] = None,
+    fixture: Annotated[
+        Literal["series-through", "shunt-through"] | None,
+        typer.Option("--fixture", help="For Touchstone of two ports (.s2p): motor from port to port, or across the line."),
+    ] = None,
+    band: Annotated[
+        str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
+    ] = "",
+    accuracy: Annotated[str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|.")] = "",
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
     operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
@@ -36,7 +45,7 @@ def import_(
     """Make a session from files that you already have."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.analyser import DEFAULT_ANALYSER, find_analyser
-    from motoremi.data.files import read_impedance, read_spectra
+    from motoremi.data.files import read_spectra
     from motoremi.data.measurement import Measurement
     from motoremi.data.session import SessionWriter
     from motoremi.emission.observe import observations
@@ -45,7 +54,7 @@ def import_(
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     named = find_analyser(analyser).name if analyser is not None else None
     # Everything is read and checked before the folder is made: nothing is left half written.
-    sweeps = [read_impedance(path, "short") for path in short or []] + [read_impedance(path, "open") for path in open_ or []]
+    sweeps = _sweeps(short or [], open_ or [], fixture, band, accuracy)
     if named is not None:
         sweeps = [sweep.with_metadata(analyser=named) for sweep in sweeps]
     measurement = Measurement.of(sweeps) if sweeps else None
@@ -83,7 +92,7 @@ def import_(
         )
         return
     for sweep in sweeps:
-        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {sweep.summary()}")
+        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
     for item in spectra:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
@@ -94,9 +103,46 @@ def import_(
     say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
 
 
+def _sweeps(short: list[Path], open_: list[Path], fixture: str | None, band: str, accuracy: str) -> list[ImpedanceSweep]:
+    """The sweeps of all files, the band that is wanted of them, with the accuracy that the user states.
+
+    Raises
+    ------
+    BadInput
+        As the readers, and for an option that no file can use.
+    """
+    from motoremi.data.files import read_impedance
+    from motoremi.data.sweep import checked_accuracy
+    from motoremi.quantities import parse_band
+
+    percent = checked_accuracy(accuracy) if accuracy else None
+    span = parse_band(band) if band else None
+    sweeps = [read_impedance(path, "short", fixture) for path in short] + [read_impedance(path, "open", fixture) for path in open_]
+    if not sweeps and (band or accuracy):
+        raise BadInput("--band and --accuracy are for impedance sweeps: give --short FILE... or --open FILE...")
+    if fixture is not None and not any(sweep.metadata["read_as"].startswith("S21") for sweep in sweeps):
+        raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
+    if span is not None:
+        sweeps = [_within(sweep, span) for sweep in sweeps]
+    return sweeps if percent is None else [sweep.with_metadata(accuracy_percent=percent) for sweep in sweeps]
+
+
+def _within(sweep: ImpedanceSweep, span: tuple[float, float]) -> ImpedanceSweep:
+    try:
+        return sweep.within(*span)
+    except BadInput as error:
+        raise BadInput(f"{sweep.metadata['source']}: {error}") from error
+
+
 def _read(metadata: Mapping[str, Any]) -> JsonDict:
-    """File, format and contents of what was read."""
-    return {key: metadata[key] for key in ("source", "format", "read_as") if key in metadata}
+    """File, format and contents of what was read, what was changed, and the accuracy that is stated."""
+    return {key: metadata[key] for key in ("source", "format", "read_as", "changes", "accuracy_percent") if key in metadata}
+
+
+def _told(metadata: Mapping[str, Any]) -> list[str]:
+    """What was changed on import and which accuracy is stated, in words."""
+    percent = metadata.get("accuracy_percent")
+    return [*metadata.get("changes", []), *([] if percent is None else [f"accuracy stated: {percent:g} %"])]
 
 
 def _origin(metadata: Mapping[str, Any]) -> str:

@@ -1,0 +1,158 @@
+"""What `motoremi import` does to sweeps beyond reading them: repeated frequencies, a band, a stated accuracy, a fixture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from motoremi.cli.app import app
+from motoremi.cli.arguments import expanded
+from motoremi.data.files import read_impedance
+from motoremi.data.session import load
+from motoremi.errors import BadInput
+
+FREQUENCY = np.geomspace(100e3, 100e6, 31)
+IMPEDANCE = 10 + 2j * np.pi * FREQUENCY * 12e-6
+
+
+def table(path: Path, frequency: np.ndarray, impedance: np.ndarray, head: str = "") -> Path:
+    lines = [f"{f!r},{z.real!r},{z.imag!r}\n" for f, z in zip(frequency.tolist(), impedance.tolist(), strict=True)]
+    path.write_text(head + "frequency_hz,resistance_ohm,reactance_ohm\n" + "".join(lines))
+    return path
+
+
+def touchstone(path: Path, frequency: np.ndarray, impedance: np.ndarray) -> Path:
+    s = (impedance - 50) / (impedance + 50)
+    lines = [f"{f!r} {x.real!r} {x.imag!r}\n" for f, x in zip(frequency.tolist(), s.tolist(), strict=True)]
+    path.write_text("# HZ S RI R 50\n" + "".join(lines))
+    return path
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    return table(tmp_path / "short.csv", FREQUENCY, IMPEDANCE)
+
+
+def imported(tmp_path: Path, *arguments: object) -> str:
+    """What the command says of files that become the session `s`."""
+    words = expanded(["import", str(tmp_path / "s"), *(str(a) for a in arguments)])
+    result = CliRunner().invoke(app, words)
+    if result.exception is not None:
+        raise result.exception
+    return result.stdout
+
+
+def twice(row: int, step_hz: float, factor: complex) -> tuple[np.ndarray, np.ndarray]:
+    """The sweep with one row behind itself, at nearly its frequency and with nearly its value."""
+    return np.insert(FREQUENCY, row + 1, FREQUENCY[row] + step_hz), np.insert(IMPEDANCE, row + 1, IMPEDANCE[row] * factor)
+
+
+@pytest.mark.parametrize("write", [table, touchstone])
+@pytest.mark.parametrize("step_hz", [0.0, 0.25])
+def test_rows_of_one_frequency_are_averaged(tmp_path: Path, write, step_hz: float) -> None:
+    sweep = read_impedance(write(tmp_path / "file", *twice(20, step_hz, 1.0003)), "short")
+    np.testing.assert_allclose(np.delete(sweep.frequency_hz, 20), np.delete(FREQUENCY, 20), rtol=1e-15)
+    assert sweep.frequency_hz[20] == pytest.approx(FREQUENCY[20] + step_hz / 2, rel=1e-15)
+    assert sweep.impedance_ohm[20] == pytest.approx(IMPEDANCE[20] * 1.00015, rel=1e-9)  # double precision through S of 1 - 1e-3
+    (told,) = sweep.metadata["changes"]
+    assert told == f"{sweep.frequency_hz[20] / 1e6:.9g} MHz occurs twice, values up to 0.03 % apart: averaged"
+
+
+def test_stated_noise_of_averaged_rows_is_the_larger(tmp_path: Path) -> None:
+    lines = [f"{n + 1},5,{n},{1e-3 * (n + 1)}" for n in range(9)]
+    path = tmp_path / "file"
+    path.write_text("\n".join(["frequency_hz,resistance_ohm,reactance_ohm,sigma_relative", *lines, "9,5,8,0.02", ""]))
+    sweep = read_impedance(path, "short")
+    assert sweep.sigma_relative is not None
+    np.testing.assert_allclose(sweep.sigma_relative, [*(1e-3 * np.arange(1, 9)), 0.02])
+
+
+@pytest.mark.parametrize(
+    ("factors", "says"),
+    [((1.05,), "line 23: the frequency 10000000 Hz occurs twice, with values 4.8 % apart"), ((1.0, 1.0), "occurs more than twice")],
+)
+def test_rows_that_contradict_each_other_are_refused(tmp_path: Path, factors: tuple[float, ...], says: str) -> None:
+    frequency, impedance = FREQUENCY, IMPEDANCE
+    for factor in factors:
+        frequency, impedance = np.insert(frequency, 21, frequency[20]), np.insert(impedance, 21, IMPEDANCE[20] * factor)
+    with pytest.raises(BadInput, match=says):
+        read_impedance(table(tmp_path / "file", frequency, impedance), "short")
+
+
+def test_fine_steps_are_not_taken_for_repeats(tmp_path: Path) -> None:
+    frequency = 30e6 + np.arange(31.0)
+    sweep = read_impedance(table(tmp_path / "file", frequency, IMPEDANCE[0] * np.ones(31)), "short")
+    np.testing.assert_array_equal(sweep.frequency_hz, frequency)
+
+
+def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Path) -> None:
+    open_ = table(tmp_path / "open.csv", *twice(20, 0.0, 1.0003))
+    files = ("--short", short, "--open", open_)
+    told = imported(tmp_path, *files, "--band", "150kHz:30MHz", "--accuracy", "2 %").splitlines()
+    end = "8 of 31 points outside 150 kHz - 30 MHz left out; accuracy stated: 2 %"
+    assert told[0].startswith("short short.csv (csv, R and X): 23 points, ")
+    assert told[0].endswith(f"Ohm; {end}")
+    assert told[1].endswith(f"Ohm; 10 MHz occurs twice, values up to 0.03 % apart: averaged; {end}")
+    for sweep in load(tmp_path / "s").sweeps:
+        assert sweep.metadata["accuracy_percent"] == 2.0
+        assert (sweep.frequency_hz >= 150e3).all()
+        assert (sweep.frequency_hz <= 30e6).all()
+    again = json.loads(imported(tmp_path / "again", *files, "--band", "100k:100M", "--json"))
+    assert "changes" not in again["sweeps"][0]
+    assert again["sweeps"][0]["points"] == 31
+
+
+@pytest.mark.parametrize("head", ["# accuracy_percent: 2\n", "# accuracy_percent: 2 %\n"])
+def test_accuracy_may_stand_in_the_file(tmp_path: Path, head: str) -> None:
+    sweep = read_impedance(table(tmp_path / "file", FREQUENCY, IMPEDANCE, head), "short")
+    assert sweep.metadata["accuracy_percent"] == 2.0
+    with pytest.raises(BadInput, match=r"file: the accuracy .* is none"):
+        read_impedance(table(tmp_path / "file", FREQUENCY, IMPEDANCE, head.replace("2", "0")), "short")
+
+
+def test_an_earlier_import_keeps_its_changes_apart(tmp_path: Path, short: Path) -> None:
+    imported(tmp_path, "--short", short, "--band", "1MHz:100MHz")
+    sweep = read_impedance(tmp_path / "s" / "sweeps" / "short-1.csv", "short")
+    assert "changes" not in sweep.metadata
+    assert sweep.metadata["header_changes"] == ["10 of 31 points outside 1 MHz - 100 MHz left out"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--band", "1MHz:2MHz"), r"short.csv: 4 of 31 points \(100 kHz - 100 MHz\) are within 1 MHz - 2 MHz; at least 8"),
+        (("--band", "1GHz:2GHz"), "0 of 31 points"),
+        (("--band", "2MHz:1MHz"), "is empty"),
+        (("--band", "1MHz"), "write for example '150kHz:30MHz'"),
+        (("--band", "1MHz:"), "write for example '150kHz:30MHz'"),
+        (("--band", "1 Ohm:2MHz"), "expected Hz"),
+        (("--accuracy", "0"), "above 0 and below 100"),
+        (("--accuracy", "100"), "above 0 and below 100"),
+        (("--accuracy", "nan"), "not a finite number"),
+        (("--accuracy", "good"), "cannot read 'good'"),
+        (("--fixture", "shunt-through"), "none of the files is one"),
+    ],
+)
+def test_options_that_no_file_can_use_are_one_line(tmp_path: Path, short: Path, arguments: tuple[str, ...], says: str) -> None:
+    with pytest.raises(BadInput, match=says) as caught:
+        imported(tmp_path, "--short", short, *arguments)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "s").exists()
+
+
+def test_band_without_a_sweep_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="are for impedance sweeps"):
+        imported(tmp_path, "--spectrum", "any.csv", "--band", "1MHz:2MHz")
+
+
+def test_fixture_of_two_ports(tmp_path: Path, short: Path) -> None:
+    through = 100 / (100 + IMPEDANCE)
+    lines = [f"{f!r} 0 0 {x.real!r} {x.imag!r} 0 0 0 0\n" for f, x in zip(FREQUENCY.tolist(), through.tolist(), strict=True)]
+    (tmp_path / "open.s2p").write_text("# HZ S RI R 50\n" + "".join(lines))
+    told = imported(tmp_path, "--short", short, "--open", tmp_path / "open.s2p", "--fixture", "series-through")
+    assert "open.s2p (touchstone, S21 of a series-through fixture, Z = 2 Z0 (1 - S21)/S21, Z0 = 50 Ohm): 31 points" in told
+    np.testing.assert_allclose(load(tmp_path / "s").sweeps[1].impedance_ohm, IMPEDANCE, rtol=1e-9)
