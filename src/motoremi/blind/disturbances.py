@@ -72,7 +72,7 @@ class ReflectionAnalyser:
 
 
 class DoubledAnalyser(SimulatedAnalyser):
-    """An analyser whose gain error is twice what its calibration promises; its fixture is `doubled_fixture`'s matter."""
+    """An analyser whose gain error is twice what its calibration promises."""
 
     def gain_error(self, frequency_hz: FloatArray) -> ComplexArray:
         """Twice the usual error."""
