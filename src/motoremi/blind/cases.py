@@ -11,7 +11,6 @@ from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import good_enough
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.analyser import SimulatedAnalyser
@@ -67,7 +66,7 @@ class Case:
 
 def visible(base: Fit) -> bool:
     """Whether the data show that the seven elements alone are not enough, above noise and specification."""
-    return base.objective >= good_enough(base.problem)
+    return base.marginal.nothing_left < 0.5
 
 
 def catalogue_kinds() -> dict[str, list[str]]:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import dataclasses
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from motoremi.arrays import FloatArray
+from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
-from motoremi.data.noise import SCATTER_DOUBT, Noise, estimate_noise
+from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
 
-# What a user states, or what is taken from one sweep's scatter, is seldom better known than this.
-ERROR_OF_OTHER_NOISE = 0.05
+# An impedance described to 0.1 % is described as well as any analyser of impedance is specified.
+GOOD_ENOUGH_PERCENT = 0.1
+# Standard deviation of a point that counts for nothing.
+NO_WEIGHT = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +31,14 @@ class Measurement:
     noise : tuple of Noise
         Of the mean of each.
     analyser : Analyser
+    accuracy_percent : float, optional
+        What the owner of the data states: a model that is as good as this is good enough.
     """
 
     sweeps: tuple[RepeatedSweep, ...]
     noise: tuple[Noise, ...]
     analyser: Analyser
+    accuracy_percent: float | None = None
 
     @classmethod
     def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None) -> Measurement:
@@ -39,7 +46,15 @@ class Measurement:
         members = list(sweeps)
         groups = tuple(group_repeats(members))
         named = analyser or next((m.metadata["analyser"] for m in members if m.metadata.get("analyser")), DEFAULT_ANALYSER)
-        return cls(groups, tuple(estimate_noise(group) for group in groups), find_analyser(str(named)))
+        stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
+        compensated = all({"open", "short"} <= set(m.metadata.get("compensated") or ()) for m in members)
+        chosen = find_analyser(str(named))
+        return cls(
+            groups,
+            tuple(estimate_noise(group) for group in groups),
+            chosen.compensated_here() if compensated else chosen,
+            max(stated) if stated else None,
+        )
 
     @property
     def points(self) -> int:
@@ -51,24 +66,39 @@ class Measurement:
         """Which sweeps there are."""
         return tuple(sweep.termination for sweep in self.sweeps)
 
-    @property
+    def _rms_percent(self, variances: Iterable[FloatArray]) -> float:
+        """Of relative errors with these variances in the real and in the imaginary part each."""
+        return float(100 * np.sqrt(np.mean(2 * np.concatenate(list(variances)))))
+
+    @cached_property
+    def noise_percent(self) -> float:
+        """What random noise alone would leave of |Z_model/Z_measured - 1|, rms, were the model perfect."""
+        return self._rms_percent(noise.variance for noise in self.noise)
+
+    @cached_property
     def floor_percent(self) -> float:
-        """Noise floor: what |Z_model/Z_measured - 1| would be, rms in percent, were the model perfect."""
-        sigma: FloatArray = np.concatenate([noise.sigma for noise in self.noise])
-        return float(100 * np.sqrt(np.mean(2 * sigma**2)))
+        """What noise and the analyser's specification together would leave."""
+        pairs = zip(self.sweeps, self.noise, strict=True)
+        return self._rms_percent(
+            noise.variance + 0.5 * self.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm) ** 2 for sweep, noise in pairs
+        )
 
     @property
-    def noise_error(self) -> float:
-        """Relative standard deviation of the noise's variance, averaged over all points."""
-        if any(noise.source != "repeats" for noise in self.noise):
-            return ERROR_OF_OTHER_NOISE
-        # Each repeat beyond the first gives two real numbers a point.
-        return float(np.sqrt(2 / sum(2 * sweep.frequency_hz.size * (sweep.repeats - 1) for sweep in self.sweeps)))
+    def good_enough_percent(self) -> float:
+        """What may be left undescribed: the accuracy that the owner states, or else what no user would miss."""
+        return self.accuracy_percent if self.accuracy_percent is not None else GOOD_ENOUGH_PERCENT
 
-    @property
-    def doubt(self) -> float:
-        """Factor by which the variance of the noise may be larger than estimated: 1 where repeats or the user vouch for it."""
-        return SCATTER_DOUBT if any(noise.source == "scatter" for noise in self.noise) else 1.0
+    def by(self, analyser: Analyser) -> Measurement:
+        """The same sweeps, taken for those of another analyser."""
+        return dataclasses.replace(self, analyser=analyser)
+
+    def with_outliers(self, outliers: Mapping[str, BoolArray]) -> Measurement:
+        """With points that count for nothing, by termination."""
+        changed = [
+            _without(noise, outliers[sweep.termination]) if sweep.termination in outliers else noise
+            for sweep, noise in zip(self.sweeps, self.noise, strict=True)
+        ]
+        return dataclasses.replace(self, noise=tuple(changed))
 
     def caveats(self) -> list[str]:
         """What a reader has to know about the noise and the sweeps, in words."""
@@ -88,3 +118,8 @@ class Measurement:
             elif not np.isclose(first[0], second[0], rtol=0.05) or not np.isclose(first[-1], second[-1], rtol=0.05):
                 remarks.append("the two sweeps have different spans: each is judged over its own")
         return remarks
+
+
+def _without(noise: Noise, points: BoolArray) -> Noise:
+    known = points if noise.outliers is None else points | noise.outliers
+    return dataclasses.replace(noise, sigma=np.where(points, NO_WEIGHT, noise.sigma), outliers=known)

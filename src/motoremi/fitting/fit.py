@@ -11,13 +11,17 @@ import numpy as np
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
-from motoremi.fitting.looks import POINTS, Scouted, Trail, settle, until_right
+from motoremi.data.covariance import Sizes
+from motoremi.fitting.colony import Colony
+from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper import paper_colony
+from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem, checked_bounds
+from motoremi.fitting.race import THOROUGH, Trail, race
 from motoremi.fitting.readings import read_start
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
-from motoremi.fitting.search import Found, Task, search_base
+from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Found, Solution, Task, arrived_on_all, climb, search_base
 from motoremi.fitting.starts import base_starts
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
@@ -53,7 +57,7 @@ def fit(
     method : {"ant-colony", "paper"}
         The default searches with ants and polishes to the noise floor; `paper` is the algorithm as printed.
     analyser : str, optional
-        Whose systematic errors to allow for: `4294a` (default), `e4990a`, `nanovna`, `none`.
+        Whose systematic errors to allow for: `4294a`, `e4990a`, `nanovna`, `none`, or `unknown`, whose size is estimated (default).
     held : mapping, optional
         Parameters that are not fitted, in SI units: for example Ra from a DC measurement.
 
@@ -102,15 +106,18 @@ def _check_informative(measurement: Measurement) -> None:
 
 
 def _by_ants(task: Task, seed: int) -> Fit:
-    found = search_base(task, seed)
-    return summarise(task.full, found.u, found.converged, "ant-colony", seed, found.evaluations, found.history, found.searched)
+    return summarise(task, search_base(task, seed), "ant-colony", seed)
 
 
 def _by_the_paper(task: Task, seed: int) -> Fit:
     search = Problem(task.motor, task.measurement, task.bounds, task.held, weights="log")
     outcome = paper_colony(search, np.random.default_rng(seed))
-    u = task.full.vector(search.named(outcome.u))
-    result = summarise(task.full, u, outcome.converged, "paper", seed, outcome.evaluations, outcome.history)
+    values = search.named(outcome.u)
+    likelihood = task.likelihood()
+    told = marginal(likelihood, likelihood.vector(values))
+    whole = likelihood.named(likelihood.vector(values))
+    solution = Solution(whole, told.likeliest, told, outcome.converged, outcome.evaluations)
+    result = summarise(task, Found(solution, outcome.history, values), "paper", seed)
     remark = (
         f"the paper's colony met its stop rule (deviation {outcome.deviation:.3g} <= 0.1)"
         if outcome.converged
@@ -125,10 +132,17 @@ def trail_to(
     held: Mapping[str, float] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     near: Mapping[str, float] | None = None,
-    points: int = POINTS,
-    by_likelihood: bool = False,
+    few: bool = False,
 ) -> Trail:
-    """Where to look for a fit with one more effect; given the values of a solution `near`, with a rival in its place, from there above all."""
+    """Where to look for a fit with one more effect.
+
+    Parameters
+    ----------
+    near : mapping, optional
+        Values of a solution with a rival in its place, in SI units: from there above all.
+    few : bool
+        Start from few values of the elements.
+    """
     added = find_effect(effect)
     label = added.label_in(before.motor)
     motor = added.added_to(before.motor)
@@ -147,18 +161,18 @@ def trail_to(
     if near:
         bases = [{**own, **near}, own]
     else:
-        bases = base_starts(own, before.measurement, few=len(tried) > 9)
+        bases = base_starts(own, before.measurement, few=few or len(tried) > 9)
         if before.effects:
             # With effects, the search's best and the likelihood's may lie in different valleys.
-            bases.append({**own, **before.parameters})
+            bases.append({**own, **before.parameters, **before.nuisance})
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return Trail(task, starts, len(bases), (before.motor_error_percent / 100) ** 2, points, by_likelihood)
+    return Trail(task, starts, len(bases), before.sizes)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
     """Elements and an effect's start values together; a start may set an element, scale it, or take something off it."""
     changed = {
-        name: start.get(f"={name}", max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value))
+        name: start.get(f"={name}", max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value) if value > 0 else value)
         for name, value in base.items()
     }
     return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("=", "*", "-"))}}
@@ -172,7 +186,7 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
-    return settled(until_right(trail_to(before, effect, held, limits)), before, thorough)
+    return followed(trail_to(before, effect, held, limits), before, thorough)
 
 
 def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
@@ -187,7 +201,7 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
     if not trail.task.motor.effects:
         started = time.perf_counter()
         return dataclasses.replace(_by_ants(trail.task, before.seed), elapsed_s=time.perf_counter() - started)
-    return settled(until_right(trail), before, thorough)
+    return followed(trail, before, thorough)
 
 
 def trail_without(before: Fit, gone: str) -> Trail:
@@ -203,19 +217,45 @@ def trail_without(before: Fit, gone: str) -> Trail:
         {name: value for name, value in before.held.items() if name in names},
     )
     own = {name: value for name, value in before.parameters.items() if name in names}
-    return Trail(task, [{**own, **base} for base in base_starts(own, before.measurement, few=False)])
+    bases = [own, *({**own, **base} for base in base_starts(own, before.measurement, few=False))]
+    # With one effect less, more is left than now: how much is not known.
+    return Trail(task, bases, len(bases), Sizes(1.0, before.sizes.declared))
 
 
-def settled(scouted: Scouted, before: Fit, thorough: bool) -> Fit:
-    """The fit that a look leads to, on all points."""
+def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
+    """The fit that a trail leads to, on all points; where that leaves something, a `thorough` one sends ants out as well."""
     started = time.perf_counter()
-    result = told(scouted.trail.task, settle(scouted, before.seed, thorough), before)
+    solution = arrived_on_all(trail.task, [race({"": trail}, THOROUGH)[""].values])
+    searched = _searched(trail.task, solution)
+    if thorough and solution.marginal.nothing_left < 0.5:
+        search = trail.task.thinned(SEARCH_POINTS)
+        starts = search.vectors(trail.starts)
+        colony = Colony(search, np.random.default_rng(before.seed), starts)
+        colony.walk(GENERATIONS)
+        ends = polish(search, colony.different(12), iterations=40, precision=ROUGH)
+        ends = ends.joined(climb(trail.task, search, starts[np.argsort(search.objective(starts))[:12]]))
+        other = arrived_on_all(trail.task, [search.named(row) for row in ends.distinct(3)])
+        evaluations = solution.evaluations + other.evaluations + ends.evaluations
+        if other.log_evidence > solution.log_evidence:
+            solution, searched = other, search.named(ends.u[ends.best])
+        solution = dataclasses.replace(solution, evaluations=evaluations)
+    result = summarise(trail.task, Found(solution, before.history, searched), before.method, before.seed)
     return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
 
 
-def told(task: Task, found: Found, before: Fit) -> Fit:
-    """A solution found from a fit, with its statistics."""
-    return summarise(task.full, found.u, found.converged, before.method, before.seed, found.evaluations, before.history, found.searched)
+def told(trail: Trail, solution: Solution, before: Fit) -> Fit:
+    """A solution on a thinned grid, taken to all points, as a fit."""
+    whole = arrived_on_all(trail.task, [solution.values], solution.sizes)
+    return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
+
+
+def _searched(task: Task, solution: Solution) -> dict[str, float]:
+    """Where the next effect starts from: the least relative error near a solution that leaves something, else the solution."""
+    if solution.sizes.discrepancy >= PLAIN:
+        return dict(solution.values)
+    search = task.thinned(SEARCH_POINTS)
+    ends = polish(search, search.vectors([solution.values]), iterations=15, precision=ROUGH)
+    return search.named(ends.u[0])
 
 
 def _scanned_step(before: Fit, label: str) -> dict[str, float]:
@@ -223,7 +263,7 @@ def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     problem = before.problem
     order = np.argsort(problem.observed.frequency_hz, kind="stable")
     position = np.log(problem.observed.frequency_hz[order])
-    white = problem.less_gain_error(problem.deviation(before.unknowns))[order]
+    white = problem.less_allowed_error(before.unknowns)[order]
     variance = np.concatenate([noise.sigma for noise in before.measurement.noise])[order] ** 2
     places = np.unique(position)[2:-2]
     # A step is seen in the change between the few points on either side, in every sweep that covers it.

@@ -1,4 +1,4 @@
-"""The data's side of a problem: the points that are used, their weights, and the directions in which the analyser's gain may err.
+"""The data's side of a problem: the points that are used, their weights, and the covariance of what a perfect circuit would leave.
 
 Nothing here depends on the model, so all candidates of a diagnosis share it.
 """
@@ -12,11 +12,14 @@ from typing import Literal
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import gain_basis
+from motoremi.data.covariance import Columns, Part
+from motoremi.data.kernels import smoothed
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import MINIMUM_POINTS
 
 Weights = Literal["likelihood", "log"]
+# Of a point that stands out, where all others have one.
+OUT_OF_SIGHT = 1e3
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,11 @@ class ObservedSweep:
     measured : ndarray, shape (n,)
         Mean impedance in ohm.
     sigma : ndarray, shape (n,)
-        Noise of its real and of its imaginary part; one where all points count alike.
+        White noise of its real and of its imaginary part; one where all points count alike.
+    smooth : ndarray, shape (n,)
+        The measured impedance with most of its noise taken out.
+    part : Part
+        The sweep with its noise, and which of its points these are.
     expected : float
         What noise and analyser leave of the unweighted sum of squares.
     """
@@ -42,6 +49,8 @@ class ObservedSweep:
     s: ComplexArray
     measured: ComplexArray
     sigma: FloatArray
+    smooth: ComplexArray
+    part: Part
     expected: float
 
 
@@ -53,13 +62,10 @@ class Observed:
     ----------
     measurement : Measurement
     sweeps : tuple of ObservedSweep
-    ideal : bool
-        Whether the analyser counts as ideal.
     """
 
     measurement: Measurement
     sweeps: tuple[ObservedSweep, ...]
-    ideal: bool
 
     @cached_property
     def size(self) -> int:
@@ -93,19 +99,14 @@ class Observed:
         return {sweep.termination: slice(int(a), int(b)) for sweep, a, b in zip(self.sweeps, ends[:-1], ends[1:], strict=True)}
 
     @cached_property
-    def directions(self) -> FloatArray:
-        """Orthogonal directions, shape (n, q), in which the gain error takes up weighted residuals.
+    def smooth(self) -> ComplexArray:
+        """Mean impedances with most of their noise taken out."""
+        return np.concatenate([sweep.smooth for sweep in self.sweeps])
 
-        The squared length of each is the share that it takes up: with the gain error's covariance B B', the inverse of 1 + B B' is
-        1 - D D' with these as D.
-        """
-        everything = np.unique(self.frequency_hz)
-        basis = gain_basis(self.measurement.analyser, everything)[np.searchsorted(everything, self.frequency_hz)]
-        if self.ideal or basis.shape[1] == 0:
-            return np.zeros((self.size, 0))
-        vectors, singular, _ = np.linalg.svd(basis * self.weight[:, None], full_matrices=False)
-        keep = singular > 1e-3
-        return np.asarray(vectors[:, keep] * (singular[keep] / np.sqrt(1 + singular[keep] ** 2)), dtype=np.float64)
+    @cached_property
+    def columns(self) -> Columns:
+        """The covariance of what a perfect circuit would leave."""
+        return Columns.of([sweep.part for sweep in self.sweeps], self.measurement.analyser)
 
     @property
     def expected_objective(self) -> float:
@@ -134,17 +135,21 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
         chosen = informative_points(sweep.frequency_hz[:low], mean[:low], points or mean.size)
         frequency, impedance, sigma = sweep.frequency_hz[chosen], mean[chosen], noise.sigma[chosen]
         systematic = measurement.analyser.uncertainty(frequency, impedance)
+        outlying = noise.outliers[chosen] if noise.outliers is not None else np.zeros(chosen.size, dtype=np.bool_)
         prepared.append(
             ObservedSweep(
                 termination=sweep.termination,
                 frequency_hz=frequency,
                 s=2j * np.pi * frequency,
                 measured=impedance,
-                sigma=sigma if weights == "likelihood" else np.ones(chosen.size),
-                expected=float(np.sum(2 * sigma**2 + systematic**2)),
+                # A search that counts all points alike leaves out those that stand out.
+                sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, 1.0),
+                smooth=smoothed(mean)[chosen],
+                part=Part(sweep.frequency_hz, mean, noise, chosen),
+                expected=float(np.sum(np.where(outlying, 0.0, 2 * noise.variance[chosen] + systematic**2))),
             )
         )
-    return Observed(measurement, tuple(prepared), ideal=weights == "log")
+    return Observed(measurement, tuple(prepared))
 
 
 def informative_points(frequency_hz: FloatArray, impedance_ohm: ComplexArray, count: int) -> np.ndarray:

@@ -60,24 +60,8 @@ class Polished:
         return int(np.argmin(self.objective))
 
     def distinct(self, count: int) -> FloatArray:
-        """The best solutions that do not lie in the same valley, shape (at most count, k).
-
-        Two are in one valley if their objectives agree to 1 % and no unknown differs by more than a factor of 1.6.
-        """
-        order = np.argsort(self.objective)
-        taken = [int(order[0])]
-        for index in order[1:]:
-            apart = np.max(np.abs(self.u[taken] - self.u[index]), axis=1) > 0.5
-            worse = self.objective[index] > 1.01 * self.objective[taken]
-            if len(taken) < count and np.all(apart | worse):
-                taken.append(int(index))
-        return self.u[taken]
-
-    def replaced(self, index: np.ndarray, further: Polished) -> Polished:
-        """The batch with some of its members taken further."""
-        u, objective, converged = self.u.copy(), self.objective.copy(), self.converged.copy()
-        u[index], objective[index], converged[index] = further.u, further.objective, further.converged
-        return Polished(u, objective, converged, self.evaluations + further.evaluations)
+        """The best solutions that do not lie in the same valley, shape (at most count, k)."""
+        return self.u[different(self.u, self.objective, count)]
 
     def joined(self, other: Polished) -> Polished:
         """Both batches as one."""
@@ -87,6 +71,23 @@ class Polished:
             np.concatenate([self.converged, other.converged]),
             self.evaluations + other.evaluations,
         )
+
+
+def different(u: FloatArray, objective: FloatArray, count: int) -> list[int]:
+    """Indices of the best solutions that do not lie in the same valley.
+
+    Two are in one valley if their objectives agree to 1 % and no unknown differs by more than a factor of 1.6.
+    """
+    order = np.argsort(objective)
+    taken = [int(order[0])]
+    for index in order[1:]:
+        if len(taken) >= count:
+            break
+        apart = np.max(np.abs(u[taken] - u[index]), axis=1) > 0.5
+        worse = objective[index] > 1.01 * objective[taken]
+        if np.all(apart | worse):
+            taken.append(int(index))
+    return taken
 
 
 def polish(

@@ -1,11 +1,13 @@
 """The least-squares problem: a motor, a measurement, and the analyser's errors between them.
 
-The residual is ln(Z_measured / Z_model), complex, over the noise. Three kinds of unknowns move it:
+The residual is ln(Z_measured / Z_model), complex; for a network analyser the same to first order, but exact where its errors are: in the
+reflection coefficient. Two kinds of unknowns move it:
 
 - the motor's parameters, as logarithms where they are positive;
-- what the fixture's compensation left at each connection (R, L, G, C), with Gaussian priors from the analyser's specification;
-- the analyser's gain error, smooth in log frequency and common to all sweeps. It adds to ln Z, so it is marginalised exactly: with
-  its basis B and unit normal coefficients the covariance of the residuals is 1 + B B', inverted once for all parameters.
+- what compensation left at each connection, and the fixture where nobody compensated it (R, L, G, C), with Gaussian priors.
+
+All else that a perfect circuit would leave (noise, the analyser's smooth errors, what no model describes) is in the covariance of the
+residuals (`data.covariance`), whose two free sizes are given: the data choose them (`fitting.marginal`).
 """
 
 from __future__ import annotations
@@ -13,11 +15,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import Analyser
+from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of
+from motoremi.data.covariance import Sizes, Whitening
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import ObservedSweep, Weights, observed
@@ -26,6 +30,13 @@ from motoremi.model.circuit import Leaf, Node, Series, Shunted, Tape
 from motoremi.model.laws import ValueAndSlopes
 from motoremi.model.motor import BASE_PARAMETERS, Motor
 from motoremi.model.parameter import Parameter
+
+# Without a discrepancy, and with an analyser that is as good as declared.
+AS_DECLARED = Sizes(3e-8, 1.0)
+# What the specification allows at most: it is taken for three standard deviations.
+ALLOWED = 3.0
+# Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
+FAR = 1e4
 
 # The allocator hands memory back to the system after every evaluation and asks for it again in the next, which takes half of the time.
 # It keeps as much as the largest block that was ever given back.
@@ -104,8 +115,10 @@ class Problem:
     highest_hz : float
         Use points up to here only.
     weights : {"likelihood", "log"}
-        `likelihood`: over the noise, gain error marginalised. `log`: every point alike and an ideal analyser, which is smooth far from
+        `likelihood`: over the noise, all else marginalised. `log`: every point alike and an ideal analyser, which is smooth far from
         the solution and is where searches start.
+    sizes : Sizes
+        Of what no model describes, and of the analyser's errors against those declared.
 
     Attributes
     ----------
@@ -122,14 +135,15 @@ class Problem:
         points: int | None = None,
         weights: Weights = "likelihood",
         highest_hz: float = np.inf,
+        sizes: Sizes = AS_DECLARED,
     ) -> None:
-        self.motor, self.measurement, self.weights = motor, measurement, weights
+        self.motor, self.measurement, self.weights, self.sizes = motor, measurement, weights, sizes
         self.bounds, self.held = dict(bounds or {}), dict(held or {})
         analyser = measurement.analyser
         with_residuals = weights == "likelihood" and not analyser.ideal
         used = set().union(*(motor.used_parameters(t) for t in measurement.terminations))
         parameters = [p for p in motor.parameters if p.name in used]
-        nuisance = [p for t in measurement.terminations for p in residual_parameters(analyser, t)] if with_residuals else []
+        nuisance = nuisance_parameters(analyser, measurement.terminations) if with_residuals else []
         self.everything: tuple[Parameter, ...] = (*parameters, *nuisance)
         names = [p.name for p in self.everything]
         varying = [i for i, p in enumerate(self.everything) if p.vary and p.name not in self.held]
@@ -147,6 +161,8 @@ class Problem:
         self.observed = observed(measurement, points, weights, highest_hz)
         self.size = self.observed.size
         sweeps = self.observed.sweeps
+        self._whitening = self.observed.columns.whitening(sizes.declared) if weights == "likelihood" else None
+        self._by_reflection = weights == "likelihood" and analyser.by_reflection
         self._tape = Tape([self._circuit(sweep, with_residuals) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
 
     def _limits_si(self) -> tuple[FloatArray, FloatArray]:
@@ -166,11 +182,16 @@ class Problem:
             return precision, centre
         for index, parameter in enumerate(self.unknowns):
             if parameter.sigma is not None:
-                precision[index] = 1.0
+                precision[index] = 1 / self.sizes.declared**2 if _declared(parameter) else 1.0
             elif parameter.name not in paper:
                 precision[index] = (2 / (self.high[index] - self.low[index])) ** 2
                 centre[index] = 0.5 * (self.high[index] + self.low[index])
         return precision, centre
+
+    def precision_at(self, declared: float) -> FloatArray:
+        """Precision of the priors at another scale of the declared errors, shape (k,)."""
+        ratio = (self.sizes.declared / declared) ** 2
+        return np.where([_declared(parameter) for parameter in self.unknowns], self.precision * ratio, self.precision)
 
     def _penalty(self, u: FloatArray) -> FloatArray:
         total: FloatArray = (u - self.centre) ** 2 @ self.precision
@@ -179,7 +200,7 @@ class Problem:
     def _circuit(self, sweep: ObservedSweep, with_residuals: bool) -> Node:
         circuit = self.motor.circuit(sweep.termination)
         if with_residuals:
-            return with_connection_residuals(circuit, self.measurement.analyser, sweep.termination, sweep.frequency_hz)
+            return behind_fixture(circuit, self.measurement.analyser, sweep.termination, sweep.frequency_hz)
         return circuit
 
     def physical(self, u: FloatArray) -> FloatArray:
@@ -230,22 +251,45 @@ class Problem:
             found = _logarithm(self.observed.measured / self._tape.impedance(self.observed.s, self.physical(u)))
         return _repaired(found, 1e3)
 
-    def model_ohm(self, u: FloatArray) -> dict[str, ComplexArray]:
-        """Impedance that the analyser should show (fixture residuals included, gain error not), by termination."""
-        impedance = self._tape.impedance(self.observed.s, self.physical(u))
-        return {termination: impedance[..., where] for termination, where in self.observed.slices.items()}
+    @cached_property
+    def _to_relative(self) -> ComplexArray:
+        """2 / (1 - G^2): relative change of Z for one of the reflection coefficient."""
+        factor: ComplexArray = 2 / (1 - reflection_of(self.observed.smooth) ** 2)
+        return factor
+
+    @cached_property
+    def _directions(self) -> ComplexArray:
+        """D, shape (n, q): 1 - D D* is the inverse covariance of weighted residuals."""
+        return self.whitening.directions(self.sizes.discrepancy) if self._whitening else np.zeros((self.size, 0), dtype=np.complex128)
+
+    @cached_property
+    def _adjoint(self) -> ComplexArray:
+        return np.ascontiguousarray(self._directions.conj())
+
+    @property
+    def whitening(self) -> Whitening:
+        """The covariance at these sizes' scale of the declared errors; only of the likelihood."""
+        assert self._whitening is not None
+        return self._whitening
+
+    def residual(self, u: FloatArray) -> ComplexArray:
+        """What the likelihood judges, relative to Z, shape (..., n)."""
+        if not self._by_reflection:
+            return self.deviation(u)
+        with np.errstate(all="ignore"):
+            model = self._tape.impedance(self.observed.s, self.physical(u))
+            found = self._to_relative * (reflection_of(self.observed.measured) - reflection_of(model))
+        return _repaired(found, 1e3)
 
     def objective(self, u: FloatArray) -> FloatArray:
-        """Minus twice the log likelihood (and prior), up to a constant, shape (...)."""
-        residual = self.deviation(u) * self.observed.weight
-        along = self._along(residual)
-        total: FloatArray = _squares(residual.view(np.float64)) - _squares(along) + self._penalty(u)
+        """Minus twice the log likelihood (and prior), up to a constant for these sizes, shape (...)."""
+        residual = self.residual(u) * self.observed.weight
+        total: FloatArray = _squares(residual.view(np.float64)) - _squares(self._along(residual)) + self._penalty(u)
         return total
 
     def _along(self, values: ComplexArray) -> FloatArray:
-        """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the directions that the gain error takes up."""
-        directions = self.observed.directions
-        found: FloatArray = (values @ directions).view(np.float64) if directions.shape[1] else np.zeros((*values.shape[:-1], 0))
+        """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the smooth directions."""
+        found: FloatArray = (values @ self._adjoint).view(np.float64) if self._adjoint.shape[1] else np.zeros((*values.shape[:-1], 0))
         return found
 
     def linearised(self, u: FloatArray) -> Linearised:
@@ -258,13 +302,21 @@ class Problem:
             into[position] = slopes[..., row, :]
         with np.errstate(all="ignore"):
             model, trace = self._tape.forward(self.observed.s, values)
-            inverse = 1 / model
-            deviation = _logarithm(self.observed.measured * inverse) * self.observed.weight
-            self._tape.backward(trace, inverse * -self.observed.weight, into)
+            residual, slope = self._residual_and_slope(model)
+            deviation = residual * self.observed.weight
+            self._tape.backward(trace, slope * self.observed.weight, into)
             here = self._squared(u, deviation, slopes, chain)
             if np.isfinite(here.objective).all() and np.isfinite(here.matrix).all():
                 return here
             return self._squared(u, _repaired(deviation, 1e3), _repaired(slopes, 0.0), chain)
+
+    def _residual_and_slope(self, model: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """The residual, and its derivative for the model's impedance."""
+        if not self._by_reflection:
+            inverse = 1 / model
+            return _logarithm(self.observed.measured * inverse), -inverse
+        residual = self._to_relative * (reflection_of(self.observed.measured) - reflection_of(model))
+        return residual, self._to_relative * (-2 * REFERENCE_OHM) / (model + REFERENCE_OHM) ** 2
 
     def _squared(self, u: FloatArray, deviation: ComplexArray, slopes: ComplexArray, chain: FloatArray) -> Linearised:
         along, residual_along = self._along(slopes), self._along(deviation)
@@ -283,31 +335,84 @@ class Problem:
     def curvature_pull(self, here: Linearised, u: FloatArray, step: FloatArray, fraction: float = 0.1) -> FloatArray:
         """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation; shape (..., k)."""
         weight, jacobian = self.observed.weight, here.slopes.view(np.float64)
-        turned = _wrapped(self.deviation(u + fraction * step) - here.deviation / weight) * weight
+        turned = self.residual(u + fraction * step) - here.deviation / weight
+        turned = (turned if self._by_reflection else _wrapped(turned)) * weight
         along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
         second = (2 / fraction) * (turned / fraction - along_step)
         pull = _product(jacobian, second.view(np.float64)) - _product(here.along, self._along(second))
         result: FloatArray = pull * here.chain
         return result
 
-    def gain_error(self, deviation: ComplexArray) -> ComplexArray:
-        """Most likely relative gain error of the analyser given what the model leaves, shape (n,)."""
-        directions = self.observed.directions
-        residual = deviation * self.observed.weight
-        error: ComplexArray = (directions @ (directions.T @ residual)) / self.observed.weight
+    def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:
+        """Derivatives of `deviation` for the unknowns, shape (k, n); `u` of shape (k,)."""
+        values = self.physical(u)
+        slopes = np.zeros((len(self.unknowns), self.size), dtype=np.complex128)
+        into: list[ComplexArray | None] = [None] * len(self.everything)
+        for row, position in enumerate(self._varying):
+            into[position] = slopes[row]
+        model, trace = self._tape.forward(self.observed.s, values)
+        self._tape.backward(trace, -1 / model, into)
+        return slopes * np.where(self._log, values[self._varying], self._scale)[:, None]
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """Which unknowns are the motor's, not the analyser's or the fixture's; shape (k,), bool."""
+        names = {parameter.name for parameter in self.motor.parameters}
+        return np.array([parameter.name in names for parameter in self.unknowns], dtype=np.bool_)
+
+    def alone(self, u: FloatArray) -> FloatArray:
+        """The same with nothing left at the connections: the motor's circuit alone."""
+        return np.where(self.own, u, 0.0)
+
+    def smooth_error(self, u: FloatArray) -> ComplexArray:
+        """Most likely smooth relative error of the analyser given what the model leaves, shape (n,)."""
+        weight, columns = self.observed.weight, self.observed.columns.analyser * self.sizes.declared
+        weighted = self.residual(u) * weight
+        white = weighted - self._directions @ (self._adjoint.T @ weighted)
+        error: ComplexArray = columns @ (columns.conj().T @ (white * weight))
         return error
 
-    def less_gain_error(self, deviation: ComplexArray) -> ComplexArray:
-        """What the model leaves, shape (n,), with the most likely gain error taken out."""
-        return deviation - self.gain_error(deviation)
+    def analyser_sigma(self, u: FloatArray) -> float:
+        """How far the analyser's errors had to go, in standard deviations of what was declared: the farthest of them."""
+        if self.measurement.analyser.ideal or self.weights == "log":
+            return 0.0
+        declared = np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
+        residuals = float(np.max(np.abs(u[declared]), initial=0.0))
+        return max(residuals, self._smooth_sigma(self.smooth_error(u)))
+
+    def _smooth_sigma(self, error: ComplexArray) -> float:
+        size = np.sqrt(np.sum(np.abs(self.observed.columns.analyser) ** 2, axis=1))
+        return float(np.max(np.abs(error) / np.where(size > 0, np.sqrt(2) * size, np.inf), initial=0.0))
+
+    def less_allowed_error(self, u: FloatArray) -> ComplexArray:
+        """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows."""
+        if self.measurement.analyser.ideal or self.weights == "log":
+            return self.deviation(u)
+        declared = np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
+        allowed = np.where(declared, np.clip(u, -ALLOWED, ALLOWED), u)
+        error = self.smooth_error(u)
+        sigma = self._smooth_sigma(error)
+        return self.deviation(allowed) - error * (min(1.0, ALLOWED / sigma) if sigma else 1.0)
+
+    def whiten(self, weighted: ComplexArray) -> ComplexArray:
+        """Weighted residuals, shape (..., n), with unit covariance."""
+        directions = self._directions
+        variances, vectors = np.linalg.eigh(directions.conj().T @ directions)
+        used = variances > 1e-10
+        unit = directions @ vectors[:, used] / np.sqrt(variances[used])
+        taken = 1 - np.sqrt(np.maximum(1 - variances[used], 0.0))
+        white: ComplexArray = weighted - ((weighted @ unit.conj()) * taken) @ unit.T
+        return white
 
     def whitened(self, u: FloatArray) -> ComplexArray:
-        """Residuals whose covariance is one, shape (n,): what is left once the gain error has had its say."""
-        directions = self.observed.directions
-        shares = np.sum(directions**2, axis=0)
-        residual = self.deviation(u) * self.observed.weight
-        white: ComplexArray = residual - directions @ ((1 - np.sqrt(1 - shares)) / shares * (directions.T @ residual))
-        return white
+        """Residuals whose covariance is one, shape (n,)."""
+        return self.whiten(self.residual(u) * self.observed.weight)
+
+    @cached_property
+    def discrepancy_percent(self) -> float:
+        """Relative error, rms in percent, that a discrepancy of size one stands for at a typical point."""
+        variance = np.sum(np.abs(self.observed.columns.discrepancy) ** 2, axis=1)
+        return float(100 * np.sqrt(2 * np.median(variance)))
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -353,13 +458,16 @@ def _linear_scale(parameter: Parameter) -> float:
     return parameter.sigma if parameter.sigma is not None else 0.5 * (parameter.high - parameter.low)
 
 
+def _declared(parameter: Parameter) -> bool:
+    """Whether it is an error whose size the analyser's specification declares."""
+    return parameter.name.split(" ")[-2:-1] == ["connection"]
+
+
 def residual_parameters(analyser: Analyser, termination: str) -> tuple[Parameter, ...]:
     """What compensation left at one connection."""
-    reason = "the analyser's specification"
 
     def one(name: str, unit: str, sigma: float) -> Parameter:
-        # Four standard deviations: beyond that it is no longer within specification, and an effect of the catalogue.
-        return Parameter(f"{termination} connection {name}", unit, -4 * sigma, 4 * sigma, reason, "linear", sigma)
+        return Parameter(f"{termination} connection {name}", unit, -FAR * sigma, FAR * sigma, "the analyser's specification", "linear", sigma)
 
     return (
         one("R", "Ohm", analyser.resistance_sigma_ohm),
@@ -369,14 +477,40 @@ def residual_parameters(analyser: Analyser, termination: str) -> tuple[Parameter
     )
 
 
-def with_connection_residuals(circuit: Node, analyser: Analyser, termination: str, frequency_hz: FloatArray) -> Node:
-    """The circuit behind a fixture whose compensation left small residuals."""
+def fixture_parameters(analyser: Analyser) -> tuple[Parameter, ...]:
+    """The fixture that nobody compensated, the same in all sweeps; empty for one that was."""
+    fixture = analyser.fixture
+    if fixture is None:
+        return ()
+
+    def one(name: str, unit: str, sigma: float) -> Parameter:
+        return Parameter(f"fixture {name}", unit, -FAR * sigma, FAR * sigma, "a fixture of a few centimetres", "linear", sigma)
+
+    return (
+        one("R", "Ohm", fixture.resistance_ohm),
+        one("L", "H", fixture.inductance_h),
+        one("G", "S", fixture.conductance_s),
+        one("C", "F", fixture.capacitance_f),
+    )
+
+
+def nuisance_parameters(analyser: Analyser, terminations: Sequence[str]) -> list[Parameter]:
+    """Everything between the plane of calibration and the motor."""
+    return [*(p for t in terminations for p in residual_parameters(analyser, t)), *fixture_parameters(analyser)]
+
+
+def behind_fixture(circuit: Node, analyser: Analyser, termination: str, frequency_hz: FloatArray) -> Node:
+    """The circuit as the analyser sees it: behind a fixture, and what its compensation left."""
     resistance, inductance, conductance, capacitance = residual_parameters(analyser, termination)
     shape: ComplexArray = analyser.conductance_sigma_s(frequency_hz).astype(np.complex128)
 
     def admittance(s: ComplexArray, multiple: FloatArray, c: FloatArray) -> ValueAndSlopes:
         return multiple * shape + s * c, (shape, s)
 
+    fixture = fixture_parameters(analyser)
+    if fixture:
+        circuit = Series((circuit, Leaf("fixture", laws.resistance_and_inductance, fixture[:2])))
+        circuit = Shunted(circuit, laws.conductance_and_capacitance, fixture[2:])
     series = Leaf(f"{termination} connection", laws.resistance_and_inductance, (resistance, inductance))
     return Shunted(Series((circuit, series)), admittance, (conductance, capacitance))
 

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
-from motoremi.fitting.problem import Linearised, Problem
+from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
+from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
+from motoremi.fitting.search import Found, Solution, Task
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import Motor, dc_motor
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
 
 Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
+# A scale of the declared errors that is less likely than this adds nothing to an error bar.
+LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,18 +46,24 @@ class Fit:
     method : {"ant-colony", "paper"}
     seed : int
     parameters, sigma : dict
-        Values and standard deviations in SI units; sigma is infinite for what the data do not determine, and is widened where the model
-        does not describe the data (chi2_reduced > 1).
+        Values and standard deviations in SI units; sigma is infinite for what the data do not determine; it includes what no
+        model describes, and that the analyser may be worse than declared.
     nuisance : dict
         What the fit believes the fixture's compensation left, SI units.
     chi2_reduced : float
-        1 for a perfect model, over random noise with the analyser's systematic errors marginalised.
+        1 for a perfect model, over noise and analyser as declared: the discrepancy does not soften it.
     rms_error_percent, rms_error_db : float
-        Of Z_model/Z_measured over all points, mean of repeats; the model holds the analyser's most likely error within its specification.
-    motor_error_percent : float
-        The same for the motor's circuit alone.
-    floor_percent : float
-        What random noise alone would leave.
+        Of Z_model/Z_measured - 1 over all points, mean of repeats: the motor's circuit alone, nothing absorbed.
+    corrected_error_percent : float
+        The same with the analyser's most likely error taken off, of which no more than its specification allows.
+    analyser_sigma : float
+        How far the analyser's errors had to go, in standard deviations of what is declared.
+    noise_percent, floor_percent : float
+        What random noise alone, and noise with the analyser's specification, would leave of a perfect model.
+    sizes : Sizes
+        Of what no model describes and of the analyser's errors, at which the parameters were found.
+    marginal : Marginal
+        Posterior of both sizes.
     converged : bool
     evaluations : int
     elapsed_s : float
@@ -72,8 +83,12 @@ class Fit:
     chi2_reduced: float
     rms_error_percent: float
     rms_error_db: float
-    motor_error_percent: float
+    corrected_error_percent: float
+    analyser_sigma: float
+    noise_percent: float
     floor_percent: float
+    sizes: Sizes
+    marginal: Marginal
     converged: bool
     evaluations: int
     elapsed_s: float
@@ -82,13 +97,35 @@ class Fit:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     held: Mapping[str, float] = field(default_factory=dict)
     search_parameters: Mapping[str, float] = field(default_factory=dict)
-    objective: float = np.inf
-    log_evidence: float = -np.inf
+
+    @property
+    def log_evidence(self) -> float:
+        """Of the model, summed over the sizes; comparable among models of the same data only."""
+        return self.marginal.log_evidence
 
     @cached_property
     def problem(self) -> Problem:
-        """The least-squares problem that this solves, on all points."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held)
+        """The likelihood that this solves, on all points."""
+        return Problem(self.motor, self.measurement, self.bounds, self.held, sizes=self.sizes)
+
+    @cached_property
+    def objective(self) -> float:
+        """Minus twice the log likelihood, up to a constant for these sizes."""
+        return float(self.linearised.objective)
+
+    @property
+    def unexplained_percent(self) -> JsonDict:
+        """What neither circuit, analyser nor noise describes, relative to Z: the median of its posterior, and its 95 % interval."""
+        unit = self.problem.discrepancy_percent
+        low, value, high = (unit * self.marginal.quantile(share) for share in (0.025, 0.5, 0.975))
+        nothing = unit * NOTHING_LEFT
+        return {"value": 0.0 if value <= nothing else value, "low": 0.0 if low <= nothing else low, "high": high}
+
+    @cached_property
+    def explained(self) -> bool:
+        """Whether the circuit describes the motor as well as is asked for, or as well as these data can tell."""
+        left = self.unexplained_percent
+        return bool(self.marginal.nothing_left >= 0.5 or left["value"] <= self.measurement.good_enough_percent)
 
     @cached_property
     def linearised(self) -> Linearised:
@@ -117,8 +154,19 @@ class Fit:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of the problem's unknowns (logarithms of positive parameters), widened where the model does not describe the data."""
-        return _inverse(self.linearised.matrix) * max(1.0, self.chi2_reduced)
+        """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be."""
+        shares = self.marginal.of_scale
+        total = np.zeros_like(self.linearised.matrix)
+        for scale, share in zip(self.marginal.scales, shares, strict=True):
+            if share > LEAST_SHARE:
+                total += share / shares[shares > LEAST_SHARE].sum() * self._covariance_at(scale)
+        return total
+
+    def _covariance_at(self, declared: float) -> FloatArray:
+        if declared == self.sizes.declared:
+            return _inverse(self.linearised.matrix)
+        other = Problem(self.motor, self.measurement, self.bounds, self.held, sizes=Sizes(self.sizes.discrepancy, declared))
+        return _inverse(other.linearised(self.unknowns).matrix)
 
     def interval(self, name: str) -> Interval:
         """What values of a parameter the data allow at 95 %, by its profile likelihood."""
@@ -133,9 +181,9 @@ class Fit:
         return derived(self)
 
     def errors(self) -> dict[str, ComplexArray]:
-        """Z_model/Z_measured - 1 per termination, the analyser's most likely error included."""
+        """Z_model/Z_measured - 1 per termination, the motor's circuit alone."""
         problem = self.problem
-        error = np.exp(-problem.less_gain_error(problem.deviation(self.unknowns))) - 1
+        error = np.exp(-problem.deviation(problem.alone(self.unknowns))) - 1
         return {termination: error[where] for termination, where in problem.observed.slices.items()}
 
     def add(self, effect: str, held: Mapping[str, float] | None = None, thorough: bool = True) -> Fit:
@@ -205,8 +253,12 @@ class Fit:
             "chi2_reduced": self.chi2_reduced,
             "rms_error_percent": self.rms_error_percent,
             "rms_error_db": self.rms_error_db,
-            "motor_error_percent": self.motor_error_percent,
+            "corrected_error_percent": self.corrected_error_percent,
+            "analyser_sigma": self.analyser_sigma,
+            "unexplained_percent": self.unexplained_percent,
+            "noise_percent": self.noise_percent,
             "floor_percent": self.floor_percent,
+            "sizes": {"discrepancy": self.sizes.discrepancy, "declared": self.sizes.declared},
             "converged": self.converged,
             "evaluations": self.evaluations,
             "elapsed_s": self.elapsed_s,
@@ -237,7 +289,7 @@ class Fit:
             elif not self.determined(name):
                 bar = "not determined by these data"
             else:
-                bar = f"± {100 * self.sigma[name] / abs(value):.2g} %"
+                bar = f"± {100 * self.sigma[name] / abs(value):.2g} % (1 sigma)"
             table.append((name, show(value, units[name]), bar))
         return table + [(name, "-", "not determined: no sweep depends on it") for name in self.unseen()]
 
@@ -245,12 +297,25 @@ class Fit:
         model = "paper's circuit" + "".join(f" + {effect}" for effect in self.effects)
         lines = [
             f"Fit of the {model} ({self.method}, {'converged' if self.converged else 'NOT CONVERGED'})",
-            f"  error {self.rms_error_percent:.3g} % rms ({self.rms_error_db:.3g} dB), noise floor {self.floor_percent:.3g} %, "
-            f"chi2_reduced {self.chi2_reduced:.4g}",
+            f"  error {self.rms_error_percent:.3g} % rms ({self.rms_error_db:.3g} dB); noise and analyser would leave {self.floor_percent:.3g} %, "
+            f"noise alone {self.noise_percent:.2g} %",
+            f"  {self.said_of_the_rest}",
             *(f"  {name:34s} {value:>14s}  {bar}" for name, value, bar in self.rows()),
             *(f"  note: {warning}" for warning in self.warnings),
         ]
         return "\n".join(lines)
+
+    @property
+    def said_of_the_rest(self) -> str:
+        """What is left undescribed, and what the analyser had to do for it, in words."""
+        left = self.unexplained_percent
+        rest = f"undescribed {left['value']:.2g} % (95 %: {left['low']:.2g} - {left['high']:.2g} %)" if left["value"] else "nothing else is left"
+        if self.measurement.analyser.ideal:
+            return rest
+        return (
+            f"with the analyser's likely error taken off {self.corrected_error_percent:.3g} % "
+            f"({self.analyser_sigma:.1f} sigma of a {self.measurement.analyser.name}); {rest}"
+        )
 
     def _repr_html_(self) -> str:
         rows = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in self.rows())
@@ -283,77 +348,79 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
         values = {str(name): float(entry["value"]) for name, entry in payload["parameters"].items()}
         nuisance = {str(name): float(value) for name, value in payload["nuisance"].items()}
         searched = {str(name): float(value) for name, value in payload["searched"].items()}
+        sizes = Sizes(float(payload["sizes"]["discrepancy"]), float(payload["sizes"]["declared"]))
         method, seed, converged = payload["method"], int(payload["seed"]), bool(payload["converged"])
         evaluations, elapsed_s, history = int(payload["evaluations"]), float(payload["elapsed_s"]), tuple(payload["history"])
         warnings = tuple(str(warning) for warning in payload["warnings"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInput("the stored fit is incomplete: fit the session again") from error
-    problem = Problem(motor, measurement, bounds, held)
-    result = summarise(problem, problem.vector({**values, **nuisance}), converged, method, seed, evaluations, history, searched)
+    task = Task(motor, measurement, bounds, held)
+    problem = task.likelihood(None, sizes)
+    u = problem.vector({**values, **nuisance})
+    solution = Solution(problem.named(u), sizes, marginal(problem, u), converged, evaluations)
+    result = summarise(task, Found(solution, history, searched), method, seed)
     return dataclasses.replace(result, elapsed_s=elapsed_s, warnings=warnings)
 
 
-def summarise(
-    problem: Problem,
-    u: FloatArray,
-    converged: bool,
-    method: Method,
-    seed: int,
-    evaluations: int,
-    history: tuple[JsonDict, ...],
-    searched: Mapping[str, float] | None = None,
-) -> Fit:
-    """A solution with its statistics; `searched` is where the next effect starts from."""
-    here = problem.linearised(u)
-    objective, matrix = here.objective, here.matrix
-    chi2_reduced = float(objective) / problem.degrees_of_freedom
-    deviations = np.sqrt(np.diag(_inverse(matrix))) * max(1.0, np.sqrt(chi2_reduced))
+def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
+    """A solution with its statistics."""
+    solution, measurement = found.solution, task.measurement
+    problem = task.likelihood(None, solution.sizes)
+    u = problem.vector(solution.values)
     values = problem.named(u)
     own = {p.name for p in problem.motor.parameters}
-    sigma: dict[str, float] = dict.fromkeys(own & values.keys(), 0.0)
-    for index, parameter in enumerate(problem.unknowns):
-        if parameter.name in own:
-            unit = values[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
-            sigma[parameter.name] = float(abs(unit) * deviations[index])
-    left = problem.less_gain_error(here.deviation / problem.observed.weight)
-    error = np.abs(np.exp(-left) - 1)
-    alone = _motor_alone(problem, u)
-    warnings = list(problem.measurement.caveats())
-    if not converged and method != "paper":
+    alone = problem.deviation(problem.alone(u))
+    strict = task.likelihood(None, AS_DECLARED)
+    warnings = list(measurement.caveats())
+    if not solution.converged and method != "paper":
         warnings.append("the fit did not converge: do not use its values")
     result = Fit(
         motor=problem.motor,
-        measurement=problem.measurement,
+        measurement=measurement,
         method=method,
         seed=seed,
         parameters={p.name: values[p.name] for p in problem.motor.parameters if p.name in values},
-        sigma=sigma,
+        sigma={},
         nuisance={name: value for name, value in values.items() if name not in own},
-        chi2_reduced=chi2_reduced,
-        rms_error_percent=float(100 * np.sqrt(np.mean(error**2))),
-        rms_error_db=float(20 / np.log(10) * np.sqrt(np.mean(left.real**2))),
-        motor_error_percent=float(100 * np.sqrt(np.mean(np.abs(alone) ** 2))),
-        floor_percent=problem.measurement.floor_percent,
-        converged=converged,
-        evaluations=evaluations,
+        chi2_reduced=float(strict.objective(strict.vector(values))) / strict.degrees_of_freedom,
+        rms_error_percent=_rms_percent(np.exp(-alone) - 1),
+        rms_error_db=float(20 / np.log(10) * np.sqrt(np.mean(alone.real**2))),
+        corrected_error_percent=_rms_percent(np.exp(-problem.less_allowed_error(u)) - 1),
+        analyser_sigma=problem.analyser_sigma(u),
+        noise_percent=measurement.noise_percent,
+        floor_percent=measurement.floor_percent,
+        sizes=solution.sizes,
+        marginal=solution.marginal,
+        converged=solution.converged,
+        evaluations=solution.evaluations,
         elapsed_s=0.0,
-        history=history,
+        history=found.history,
         warnings=tuple(warnings),
         bounds=problem.bounds,
         held=problem.held,
-        search_parameters=searched or {},
-        objective=float(objective),
-        log_evidence=_log_evidence(problem, float(objective), matrix),
+        search_parameters=found.searched,
     )
     # Spares the cached property from building it again.
     vars(result)["problem"] = problem
-    return result
+    return _with_sigma(result, problem, own)
 
 
-def _motor_alone(problem: Problem, u: FloatArray) -> ComplexArray:
-    own = np.array([p.sigma is None or "connection" not in p.name for p in problem.unknowns])
-    error: ComplexArray = np.exp(-problem.deviation(np.where(own, u, 0.0))) - 1
-    return error
+def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
+    """With the standard deviations, which follow from the covariance."""
+    deviations = np.sqrt(np.diag(result.covariance))
+    sigma: dict[str, float] = dict.fromkeys(result.parameters, 0.0)
+    for index, parameter in enumerate(problem.unknowns):
+        if parameter.name in own:
+            unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
+            sigma[parameter.name] = float(abs(unit) * deviations[index])
+    told = dataclasses.replace(result, sigma=sigma)
+    for name in ("problem", "linearised", "unknowns", "covariance"):
+        vars(told)[name] = vars(result)[name]
+    return told
+
+
+def _rms_percent(error: ComplexArray) -> float:
+    return float(100 * np.sqrt(np.mean(np.abs(error) ** 2)))
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -362,19 +429,3 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     covariance: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
     return covariance
-
-
-def _log_evidence(problem: Problem, objective: float, matrix: FloatArray) -> float:
-    """Marginal likelihood by Laplace's method, up to a constant that all models of these data share.
-
-    Every positive parameter is spread evenly in its logarithm over its range; a direction that the data leave open counts with that range.
-    """
-    width = problem.high - problem.low
-    flat = problem.precision == 0
-    capped = matrix + np.diag(np.where(flat, 2 * np.pi / width**2, 0.0))
-    sign, determinant = np.linalg.slogdet(capped)
-    if sign <= 0:
-        return -np.inf
-    total = -0.5 * objective - 0.5 * determinant
-    total += np.sum(np.where(flat, 0.5 * np.log(2 * np.pi) - np.log(width), 0.5 * np.log(np.maximum(problem.precision, 1e-300))))
-    return float(total)

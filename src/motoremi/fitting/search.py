@@ -1,33 +1,50 @@
-"""How solutions are searched: ants, start values, continuation in frequency, and the polish that ends each of them.
+"""How solutions are searched: ants, start values, continuation in frequency, and the arrival that ends each of them.
 
-Searching happens on the residual `log` over a thinned grid, where the landscape is wide; the likelihood on all points has the last word.
+Searching happens on the residual `log` over a thinned grid, where the landscape is wide; the likelihood has the last word. What no model
+describes, and by how much the analyser's errors exceed those declared, is found on the way: a solution at one pair of sizes tells which
+pair is likelier, until that is the pair it was found at.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
+from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened
-from motoremi.fitting.problem import Problem
+from motoremi.fitting.problem import AS_DECLARED, Problem
 from motoremi.fitting.starts import data_driven_starts
 from motoremi.model.motor import Motor
 
-# Points a sweep for searching; the final polish uses all.
+# Points a sweep for searching; the arrival uses all.
 SEARCH_POINTS = 48
 # How many start values at least go on up the band.
 FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
+# Another round of ants follows if the last one took away this share of what was left.
+WORTH_A_ROUND = 0.05
 # Of the residual `log`.
 ROUGH = Precision(1e-7, 1e-4)
+# When a polish by the likelihood has converged as far as its sizes are concerned.
+CLOSE = Precision(0.05, 1e-4)
+# Damping to begin with close to the solution, where the linear model holds.
+WARM = 1e-6
+# A discrepancy this small is as good as none for a search.
+SMALL_STEP = 3e-5
+# Sizes are sought again so many times; nearly all are settled at the second.
+MOST_SIZES = 5
+# Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
+# analyser's errors would have to be ten times those declared: they could absorb a motor.
+PLAIN = 1e-2
+ABSORBING = 10.0
 
 
 @dataclass(frozen=True)
@@ -39,54 +56,122 @@ class Task:
     bounds: Mapping[str, tuple[float, float]]
     held: Mapping[str, float]
 
-    @cached_property
-    def full(self) -> Problem:
-        """The likelihood on all points."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held)
-
-    def thinned(self, points: int, highest_hz: float = np.inf) -> Problem:
+    def thinned(self, points: int | None, highest_hz: float = np.inf) -> Problem:
         """The search problem on about `points` points a sweep."""
         return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
 
-    def likelihood(self, points: int) -> Problem:
-        """The likelihood on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points)
+    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED) -> Problem:
+        """The likelihood on all points, or on about `points` points a sweep."""
+        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, sizes=sizes)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where a search ended. Plain data, which may come from another process.
+
+    Parameters
+    ----------
+    values : dict
+        Parameters and nuisances in SI units.
+    sizes : Sizes
+        Of the likelihood that it solves.
+    marginal : Marginal
+    converged : bool
+    evaluations : int
+    """
+
+    values: dict[str, float]
+    sizes: Sizes
+    marginal: Marginal
+    converged: bool
+    evaluations: int
+
+    @property
+    def log_evidence(self) -> float:
+        """Of its model."""
+        return self.marginal.log_evidence
 
 
 @dataclass(frozen=True)
 class Found:
-    """A solution of the likelihood, and the best of the search on the way there.
+    """A solution on all points, and the best of the search on the way there.
 
     Parameters
     ----------
-    u : ndarray, shape (k,)
-    converged : bool
-    evaluations : int
+    solution : Solution
     history : tuple of dict
     searched : dict
         Parameters of the best solution of the search problem, SI units: where the next effect starts from.
     """
 
-    u: FloatArray
-    converged: bool
-    evaluations: int
+    solution: Solution
     history: tuple[JsonDict, ...]
     searched: dict[str, float]
 
 
-def good_enough(problem: Problem) -> float:
-    """An objective that only the right valley reaches.
+def arrive(
+    task: Task, starts: Sequence[Mapping[str, float]], points: int | None = None, most: int = MOST_SIZES, sizes: Sizes | None = None, steps: int = 60
+) -> Solution:
+    """From start values near a solution to the solution, at the sizes that it makes likeliest.
 
-    Three standard deviations above its expectation, with the noise known no better than its repeats allow and the analyser's error
-    described to 2 %; more where only scatter tells the noise.
+    Parameters
+    ----------
+    starts : sequence of mapping
+        In SI units, each in its valley.
+    points : int, optional
+        About so many a sweep; all by default.
+    most : int
+        How often the sizes are sought at most.
+    sizes : Sizes, optional
+        To begin with; those that the starts make likeliest by default.
+    steps : int
+        Of each polish.
     """
-    measurement, degrees = problem.measurement, problem.degrees_of_freedom
-    return measurement.doubt * degrees * (1.02 + 3 * float(np.hypot(np.sqrt(2 / degrees), measurement.noise_error)))
+    problem = task.likelihood(points, sizes or AS_DECLARED)
+    u = problem.vectors(starts)
+    evaluations = 0
+    if sizes is None:
+        looks = [marginal(problem, row) for row in u]
+        sizes = max(looks, key=lambda look: look.log_evidence).likeliest
+    best: tuple[FloatArray, Sizes, Marginal, bool] | None = None
+    for _ in range(most):
+        problem = task.likelihood(points, sizes)
+        ends = polish(problem, u, iterations=steps, precision=CLOSE, damping=WARM if best else 1e-3)
+        evaluations += ends.evaluations
+        u = ends.distinct(2)
+        found = [(row, sizes, marginal(problem, row), bool(ends.converged[ends.best])) for row in u]
+        here = max(found, key=lambda one: one[2].log_evidence)
+        previous = best
+        if best is None or here[2].log_evidence > best[2].log_evidence:
+            best = here
+        if here[2].settled(sizes) or (previous is not None and here[2].likeliest == previous[1]):
+            break
+        sizes = here[2].likeliest
+    assert best is not None
+    values, at, told, converged = best
+    problem = task.likelihood(points, at)
+    return Solution(problem.named(values), at, told, converged, evaluations)
 
 
-def surely_right(problem: Problem) -> float:
-    """An objective at which a search need not go on: three standard deviations above its expectation."""
-    return problem.degrees_of_freedom + 3 * float(np.sqrt(2 * problem.degrees_of_freedom))
+def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Sizes | None = None) -> Solution:
+    """`arrive` on all points, to the last digit; where the model misses by far, the least relative error instead."""
+    solution = arrive(task, starts, sizes=sizes)
+    if solution.sizes.discrepancy >= PLAIN or solution.sizes.declared >= ABSORBING:
+        return least_relative(task, solution, starts)
+    problem = task.likelihood(None, solution.sizes)
+    u, evaluations = sharpened(problem, problem.vector(solution.values))
+    return dataclasses.replace(solution, values=problem.named(u), evaluations=solution.evaluations + evaluations)
+
+
+def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
+    """The same with the circuit that has the least relative error over all points, an ideal analyser taken for granted."""
+    problem = task.thinned(None)
+    ends = polish(problem, problem.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
+    values = problem.named(ends.u[ends.best])
+    converged = bool(ends.converged[ends.best])
+    likelihood = task.likelihood(None, solution.sizes)
+    whole = likelihood.named(likelihood.vector(values))
+    return dataclasses.replace(solution, values=whole, converged=converged, evaluations=solution.evaluations + ends.evaluations)
 
 
 def moved(u: FloatArray, source: Problem, target: Problem) -> FloatArray:
@@ -95,13 +180,13 @@ def moved(u: FloatArray, source: Problem, target: Problem) -> FloatArray:
 
 
 def search_base(task: Task, seed: int) -> Found:
-    """The paper's circuit: start values from the data first, then rounds of ants until the noise floor is reached or rounds end."""
-    search, full = task.thinned(SEARCH_POINTS), task.full
+    """The paper's circuit: start values from the data first, then rounds of ants until nothing is left or a round brings nothing more."""
+    search = task.thinned(SEARCH_POINTS)
     seeds = search.vectors(data_driven_starts(task.measurement))
     colony: Colony | None = None
-    best: Polished | None = None
+    best: Solution | None = None
     searched: dict[str, float] = {}
-    searched_objective = np.inf
+    least = np.inf
     evaluations = 0
     history: list[JsonDict] = []
     # The search problem is down to noise and analyser; the likelihood tells whether that was the right valley.
@@ -124,31 +209,22 @@ def search_base(task: Task, seed: int) -> Found:
         if round_number > 0 and rough.objective[rough.best] > likely:
             rough = rough.joined(climb(task, search, candidates))
         evaluations += rough.evaluations
-        if rough.objective[rough.best] < searched_objective:
-            searched, searched_objective = search.named(rough.u[rough.best]), float(rough.objective[rough.best])
+        before, now = least, float(rough.objective[rough.best])
+        if now < least:
+            searched, least = search.named(rough.u[rough.best]), now
         # On few points noise may favour a wrong valley: unless the first try is clear, let the likelihood choose among several.
-        count = 1 if round_number == 0 and searched_objective < likely else 3
-        final = polish(full, moved(rough.distinct(count), search, full))
-        evaluations += final.evaluations
-        if best is None or final.objective[final.best] < best.objective[best.best]:
-            best = final
-        assert best is not None
-        mean_square = float(np.mean(np.abs(full.deviation(best.u[best.best])) ** 2))
+        count = 1 if round_number == 0 and least < likely else 3
+        found = arrived_on_all(task, [search.named(row) for row in rough.distinct(count)])
+        evaluations += found.evaluations
+        if best is None or found.log_evidence > best.log_evidence:
+            best = found
+        full = task.thinned(None)
+        mean_square = float(np.mean(np.abs(full.deviation(full.vector(best.values))) ** 2))
         history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
-        if best.objective[best.best] < surely_right(full):
+        if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 1 and now > (1 - WORTH_A_ROUND) * before):
             break
     assert best is not None
-    u, converged, more = winner(full, best)
-    return Found(u, converged, evaluations + more, tuple(history), searched)
-
-
-def winner(problem: Problem, ends: Polished) -> tuple[FloatArray, bool, int]:
-    """The best end, sharpened if it converged; whether it did; evaluations spent."""
-    u, converged = ends.u[ends.best], bool(ends.converged[ends.best])
-    if not converged:
-        return u, False, 0
-    sharp, evaluations = sharpened(problem, u)
-    return sharp, True, evaluations
+    return Found(dataclasses.replace(best, evaluations=evaluations), tuple(history), searched)
 
 
 def climb(task: Task, search: Problem, starts: FloatArray) -> Polished:

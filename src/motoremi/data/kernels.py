@@ -1,0 +1,83 @@
+"""What is smooth along frequency: Matern 3/2 processes over log10 of frequency, as few columns, and the shape of a sweep itself.
+
+A process of that kind is continuous with kinks, like what is interpolated between the points of a calibration or left by a wrong model
+(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 4.17).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from motoremi.arrays import ComplexArray, FloatArray
+
+# Share of the variance, and length in decades.
+Parts = Sequence[tuple[float, float]]
+# Knots per length of the shortest part: between them the columns are straight lines, which miss the process by less than 1 % of it.
+KNOTS_PER_LENGTH = 4
+# Modes below this share of the largest variance are noise of the arithmetic.
+LEAST_VARIANCE = 1e-6
+# Points over which a sweep is smoothed: a mean of so many leaves a quarter of white noise.
+SMOOTHED_POINTS = 15
+
+
+def matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
+    """Correlation between places, shape (n, m); places and length in the same unit."""
+    distance = np.sqrt(3) * np.abs(one[:, None] - other[None, :]) / length
+    correlation: FloatArray = (1 + distance) * np.exp(-distance)
+    return correlation
+
+
+def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
+    """Columns B, shape (n, q), such that B c with independent standard normal c is a draw of a sum of smooth processes.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+        In any order.
+    parts : sequence of (share, length)
+        Share of the variance and length in decades of each process.
+    """
+    place = np.log10(frequency_hz)
+    span = float(np.ptp(place))
+    shortest = min(length for _, length in parts)
+    knots = place.min() + np.linspace(0.0, span, max(4, int(np.ceil(KNOTS_PER_LENGTH * span / shortest)) + 1))
+    covariance = sum(share * matern(knots, knots, length) for share, length in parts)
+    variances, vectors = np.linalg.eigh(np.asarray(covariance))
+    keep = variances > LEAST_VARIANCE * variances[-1]
+    modes = vectors[:, keep] * np.sqrt(variances[keep])
+    step = span / (knots.size - 1)
+    at = np.clip(((place - knots[0]) / step).astype(np.intp), 0, knots.size - 2)
+    share = ((place - knots[at]) / step)[:, None]
+    columns: FloatArray = (1 - share) * modes[at] + share * modes[at + 1]
+    return columns
+
+
+def logarithm(impedance_ohm: ComplexArray) -> ComplexArray:
+    """ln Z along a sweep, its phase without jumps."""
+    result: ComplexArray = np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
+    return result
+
+
+def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
+    """A sweep with most of its white noise taken out, for what depends on the measured impedance but must not depend on its noise."""
+    if impedance_ohm.size < 2 * SMOOTHED_POINTS:
+        return impedance_ohm
+    values = logarithm(impedance_ohm)
+    result: ComplexArray = np.exp(_mean(values.real) + 1j * _mean(values.imag))
+    return result
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Running mean round a running straight line, so that neither ends nor slopes are bent."""
+    line = np.linspace(values[0], values[-1], values.size)
+    mean: FloatArray = line + uniform_filter1d(values - line, SMOOTHED_POINTS, mode="nearest")
+    return mean
+
+
+def slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
+    """d ln Z / d ln f along a sweep."""
+    result: ComplexArray = np.gradient(logarithm(impedance_ohm), np.log(frequency_hz))
+    return result

@@ -1,0 +1,108 @@
+"""What the repeats of a sweep say of its noise beyond its size: what is correlated along frequency, and what drifts from one to the next.
+
+All of it rests on contrasts: orthonormal combinations of the repeats in which the impedance itself drops out, so that nothing has to be
+known of it (restricted maximum likelihood, Patterson and Thompson, Biometrika 58, 1971).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.kernels import Parts, smooth_basis
+
+# Flicker, temperature and cables wander on no one scale: correlation lengths in decades, a quarter of the variance each.
+WANDERING: Parts = ((0.25, 0.03), (0.25, 0.1), (0.25, 0.3), (0.25, 1.0))
+# Along how many decades a drift of the motor changes its shape.
+DRIFTING: Parts = ((1.0, 0.15),)
+# Twice the gain in log likelihood beyond which a drift is believed.
+DRIFT_GAIN = 10.0
+# A correlated part is sought up to so many times the white noise.
+MOST_CORRELATED = 100.0
+
+
+def contrasts(relative: ComplexArray) -> ComplexArray:
+    """Orthonormal contrasts of repeats of shape (R, n), the first of them linear in their order; shape (R - 1, n)."""
+    repeats = len(relative)
+    order = np.vander(np.arange(repeats) - (repeats - 1) / 2, repeats, increasing=True)
+    orthonormal = np.linalg.qr(order)[0][:, 1:]
+    result: ComplexArray = orthonormal.T @ relative
+    return result
+
+
+def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexArray) -> tuple[float, float]:
+    """Size of the noise that is correlated along frequency, and factor on the white noise's variance beside it, for one repeat.
+
+    Parameters
+    ----------
+    frequency_hz, sigma : ndarray, shape (n,)
+        White noise of one repeat.
+    free : ndarray, shape (m, n)
+        Contrasts.
+
+    Returns
+    -------
+    size : float
+        Standard deviation; 0 where nothing is gained by it.
+    factor : float
+    """
+    basis = smooth_basis(frequency_hz, WANDERING) / sigma[:, None]
+    vectors, singular, _ = np.linalg.svd(basis, full_matrices=False)
+    parts = np.abs((free / sigma) @ vectors) ** 2
+    rest = float(np.sum(np.abs(free / sigma) ** 2) - parts.sum())
+    count, directions = len(free), vectors.shape[1]
+    total = count * sigma.size
+
+    def cost(log_ratio: float) -> tuple[float, float]:
+        """Minus the log likelihood at c^2 relative to the white variance, that one at its best; and that best."""
+        own = 1 + np.exp(log_ratio) * singular**2
+        white = (float(np.sum(parts / own)) + rest) / (2 * total)
+        return float(total * np.log(white) + count * np.sum(np.log(own))), white
+
+    none = 1e-12
+    scale = float(np.median(sigma)) ** 2
+    found = minimize_scalar(
+        lambda value: cost(value)[0], bounds=(np.log(1e-4 * scale), np.log(MOST_CORRELATED**2 * scale)), method="bounded"
+    )
+    white_only, factor_only = cost(np.log(none * scale))
+    # Chi-squared of one degree of freedom at its boundary: 2.7 is passed by chance once in twenty.
+    if 2 * (white_only - found.fun) < 2.7 or directions == 0:
+        return 0.0, factor_only
+    factor = cost(float(found.x))[1]
+    return float(np.sqrt(np.exp(found.x) * factor)), factor
+
+
+def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, free: ComplexArray) -> ComplexArray | None:
+    """Change of ln Z from one repeat to the next, smooth along frequency, shape (n,); None where the repeats show no trend.
+
+    Parameters
+    ----------
+    sigma, correlated
+        White and correlated noise of one repeat.
+    free : ndarray, shape (m, n)
+        Contrasts, the first linear in the order of the repeats.
+    """
+    wander = smooth_basis(frequency_hz, WANDERING) * correlated
+    shape = smooth_basis(frequency_hz, DRIFTING)
+    covariance = np.diag(sigma**2) + wander @ wander.T
+    factor = np.linalg.cholesky(covariance)
+    columns, linear = np.linalg.solve(factor, shape), np.linalg.solve(factor, free[0])
+    vectors, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    along = np.abs(vectors.T @ linear) ** 2
+
+    def gain(log_variance: float) -> float:
+        extra = np.exp(log_variance) * singular**2
+        return float(np.sum(along * extra / (1 + extra) - 2 * np.log1p(extra)))
+
+    level = 2 * np.log(float(np.median(sigma)))
+    found = minimize_scalar(lambda value: -gain(value), bounds=(level - 8, level + 16), method="bounded")
+    if gain(float(found.x)) < DRIFT_GAIN:
+        return None
+    weight = np.exp(found.x) * singular**2
+    fitted = factor @ (vectors @ (weight / (1 + weight) * (vectors.T @ linear)))
+    repeats = len(free) + 1
+    # The linear contrast of unit length over steps of one.
+    length = np.sqrt(repeats * (repeats**2 - 1) / 12)
+    direction: ComplexArray = fitted / length
+    return direction

@@ -1,0 +1,144 @@
+"""How likely the data are under a circuit, whatever the size of what no model describes and of the analyser's errors.
+
+Both sizes have wide priors on a grid; the evidence is summed over them. At each pair of sizes the circuit's parameters are integrated by
+Laplace's method round a solution that was found at nearby sizes: there the objective is as good as quadratic in them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.covariance import Sizes
+from motoremi.fitting.problem import Problem
+
+# Relative size of what no model describes, evenly likely in its logarithm: nothing (far below any noise), then three to a decade.
+DISCREPANCIES: FloatArray = np.concatenate([[3e-8], np.geomspace(3e-5, 1.4, 15)])
+# Below this, nothing is left to describe that any analyser would show.
+NOTHING_LEFT = float(DISCREPANCIES[2])
+# Sizes that are this many steps of the grid apart are solved alike.
+NEAR = 1
+# No parameter moves further than this from one size to the next (logarithms of parameters): beyond, the objective is not quadratic.
+FARTHEST = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Marginal:
+    """What a solution says of the sizes, and of the model.
+
+    Parameters
+    ----------
+    log_evidence : float
+        Of the model, summed over all sizes; comparable among models of the same points.
+    probabilities : ndarray, shape (discrepancies, scales)
+        Posterior of the sizes.
+    scales : tuple of float
+        Factors on the analyser's declared errors.
+    """
+
+    log_evidence: float
+    probabilities: FloatArray
+    scales: tuple[float, ...]
+
+    @property
+    def of_discrepancy(self) -> FloatArray:
+        """Posterior of the discrepancy, shape (discrepancies,)."""
+        total: FloatArray = self.probabilities.sum(axis=1)
+        return total
+
+    @property
+    def of_scale(self) -> FloatArray:
+        """Posterior of the scale of the declared errors, shape (scales,)."""
+        total: FloatArray = self.probabilities.sum(axis=0)
+        return total
+
+    @property
+    def likeliest(self) -> Sizes:
+        """The pair of highest posterior."""
+        row, column = np.unravel_index(int(np.argmax(self.probabilities)), self.probabilities.shape)
+        return Sizes(float(DISCREPANCIES[row]), self.scales[column])
+
+    @property
+    def nothing_left(self) -> float:
+        """Probability that the discrepancy is too small to be shown."""
+        return float(self.of_discrepancy[DISCREPANCIES <= NOTHING_LEFT].sum())
+
+    def quantile(self, share: float) -> float:
+        """Discrepancy below which this share of its posterior lies; between the points of the grid its logarithm is even."""
+        below = np.concatenate([[0.0], np.cumsum(self.of_discrepancy)])
+        steps = np.log(DISCREPANCIES)
+        edges = np.concatenate([[steps[0]], 0.5 * (steps[1:] + steps[:-1]), [steps[-1]]])
+        return float(np.exp(np.interp(share, below / below[-1], edges)))
+
+    def settled(self, sizes: Sizes) -> bool:
+        """Whether a solution at these sizes is one at the likeliest as well."""
+        likeliest = self.likeliest
+        apart = abs(_step(likeliest.discrepancy) - _step(sizes.discrepancy))
+        return likeliest.declared == sizes.declared and apart <= NEAR
+
+
+def _step(discrepancy: float) -> int:
+    return int(np.argmin(np.abs(np.log(DISCREPANCIES / discrepancy))))
+
+
+def marginal(problem: Problem, u: FloatArray) -> Marginal:
+    """The evidence of a model from one solution.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of the likelihood; its sizes are those that `u` was found at.
+    u : ndarray, shape (k,)
+    """
+    scales = dict(problem.measurement.analyser.scales) if not problem.measurement.analyser.ideal else {1.0: 1.0}
+    here = problem.linearised(u[None])
+    residual, slopes = here.deviation[0], here.slopes[0] * here.chain[0][:, None]
+    rows = np.array([log_evidences(problem, u, residual, slopes, scale) + np.log(prior) for scale, prior in scales.items()]).T
+    rows -= np.log(len(DISCREPANCIES))
+    total = float(logsumexp(rows))
+    return Marginal(total, np.exp(rows - total), tuple(scales))
+
+
+def log_evidences(problem: Problem, u: FloatArray, residual: ComplexArray, slopes: ComplexArray, declared: float) -> FloatArray:
+    """Log evidence at every size of the discrepancy for one scale of the declared errors, shape (discrepancies,).
+
+    Parameters
+    ----------
+    residual, slopes : ndarray, shapes (n,), (k, n)
+        Weighted, and derivatives for the unknowns.
+    """
+    whitening = problem.observed.columns.whitening(declared)
+    white, white_slopes = whitening.half(residual), whitening.half(slopes)
+    along, along_slopes = whitening.along(residual), whitening.along(slopes)
+    precision = problem.precision_at(declared)
+    # Every size at once: each takes its shares of the components along the discrepancy's directions away.
+    shares = np.array([whitening.shares(size) for size in DISCREPANCIES])
+    squares = float(np.vdot(white, white).real) - shares @ np.abs(along) ** 2
+    gradients = (white_slopes.conj() @ white).real - (shares * along) @ along_slopes.conj().T
+    matrices = (white_slopes @ white_slopes.conj().T).real - ((along_slopes[None] * shares[:, None, :]) @ along_slopes.conj().T).real
+    away = u - problem.centre
+    gradients = gradients.real + precision * away
+    flat = precision == 0
+    width = problem.high - problem.low
+    index = np.arange(u.size)
+    matrices[:, index, index] += precision + np.where(flat, 2 * np.pi / width**2, 0.0)
+    scale = np.sqrt(np.maximum(matrices[:, index, index], 1e-300))
+    scaled = matrices / (scale[:, :, None] * scale[:, None, :])
+    scaled[:, index, index] += 1e-12
+    held = ((u <= problem.low) & (gradients > 0)) | ((u >= problem.high) & (gradients < 0))
+    pull = np.where(held, 0.0, gradients) / scale
+    free = np.where(held[:, :, None] | held[:, None, :], 0.0, scaled)
+    free[:, index, index] = scaled[:, index, index]
+    step = np.linalg.solve(free, pull[..., None])[..., 0]
+    far = np.max(np.abs(step / scale) * problem.own, axis=1, initial=0.0)
+    share = np.minimum(1.0, FARTHEST / np.maximum(far, 1e-300))
+    # Along the step the objective falls by 2 s - s^2 of what the whole step gains.
+    gained = (2 * share - share**2) * np.sum(pull * step, axis=1)
+    objective = squares + float(away**2 @ precision) - gained
+    determinants = np.linalg.slogdet(scaled)[1] + 2 * np.sum(np.log(scale), axis=1)
+    prior = np.sum(np.where(flat, 0.5 * np.log(2 * np.pi) - np.log(width), 0.5 * np.log(np.maximum(precision, 1e-300))))
+    found: FloatArray = -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - 0.5 * determinants + prior
+    return found
