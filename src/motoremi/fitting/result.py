@@ -103,6 +103,11 @@ class Fit:
         """Of the model, summed over the sizes; comparable among models of the same data only."""
         return self.marginal.log_evidence
 
+    @property
+    def task(self) -> Task:
+        """What was to be fitted."""
+        return Task(self.motor, self.measurement, self.bounds, self.held)
+
     @cached_property
     def problem(self) -> Problem:
         """The likelihood that this solves, on all points."""

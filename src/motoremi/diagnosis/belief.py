@@ -1,0 +1,126 @@
+"""The decision: what the models that were found let one believe.
+
+Everything rests on one posterior over sets of effects, none among them. A set is named if it is the likeliest, unless the odds against none
+are less than 20 to 1; effects that would do as well in the place of a named one are its family. Whether a named set stands depends on what
+it leaves. How sure that is altogether, blind cases say (`RELIABLE`): the posterior knows which of the models found is meant, not what
+search, catalogue and declaration missed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from motoremi.diagnosis.explore import Key, M
+from motoremi.fitting.result import Fit
+
+Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
+
+# Nothing is named unless the odds against nothing are so good.
+LEAST_DOUBT = 0.05
+# Members of a family have at least this share of the best one's posterior.
+FAMILY_SHARE = 0.01
+# A set of three describes almost any curve: of 40 that were found, every second one was wrong.
+MOST_NAMES = 2
+# What is left is slight where it is a small part of what noise and specification leave of a perfect model: it could be either.
+SLIGHT_SHARE = 0.25
+# What is left of what was left before, for a named effect to be most of the truth.
+MOSTLY = 0.25
+# How often each kind of answer was true on the boards of seeds that no figure is taken from (see docs/explanation/evidence.md).
+RELIABLE: Mapping[str, float] = {
+    "adequate": 0.97,
+    "one name": 0.98,
+    "two names": 0.95,
+    "family": 0.97,
+    "mostly": 0.75,
+    "slight": 0.85,
+    "instrument": 0.93,
+    "data": 0.85,
+    "unexplained": 0.85,
+    "with a serious finding": 0.8,
+}
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is believed.
+
+    Parameters
+    ----------
+    named : tuple of str
+        The effects, in the order in which they were added; empty for none.
+    families : dict
+        For each of them, the others that would do in its place, likeliest first.
+    probability : float
+        Of the named set, families included, among all that were found.
+    posterior : dict
+        Of each set that was found.
+    """
+
+    named: Key
+    families: Mapping[str, Key]
+    probability: float
+    posterior: Mapping[Key, float]
+
+    @property
+    def inclusion(self) -> dict[str, float]:
+        """Probability of each effect, shared among the effects of a set so that all effects and none add up to one."""
+        shared: dict[str, float] = {}
+        for key, probability in self.posterior.items():
+            for name in key:
+                shared[name] = shared.get(name, 0.0) + probability / len(key)
+        return shared
+
+
+def believe(found: Mapping[Key, M]) -> Belief:
+    """What to believe of the models that were found, the one with nothing added among them."""
+    scores = np.array([model.score for model in found.values()])
+    weights = np.exp(scores - scores.max())
+    posterior = {key: float(weight) for key, weight in zip(found, weights / weights.sum(), strict=True)}
+    best = max(found, key=lambda key: found[key].score)
+    if not best or posterior[()] >= LEAST_DOUBT:
+        return Belief((), {}, max(posterior[()], 0.5), posterior)
+    families = {effect: _rivals(best, effect, posterior) for effect in found[best].added}
+    # A set that holds the named one, with an idle effect more, does not contradict it.
+    places = [{effect, *rivals} for effect, rivals in families.items()]
+    agreeing = sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
+    return Belief(found[best].added, families, agreeing, posterior)
+
+
+def _rivals(best: Key, effect: str, posterior: Mapping[Key, float]) -> Key:
+    """Effects that would do as well in the place of one of a set."""
+    rest = list(best)
+    rest.remove(effect)
+    shares: dict[str, float] = {}
+    for key, probability in posterior.items():
+        others = list(key)
+        for name in rest:
+            if name in others:
+                others.remove(name)
+        if len(key) == len(best) and len(others) == 1 and others[0] != effect and probability >= FAMILY_SHARE * posterior[best]:
+            shares[others[0]] = probability
+    return tuple(sorted(shares, key=lambda name: -shares[name]))
+
+
+def _agrees(key: list[str], places: list[set[str]]) -> bool:
+    """Whether each place finds an effect of its own in a set."""
+    if not places:
+        return True
+    return any(name in places[0] and _agrees(key[:at] + key[at + 1 :], places[1:]) for at, name in enumerate(key))
+
+
+def stands(base: Fit, best: Fit) -> Standing:
+    """Whether a model leaves so little that it can be called the motor's."""
+    left = best.unexplained_percent["value"]
+    if best.explained:
+        return "explained"
+    if left <= SLIGHT_SHARE * best.floor_percent:
+        return "slight"
+    if best is not base and left <= MOSTLY * base.unexplained_percent["value"]:
+        return "mostly"
+    return "not"
+
+

@@ -1,0 +1,179 @@
+"""A model with some effects added, and how likely it is: its evidence, and what is known beforehand of effects and their values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb
+
+import numpy as np
+from scipy.special import ndtr
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.fitting.result import Fit
+from motoremi.model.effects import find_effect, identifiers
+from motoremi.model.parameter import Parameter
+from motoremi.quantities import show
+
+Effects = tuple[str, ...]
+
+# How many effects a motor that comes to the bench hides: half of them none; the rest as motors of the literature do.
+PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
+# A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
+BOUND_PENALTY = 5.0
+# The analyser's errors went farther than any of a dozen within specification does by chance, or twice the specification explains.
+BEYOND_SIGMA = 6.0
+# A lead's resistance below a milliohm is none at all.
+_SOFT = frozenset({"resistance_ohm"})
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A model with effects added to the one that is diagnosed, refitted.
+
+    Parameters
+    ----------
+    added : tuple of str
+        Effects, in the order in which they were added.
+    fit : Fit
+    score : float
+        Log of evidence times prior; comparable among models of the same data only.
+    at_bound : tuple of str
+        Parameters of these effects that the data push against a bound.
+    """
+
+    added: Effects
+    fit: Fit
+    score: float
+    at_bound: tuple[str, ...]
+
+    @property
+    def effect(self) -> str:
+        """The effect that was added last."""
+        return self.added[-1]
+
+    @property
+    def plausible(self) -> bool:
+        """Whether all parameters lie within their physical range."""
+        return not self.at_bound
+
+    @cached_property
+    def done(self) -> bool:
+        """Whether nothing is left that another effect could describe: neither a discrepancy nor an analyser far beyond what is declared."""
+        return self.fit.marginal.nothing_left >= 0.5 and self.fit.analyser_sigma <= BEYOND_SIGMA
+
+    def parameters(self) -> JsonDict:
+        """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
+        found = {}
+        labels = own_labels(self.fit, self.added)
+        for parameter in self.fit.motor.parameters:
+            label = parameter.name.rpartition(".")[0]
+            if label in labels:
+                sigma = self.fit.sigma[parameter.name]
+                found[parameter.short_name if len(labels) == 1 else parameter.name] = {
+                    "value": self.fit.parameters[parameter.name],
+                    "sigma": float(sigma) if np.isfinite(sigma) else None,
+                    "at_bound": parameter.name in self.at_bound,
+                    "unit": parameter.unit,
+                }
+        return found
+
+    def describe(self) -> str:
+        """Its parameters in a line of text."""
+        return ", ".join(f"{name} = {show(entry['value'], entry['unit'])}" for name, entry in self.parameters().items())
+
+
+def candidate(fit: Fit, base: Fit) -> Candidate:
+    """A fit with effects on top of those of `base`, weighed."""
+    added = fit.effects[len(base.effects) :]
+    bounds = at_bounds(fit, added)
+    score = fit.log_evidence + prior_of_set(base, len(added)) + prior_of_values(fit, added) - BOUND_PENALTY * len(bounds)
+    return Candidate(added, fit, float(score), bounds)
+
+
+def prior_of_set(base: Fit, size: int) -> float:
+    """Log prior of one set of so many effects: sets of one size are equally likely."""
+    if size == 0:
+        return float(np.log(PRIOR_OF_SIZE[0]))
+    count = max(len(possible_effects(base)), size)
+    return float(np.log(PRIOR_OF_SIZE[min(size, len(PRIOR_OF_SIZE) - 1)]) - np.log(comb(count, size)))
+
+
+def prior_of_values(fit: Fit, added: Sequence[str]) -> float:
+    """What is known of the values of effects and elements beyond their ranges, as a change of the log evidence."""
+    labels = own_labels(fit, added)
+    gained = 0.0
+    variances = np.diag(fit.covariance)
+    for index, parameter in enumerate(fit.problem.unknowns):
+        label = parameter.name.rpartition(".")[0]
+        if label in labels and parameter.special is not None:
+            gained += _simplest_form(fit, index, parameter, variances)
+        if parameter.usual is not None and (label in labels or "." not in parameter.name):
+            gained += _usual_size(fit, index, parameter, variances)
+    scanned = sum(not parameter.vary for name in added for parameter in find_effect(name).effect.parameters)
+    # What was found by a scan over all frequencies could have been at any of them.
+    return gained - float(scanned * np.log(np.unique(fit.problem.observed.frequency_hz).size))
+
+
+def _simplest_form(fit: Fit, index: int, parameter: Parameter, variances: FloatArray) -> float:
+    """Half of the prior lies on an effect's simplest form (a relaxation with one time constant).
+
+    The ratio of posterior to prior density there is that form's Bayes factor against the free one (Savage and Dickey), so it needs no
+    refit. Without it, a law would lose to its exact equivalent for no reason but one more parameter.
+    """
+    assert parameter.special is not None
+    problem = fit.problem
+    away = fit.unknowns[index] - problem.unknown(index, parameter.special)
+    variance = max(float(variances[index]), 1e-18)
+    factor = np.log((problem.high[index] - problem.low[index]) / np.sqrt(2 * np.pi * variance)) - 0.5 * away**2 / variance
+    return float(np.logaddexp(0.0, factor) - np.log(2))
+
+
+def _usual_size(fit: Fit, index: int, parameter: Parameter, variances: FloatArray) -> float:
+    """Half of the prior lies where most motors have it: an effect that fits only beside a rotor of 1 uF is none that most motors have."""
+    assert parameter.usual is not None
+    problem = fit.problem
+    low, high = (problem.unknown(index, value) for value in parameter.usual)
+    deviation = np.sqrt(max(float(variances[index]), 1e-18))
+    inside = float(ndtr((high - fit.unknowns[index]) / deviation) - ndtr((low - fit.unknowns[index]) / deviation))
+    return float(np.log(0.5 + 0.5 * inside * (problem.high[index] - problem.low[index]) / (high - low)))
+
+
+def at_bounds(fit: Fit, added: Sequence[str]) -> tuple[str, ...]:
+    """Parameters of effects that the data, not just the prior, push against a bound."""
+    labels = own_labels(fit, added)
+    problem, u = fit.problem, fit.unknowns
+    gradient = fit.linearised.gradient
+    pushed = []
+    for index, parameter in enumerate(problem.unknowns):
+        if parameter.name.rpartition(".")[0] not in labels or parameter.sigma is not None:
+            continue
+        span = problem.high[index] - problem.low[index]
+        edge = u[index] < problem.low[index] + 1e-6 * span or u[index] > problem.high[index] - 1e-6 * span
+        # Moving a fifth of the range back into the middle would cost more than two units of chi-squared.
+        if edge and abs(gradient[index]) * 0.2 * span > 1.0 and parameter.special is None and parameter.short_name not in _SOFT:
+            pushed.append(parameter.name)
+    return tuple(pushed)
+
+
+def own_labels(fit: Fit, added: Sequence[str]) -> set[str]:
+    """Prefixes of the parameters of the effects that were added last."""
+    labels = set()
+    before = list(fit.effects[: len(fit.effects) - len(added)])
+    for name in added:
+        before.append(name)
+        count = before.count(name)
+        labels.add(name if count == 1 else f"{name}#{count}")
+    return labels
+
+
+def possible_effects(fit: Fit) -> list[str]:
+    """Effects that could be added to a fit, given its sweeps."""
+    return [name for name in identifiers() if (name not in fit.effects or find_effect(name).effect.repeatable) and seen_in(fit, name)]
+
+
+def seen_in(fit: Fit, effect: str) -> frozenset[str]:
+    """Terminations of the sweeps in which an effect, added to a fit, would show."""
+    motor, label = find_effect(effect).added_to(fit.motor), find_effect(effect).label_in(fit.motor)
+    return frozenset(t for t in fit.measurement.terminations if any(name.startswith(f"{label}.") for name in motor.used_parameters(t)))

@@ -1,0 +1,144 @@
+"""The search over sets of effects: a beam, with three moves.
+
+From the models at hand an effect is *added*; in the best of what that gives, one effect is *swapped* for another, started from the
+solution so that a look-alike cannot lose by not converging; and one that was there before may be *dropped*. The search ends when nothing is
+left, when a further effect gains nothing, or at the largest size. What can be added, and how likely a model is, the board says: motors and
+their sweeps (`motors`), or sources and their spectra (`emission.diagnose`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from motoremi.arrays import Progress
+
+Key = tuple[str, ...]
+
+
+class Model(Protocol):
+    """A model with effects added."""
+
+    @property
+    def added(self) -> Key:
+        """Effects, in the order in which they were added."""
+
+    @property
+    def score(self) -> float:
+        """Log of evidence times prior."""
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left that another effect could describe."""
+
+
+M = TypeVar("M", bound=Model)
+
+
+class Board(Protocol[M]):
+    """What a search is about."""
+
+    def added(self, model: M, progress: Progress | None) -> Iterable[M]:
+        """The model with each effect that can be added; those worth a thought."""
+
+    def swapped(self, model: M, effect: str) -> Iterable[M]:
+        """The model with others in the place of one of its effects, sought from its solution."""
+
+    def dropped(self, model: M, effect: str) -> M:
+        """The model without one of its effects, sought from its solution."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a search may spend.
+
+    Parameters
+    ----------
+    beam : int
+        Models of one size that are added to. Of 52 pairs, the first effect of 50 was among the best four single effects.
+    swapped : int
+        Models of one size in which effects are swapped. The second is for what ends within the gain of the first.
+    swaps : int
+        How often at most a size is swapped before it stands still.
+    most_effects : int
+        More describe almost any curve, right or wrong.
+    gain : float
+        What a further effect, or a swap, must gain in log score: odds of 20 to 1.
+    """
+
+    beam: int = 4
+    swapped: int = 2
+    swaps: int = 2
+    most_effects: int = 3
+    gain: float = 3.0
+
+
+def key_of(model: Model) -> Key:
+    """A model by what is added, whatever the order."""
+    return tuple(sorted(model.added))
+
+
+def best_of(models: Iterable[M]) -> M:
+    """The model of the highest score."""
+    return max(models, key=lambda model: model.score)
+
+
+def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None = None) -> dict[Key, M]:
+    """All models that were found, by what is added; `base` itself under the empty key.
+
+    Parameters
+    ----------
+    board : Board
+    base : Model
+        Nothing added.
+    budget : Budget
+    progress : callable, optional
+        Told what is being tried.
+    """
+    found: dict[Key, M] = {(): base}
+    beam = [base]
+    for size in range(1, budget.most_effects + 1):
+        before = best_of(found.values())
+        for model in beam:
+            _take(found, board.added(model, progress))
+            if size > 1 and best_of(found.values()).done:
+                break
+        if size < budget.most_effects:
+            _swap(board, found, size, budget)
+        best = best_of(found.values())
+        if len(best.added) == size > 1:
+            _take(found, (board.dropped(best, effect) for effect in best.added))
+            best = best_of(found.values())
+        if best.done or best.score - before.score < budget.gain:
+            break
+        beam = _ranked(found, size)[: budget.beam]
+    return found
+
+
+def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget) -> None:
+    """Swap effects of the best models of one size until that changes nothing; those far behind are not worth it."""
+    swapped: set[Key] = set()
+    for _ in range(budget.swaps):
+        ranked = _ranked(found, size)
+        # Beside one that leaves nothing, only its own look-alikes matter.
+        count = 1 if ranked and ranked[0].done else budget.swapped
+        models = [model for model in ranked[:count] if key_of(model) not in swapped]
+        if not models:
+            return
+        for model in models:
+            swapped.add(key_of(model))
+            for effect in model.added:
+                _take(found, board.swapped(model, effect))
+
+
+def _ranked(found: Mapping[Key, M], size: int) -> list[M]:
+    return sorted((model for key, model in found.items() if len(key) == size), key=lambda model: -model.score)
+
+
+def _take(found: dict[Key, M], models: Iterable[M]) -> None:
+    """Keep the better of two models of one key."""
+    for model in models:
+        key = key_of(model)
+        if key not in found or model.score > found[key].score:
+            found[key] = model

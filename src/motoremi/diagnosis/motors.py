@@ -1,0 +1,102 @@
+"""Models of a motor as the search over sets of effects sees them: raced on thinned grids, the leaders refitted on all points."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from motoremi.arrays import Progress
+from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
+from motoremi.fitting.fit import told, trail_to
+from motoremi.fitting.race import LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, race
+from motoremi.fitting.result import Fit
+from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.motor import dc_motor
+from motoremi.spread import spread
+
+# Models that end this far behind the best of a race, in log evidence on a few points, are not refitted on all.
+BEHIND = 15.0
+
+
+class MotorBoard:
+    """Effects on top of one fit.
+
+    Parameters
+    ----------
+    base : Fit
+    """
+
+    def __init__(self, base: Fit) -> None:
+        self._base = base
+
+    def start(self) -> Candidate:
+        """The model with nothing added."""
+        return candidate(self._base, self._base)
+
+    def added(self, model: Candidate, progress: Progress | None) -> list[Candidate]:
+        """The model with each possible effect; those that stay near the best."""
+        fit = model.fit
+        beside = bool(model.added)
+        trails = {(*model.added, name): trail_to(fit, name, few=beside) for name in possible_effects(fit)}
+        return self._raced(fit, trails, LOOK_BESIDE if beside else LOOK, progress=progress)
+
+    def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
+        """Those that show where the effect does, in its place."""
+        under = self._without(model.fit, effect)
+        place = seen_in(under, effect)
+        names = [name for name in possible_effects(under) if name != effect and seen_in(under, name) == place]
+        trails = {(*under.effects, name): trail_to(under, name, near=_near(model.fit, under)) for name in names}
+        alike = [key for key in trails if _alike(key[-1], effect)]
+        return self._raced(under, trails, LOOK_NEAR, kept=alike)
+
+    def dropped(self, model: Candidate, effect: str) -> Candidate:
+        """The model without an effect; without any, the base."""
+        if len(model.added) == 1:
+            return self.start()
+        under = self._without(model.fit, effect)
+        trail = Trail(under.task, [_near(model.fit, under)], 1, under.sizes)
+        return candidate(told(trail, race({"": trail}, THOROUGH)[""], under), self._base)
+
+    def _without(self, fit: Fit, effect: str) -> Fit:
+        """A fit's values with an effect taken out of the model, not refitted: where to look from, and as much left as in the base."""
+        kept = list(fit.effects)
+        del kept[len(kept) - 1 - kept[::-1].index(effect)]
+        motor = add_effects(dc_motor(), kept)
+        names = {parameter.name for parameter in motor.parameters}
+        return dataclasses.replace(
+            fit,
+            motor=motor,
+            sizes=self._base.sizes,
+            parameters={name: value for name, value in fit.parameters.items() if name in names},
+            search_parameters={name: value for name, value in fit.search_parameters.items() if name in names},
+            held={name: value for name, value in fit.held.items() if name in names},
+            bounds={name: value for name, value in fit.bounds.items() if name in names},
+        )
+
+    def _raced(
+        self,
+        before: Fit,
+        trails: Mapping[tuple[str, ...], Trail],
+        rounds: Rounds,
+        kept: Sequence[tuple[str, ...]] = (),
+        progress: Progress | None = None,
+    ) -> list[Candidate]:
+        """Candidates from a race, refitted on all points where they are near its best."""
+        solutions = race(trails, rounds, kept, progress)
+        if not solutions:
+            return []
+        top = max(solution.log_evidence for solution in solutions.values())
+        near = [key for key, solution in solutions.items() if solution.log_evidence >= top - BEHIND or solution is next(iter(solutions.values()))]
+        fits = spread(lambda key: told(trails[key], solutions[key], before), near)
+        return [candidate(fit, self._base) for fit in fits]
+
+
+def _near(fit: Fit, under: Fit) -> dict[str, float]:
+    """Values of a solution that a model without one of its effects has too."""
+    return {**under.parameters, **fit.nuisance}
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two effects are known to look alike on many motors: then neither may be left out for a poor first look."""
+    effect, rival = find_effect(one).effect, find_effect(other).effect
+    return bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
