@@ -102,8 +102,6 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
         before = best_of(found.values())
         for model in beam:
             _take(found, board.added(model, progress))
-            if size > 1 and best_of(found.values()).done:
-                break
         if size < budget.most_effects:
             _swap(board, found, size, budget)
         best = best_of(found.values())

@@ -37,7 +37,7 @@ class MotorBoard:
         """The model with each possible effect; those that stay near the best."""
         fit = model.fit
         beside = bool(model.added)
-        trails = {(*model.added, name): trail_to(fit, name, few=beside) for name in possible_effects(fit)}
+        trails = {(*model.added, name): trail_to(fit, name) for name in possible_effects(fit)}
         return self._raced(fit, trails, LOOK_BESIDE if beside else LOOK, progress=progress)
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:

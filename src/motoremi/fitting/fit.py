@@ -132,7 +132,6 @@ def trail_to(
     held: Mapping[str, float] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     near: Mapping[str, float] | None = None,
-    few: bool = False,
 ) -> Trail:
     """Where to look for a fit with one more effect.
 
@@ -140,8 +139,6 @@ def trail_to(
     ----------
     near : mapping, optional
         Values of a solution with a rival in its place, in SI units: from there above all.
-    few : bool
-        Start from few values of the elements.
     """
     added = find_effect(effect)
     label = added.label_in(before.motor)
@@ -161,7 +158,7 @@ def trail_to(
     if near:
         bases = [{**own, **near}, own]
     else:
-        bases = base_starts(own, before.measurement, few=few or len(tried) > 9)
+        bases = base_starts(own, before.measurement, few=len(tried) > 9)
         if before.effects:
             # With effects, the search's best and the likelihood's may lie in different valleys.
             bases.append({**own, **before.parameters, **before.nuisance})
