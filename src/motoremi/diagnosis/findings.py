@@ -1,0 +1,169 @@
+"""What the data themselves show, whatever the motor: said always, with where it is and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.data.analyser import Analyser
+from motoremi.diagnosis.candidates import BEYOND_SIGMA
+from motoremi.diagnosis.remainder import Remainder
+from motoremi.fitting.result import Fit
+from motoremi.quantities import show
+
+# Drift and correlated noise of so many times the white noise could pass for an effect.
+COULD_PASS = 3.0
+# Standard deviations by which the fixture differs from none.
+SEEN = 4.0
+# Fewer points than these a sweep cannot carry seven elements and a doubt.
+FEW_POINTS = 30
+# What the analyser's errors need beyond its specification is worth telling from here: three standard deviations are the specification.
+ALLOWED_SIGMA = 4.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the data show.
+
+    Parameters
+    ----------
+    id : str
+        As in the contract.
+    why, remedy : str
+    serious : bool
+        Whether the verdict would or could be another without it.
+    sweep : str or None
+    band_hz : tuple of float, or None
+    """
+
+    id: str
+    why: str
+    remedy: str
+    serious: bool
+    sweep: str | None = None
+    band_hz: tuple[float, float] | None = None
+
+    def to_dict(self) -> JsonDict:
+        """The contract's JSON."""
+        band = None if self.band_hz is None else list(self.band_hz)
+        return {"id": self.id, "sweep": self.sweep, "band_hz": band, "serious": self.serious, "why": self.why, "remedy": self.remedy}
+
+
+def of_the_noise(fit: Fit) -> list[Finding]:
+    """What repeats show: points that stand out, drift, noise that is correlated."""
+    found = []
+    for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True):
+        name, frequency, white = sweep.termination, sweep.frequency_hz, float(np.median(noise.sigma))
+        if noise.outliers is not None and noise.outliers.any():
+            found.append(_interference(name, frequency, noise.outliers))
+        if noise.drift is not None:
+            size = float(np.sqrt(np.mean(np.abs(noise.drift) ** 2)))
+            found.append(
+                Finding(
+                    "drift",
+                    f"the {name} sweep changes steadily from repeat to repeat, by {100 * size:.2g} % over half of them ({size / white:.2g} times "
+                    "its noise): the motor warms up, or the analyser does",
+                    "let both settle for half an hour, or alternate short and open sweeps",
+                    size > COULD_PASS * white,
+                    name,
+                    _span(frequency),
+                )
+            )
+        if noise.correlated > 0 and noise.source == "repeats":
+            found.append(
+                Finding(
+                    "correlated-noise",
+                    f"repeats of the {name} sweep differ in the same way over neighbouring frequencies, by {100 * noise.correlated:.2g} %: "
+                    "averaging more points does not help",
+                    "look for loose contacts and moving cables, and repeat",
+                    noise.correlated > COULD_PASS * white,
+                    name,
+                    _span(frequency),
+                )
+            )
+    return found
+
+
+def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> Finding:
+    at = frequency_hz[outliers]
+    count = int(outliers.sum())
+    return Finding(
+        "interference",
+        f"{count} of {outliers.size} points of the {name} sweep stand out ({show(float(at[0]), 'Hz')}"
+        + (f" - {show(float(at[-1]), 'Hz')}" if count > 1 else "")
+        + "): a station or a bad contact; they count for little",
+        "shield the motor, raise the level, or leave these frequencies out",
+        count > 0.05 * outliers.size,
+        name,
+        (float(at[0]), float(at[-1])),
+    )
+
+
+def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
+    """How far the analyser's errors had to go, and what the fixture is where nobody compensated it."""
+    found = []
+    sigma, analyser = fit.analyser_sigma, fit.measurement.analyser
+    if sigma > ALLOWED_SIGMA and not analyser.ideal and analyser.name != "unknown":
+        found.append(
+            Finding(
+                "beyond-specification",
+                f"this needs errors of {sigma / 3:.2g} times the specification of the {analyser.title}: is it one?",
+                "repeat open, short and load compensation, or declare the analyser that it was",
+                sigma > BEYOND_SIGMA,
+            )
+        )
+    fixture = {
+        p.name.removeprefix("fixture "): (float(fit.unknowns[i]), float(np.sqrt(fit.covariance[i, i])), p)
+        for i, p in enumerate(fit.problem.unknowns)
+        if p.name.startswith("fixture ")
+    }
+    seen = {name: entry for name, entry in fixture.items() if abs(entry[0]) > SEEN * entry[1] and abs(entry[0]) > 0.05}
+    if fixture and (seen or not stands):
+        parts = ", ".join(f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in (seen or fixture).items())
+        found.append(
+            Finding(
+                "not-compensated",
+                f"the fixture behind the plane of calibration was not compensated; as far as these data tell it is {parts}",
+                "calibrate at the motor's terminals: open, short and load on the fixture itself",
+                True,
+            )
+        )
+    return found
+
+
+def of_the_declaration(declared: str, instead: Analyser, log_odds: float) -> Finding:
+    """That the data are not those of the declared analyser."""
+    odds = "more than a million" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
+    return Finding(
+        "not-as-declared",
+        f"the data are not those of the declared analyser ({declared}): odds of {odds} to 1 that it was a {instead.title}",
+        f"declare it (--analyser {instead.name}), or repeat the compensation and the sweeps",
+        True,
+    )
+
+
+def of_the_sweeps(left: Remainder | None) -> list[Finding]:
+    """That the sweeps contradict each other, where it was in question."""
+    if left is None or left.together is None or left.together.belong:
+        return []
+    return [Finding("sweeps-disagree", left.together.sentence, "repeat both sweeps in one go, at one temperature, on one connection", True)]
+
+
+def of_the_amount(fit: Fit) -> list[Finding]:
+    """What is too little to go by."""
+    found = []
+    for sweep in fit.measurement.sweeps:
+        count = sweep.frequency_hz.size
+        if count < FEW_POINTS:
+            why = f"the {sweep.termination} sweep has {count} points: too few to tell most effects apart"
+            found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
+    if len(fit.measurement.sweeps) == 1:
+        missing = "open" if fit.measurement.terminations == ("short",) else "short"
+        found.append(Finding("too-little", f"there is no {missing}-circuit sweep: an effect cannot be located", f"measure the {missing} sweep too", False))
+    return found
+
+
+def _span(frequency_hz: FloatArray) -> tuple[float, float]:
+    return float(frequency_hz[0]), float(frequency_hz[-1])

@@ -1,0 +1,89 @@
+"""What the search found for one set of sweeps, taken for those of one analyser, and what is believed of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from motoremi.arrays import Progress
+from motoremi.diagnosis.belief import MOST_NAMES, Belief, Standing, believe, stands
+from motoremi.diagnosis.candidates import Candidate, Effects
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore
+from motoremi.diagnosis.motors import MotorBoard
+from motoremi.fitting.result import Fit
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """All models that were found, and what they let one believe. Immutable.
+
+    Parameters
+    ----------
+    base : Fit
+    found : dict
+        Candidate of each set of effects.
+    belief : Belief
+    """
+
+    base: Fit
+    found: Mapping[Key, Candidate]
+    belief: Belief
+
+    @cached_property
+    def best(self) -> Candidate:
+        """The likeliest model."""
+        return best_of(self.found.values())
+
+    @cached_property
+    def model(self) -> Candidate:
+        """The one that is believed: the base where nothing is named."""
+        return self.best if self.belief.named else self.found[()]
+
+    @cached_property
+    def standing(self) -> Standing:
+        """Whether it leaves so little that it can be called the motor's."""
+        standing = stands(self.base, self.model.fit)
+        if len(self.model.added) > MOST_NAMES:
+            return "not"
+        stated = self.base.measurement.accuracy_percent is not None
+        if len(self.model.added) == MOST_NAMES and standing != "not" and not stated and self.model.fit.marginal.nothing_left < 0.5:
+            # Two effects bend to almost anything: they are believed only where they leave nothing.
+            return "not"
+        return standing
+
+    @property
+    def stands(self) -> bool:
+        """Whether it stands at all."""
+        return self.standing != "not"
+
+    def rivals(self) -> list[Fit]:
+        """The fits that these data cannot tell from the believed one, it first; empty where there are none."""
+        fits = [self.model.fit]
+        for effect, family in self.belief.families.items():
+            rest = list(self.model.added)
+            rest.remove(effect)
+            fits += [self.found[key].fit for name in family if (key := tuple(sorted((*rest, name)))) in self.found]
+        return fits if len(fits) > 1 else []
+
+    def steps(self) -> tuple[Fit, ...]:
+        """From the base to the likeliest model, one effect at a time as far as such models were found."""
+        path = [self.base]
+        left: list[str] = list(self.best.added)
+        taken: Effects = ()
+        while len(left) > 1:
+            nexts = [(self.found[key].score, name) for name in left if (key := tuple(sorted((*taken, name)))) in self.found]
+            if not nexts:
+                break
+            name = max(nexts)[1]
+            taken = (*taken, name)
+            left.remove(name)
+            path.append(self.found[tuple(sorted(taken))].fit)
+        return (*path, self.best.fit) if self.best.added else (self.base,)
+
+
+def judge(base: Fit, progress: Progress | None = None) -> Judgement:
+    """Search what is missing from a fit, and decide."""
+    board = MotorBoard(base)
+    found = explore(board, board.start(), Budget(), progress)
+    return Judgement(base, found, believe(found))
