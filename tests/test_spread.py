@@ -12,11 +12,12 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
+import threadpoolctl
 
 import motoremi as me
 from motoremi import spread as module
 from motoremi.blind.cases import draw
-from motoremi.spread import Team, core_to_spare, spread
+from motoremi.spread import Team, core_to_spare, one_blas_thread, spread
 
 needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks on Linux only")
 
@@ -175,3 +176,13 @@ def test_a_diagnosis_does_not_depend_on_it(monkeypatch: pytest.MonkeyPatch) -> N
     alone = me.diagnose(base)
     assert both.to_dict() == alone.to_dict()
     np.testing.assert_array_equal(both.best.unknowns, alone.best.unknowns)
+
+
+def test_the_linear_algebra_gets_one_thread_and_its_own_number_back() -> None:
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"}
+
+    with threadpoolctl.threadpool_limits(limits=2, user_api="blas"):
+        before = threads()
+        assert one_blas_thread(threads)() == {1}
+        assert threads() == before

@@ -1,4 +1,4 @@
-"""Independent work on a second processor core, if there is one to spare.
+"""Independent work on a second processor core, if there is one to spare, and none of the linear algebra's own threads.
 
 The helper is a fork of this process, so it knows everything that this one knows at that moment; afterwards only plain data travel.
 Forking is safe where no other thread may hold a lock: elsewhere (a notebook's kernel, the workbench) and in worker processes, which have
@@ -7,6 +7,7 @@ all cores busy already, the work is done here. Results do not depend on it.
 
 from __future__ import annotations
 
+import functools
 import gc
 import multiprocessing
 import os
@@ -18,12 +19,13 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.sharedctypes import Synchronized
 from types import TracebackType
-from typing import Generic, TypeVar
+from typing import Generic, ParamSpec, TypeVar
 
 Name = TypeVar("Name", bound=Hashable)
 Known = TypeVar("Known")
 Given = TypeVar("Given")
 Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
 
 
 def spread(work: Callable[[Known], Result], jobs: Sequence[Known]) -> list[Result]:
@@ -129,6 +131,19 @@ class Team(Generic[Name, Known]):
                 line.send(done)
         except Exception:  # told by the line's end
             line.close()
+
+
+def one_blas_thread(work: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same function, with one thread in the linear algebra: on matrices as small as here more threads cost more than they bring."""
+
+    @functools.wraps(work)
+    def limited(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(limits=1, user_api="blas"):
+            return work(*args, **kwargs)
+
+    return limited
 
 
 def core_to_spare() -> bool:

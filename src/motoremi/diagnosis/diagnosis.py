@@ -23,6 +23,7 @@ from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
+from motoremi.spread import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -180,6 +181,7 @@ def _figures(fit: Fit) -> JsonDict:
     }
 
 
+@one_blas_thread
 def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     """Which physical effect is missing from a fitted model.
 

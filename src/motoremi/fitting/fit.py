@@ -25,6 +25,7 @@ from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Fo
 from motoremi.fitting.starts import base_starts
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
+from motoremi.spread import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
@@ -32,6 +33,7 @@ STEP_REACH = 0.15
 LEAST_LEFT = 0.1
 
 
+@one_blas_thread
 def fit(
     model: Motor | None,
     sweeps: Iterable[ImpedanceSweep] | Measurement,
@@ -175,6 +177,7 @@ def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) 
     return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("=", "*", "-"))}}
 
 
+@one_blas_thread
 def refit_with(
     before: Fit,
     effect: str,
@@ -186,6 +189,7 @@ def refit_with(
     return followed(trail_to(before, effect, held, limits), before, thorough)
 
 
+@one_blas_thread
 def refit_without(before: Fit, effect: str | None = None, thorough: bool = True) -> Fit:
     """Take an effect (the last one by default) out of a fitted motor and fit again."""
     if not before.effects:
