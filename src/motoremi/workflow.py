@@ -21,10 +21,10 @@ from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.diagnosis.ladder import ladder_step
 from motoremi.diagnosis.signature import Signature, signature
 from motoremi.errors import BadInput
-from motoremi.fitting.fit import fit
+from motoremi.fitting.fit import checked_held, fit
 from motoremi.fitting.result import Fit, restore
-from motoremi.model.effects import find_effect
-from motoremi.model.motor import dc_motor
+from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import parse
 
 if TYPE_CHECKING:
@@ -65,15 +65,28 @@ def ladder_of(session: Session) -> list[Fit]:
     return [restore(step.get("fit", {}), measurement) for step in session.ladder]
 
 
-def fit_session(store: Store, method: str = "ant-colony", seed: int = 1, bounds: Mapping[str, tuple[float, float]] | None = None) -> Fit:
-    """Fit the model that the ladder stands at (the paper's circuit at first), and every step below it."""
+def model_of(session: Session) -> Motor:
+    """The model that the session's ladder stands at; the paper's circuit at first, and where this version cannot read the ladder."""
+    return add_effects(dc_motor(), session.ladder[-1].get("fit", {}).get("effects", []) if session.ladder else [])
+
+
+def fit_session(
+    store: Store,
+    method: str = "ant-colony",
+    seed: int = 1,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    held: Mapping[str, float] | None = None,
+) -> Fit:
+    """Fit the model that the ladder stands at (the paper's circuit at first), and every step below it; `held` parameters are not fitted."""
     session = load(store.path)
-    measurement = measurement_of(session)
-    # A ladder that this version cannot read is begun anew.
-    effects = session.ladder[-1].get("fit", {}).get("effects", []) if session.ladder else []
-    steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds)]
-    for effect in effects:
-        steps.append(steps[-1].add(effect))
+    measurement, model = measurement_of(session), model_of(session)
+    fixed = checked_held(model, held)
+    own = {parameter.name for parameter in dc_motor().parameters}
+    steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds, held={n: v for n, v in fixed.items() if n in own})]
+    for effect in model.effects:
+        before = {parameter.name for parameter in steps[-1].motor.parameters}
+        new = {parameter.name for parameter in find_effect(effect).added_to(steps[-1].motor).parameters} - before
+        steps.append(steps[-1].add(effect, {n: v for n, v in fixed.items() if n in new}))
     save_ladder(store, steps)
     return steps[-1]
 

@@ -89,18 +89,22 @@ def _story(found: JsonDict, base: Fit, last: Fit) -> None:
     """What happened, for a person."""
     from motoremi.cli.output import say
     from motoremi.quantities import show_band
+    from motoremi.report.words import beside_the_error, in_words, would_leave
 
-    say(f"\nThe paper's circuit misses the measurement by {base.rms_error_percent:.3g} % rms (noise floor {base.floor_percent:.2g} %).")
+    left = would_leave(base.floor_percent, base.noise_percent)
+    say(f"\nThe paper's circuit misses the measurement by {base.rms_error_percent:.3g} % rms ({left}).")
     for span in found["where"]:
         say(
             f"  it fails in the {span['sweep']}-circuit sweep, {show_band(*span['band_hz'])}: {span['rms_error_percent']:.3g} %, "
             f"{100 * span['share']:.0f} % of the squared error"
         )
-    say(f"Diagnosis: {found['verdict']}, confidence {found['confidence']:.2f}")
+    say(f"Diagnosis: {found['verdict']}, {in_words(found)}; confidence {found['confidence']:.2f}")
     for reason in found["reasons"]:
         say(f"  {reason}")
     if found["effects"]:
         say(f"Added {', '.join(found['effects'])}: the error falls to {last.rms_error_percent:.3g} %.")
+    for text in beside_the_error(last):
+        say(f"  {text}")
     say(f"Next: {found['next_measurement']['why']}")
 
 

@@ -63,6 +63,8 @@ def fleet_(
     say(f"{counts['sessions']} sessions, {computed} computed now, {counts['troubled']} troubled")
     for name, number in figures["effects"].items():
         say(f"  {name:28s} {number}")
+    for name, sessions in figures["findings"].items():
+        say(f"  found, serious: {name:12s} {len(sessions)}")
     for trouble in figures["troubles"][:10]:
         say(f"  {trouble['session']}: {trouble['trouble']}")
     say(f"report: {target / 'fleet.html'}\ntables: {target / 'fleet.json'}, {target / 'parameters.csv'}")

@@ -16,7 +16,9 @@ from motoremi.report.kinds import PLOTS
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
     from motoremi.data.sweep import ImpedanceSweep
+    from motoremi.diagnosis.diagnosis import Diagnosis
     from motoremi.fitting.result import Fit
+    from motoremi.model.motor import Motor
 
 
 def import_(
@@ -26,7 +28,11 @@ def import_(
     spectrum: Annotated[list[Path] | None, typer.Option("--spectrum", metavar="FILE...", help="Emission spectra.")] = None,
     analyser: Annotated[
         str | None,
-        typer.Option("--analyser", metavar="NAME", help="Who made the sweeps: 4294a, e4990a, nanovna; none is ideal."),
+        typer.Option(
+            "--analyser",
+            metavar="NAME",
+            help="Who made the sweeps: 4294a, e4990a, nanovna, none (ideal); unknown, the default: the size of its errors is estimated.",
+        ),
     ] = None,
     fixture: Annotated[
         Literal["series-through", "shunt-through"] | None,
@@ -35,7 +41,9 @@ def import_(
     band: Annotated[
         str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
     ] = "",
-    accuracy: Annotated[str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|.")] = "",
+    accuracy: Annotated[
+        str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|: a model that is as good is good enough.")
+    ] = "",
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
     operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
@@ -44,7 +52,7 @@ def import_(
 ) -> None:
     """Make a session from files that you already have."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.data.analyser import DEFAULT_ANALYSER, find_analyser
+    from motoremi.data.analyser import find_analyser
     from motoremi.data.files import read_spectra
     from motoremi.data.measurement import Measurement
     from motoremi.data.session import SessionWriter
@@ -97,7 +105,7 @@ def import_(
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
     if start["analyser_assumed"]:
-        say(f"analyser not named: a {DEFAULT_ANALYSER} is assumed; say --analyser NAME (none for ideal data)")
+        say("analyser not named: the size of its errors is estimated from the data; say --analyser NAME if you know it (none for ideal data)")
     for remark in [*caveats, *(one["text"] for one in seen)]:
         say(f"note: {remark}")
     say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
@@ -176,24 +184,30 @@ def fit_(
     bound: Annotated[
         list[str] | None, typer.Option("--bound", metavar="NAME=LOW:HIGH", help='For example "La=1 uH:100 uH"; may be repeated.')
     ] = None,
+    hold: Annotated[
+        list[str] | None, typer.Option("--hold", metavar="NAME=VALUE", help="Known, not fitted: for example Ra=2.3Ohm; may be repeated.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit the model that the session's ladder stands at; at first the paper's circuit."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import load
     from motoremi.diagnosis.following import next_measurement
     from motoremi.quantities import show
-    from motoremi.workflow import fit_session, opened
+    from motoremi.report.words import error_bar
+    from motoremi.workflow import fit_session, model_of, opened
 
     bounds = dict(_bound(text) for text in bound or [])
     with opened(path) as store:
-        result = fit_session(store, method, seed, bounds)
+        model = model_of(load(store.path))
+        held = dict(_held(text, model) for text in hold or [])
+        result = fit_session(store, method, seed, bounds, held)
     if as_json:
         emit_json(result.to_dict())
         return
     say(repr(result))
     for quantity in result.derived():
-        share = quantity.sigma / quantity.value
-        bar = f"± {100 * share:.2g} %" if share < 0.5 else "not determined"
+        bar = error_bar(quantity.value, quantity.sigma) if quantity.sigma < 0.5 * quantity.value else "not determined"
         say(f"  {quantity.name:40s} {show(quantity.value, quantity.unit):>14s}  {bar}")
     for name in result.undetermined():
         if name in result.parameters and result.converged:
@@ -215,6 +229,18 @@ def _bound(text: str) -> tuple[str, tuple[float, float]]:
     if name not in units:
         raise BadInput(f"bounds for the unknown parameter {name!r}; the circuit has {', '.join(units)}")
     return name, (parse(low, units[name]), parse(high, units[name]))
+
+
+def _held(text: str, model: Motor) -> tuple[str, float]:
+    from motoremi.quantities import parse
+
+    name, equals, value = text.partition("=")
+    known = {parameter.name: parameter for parameter in model.parameters}
+    if not equals or not value.strip():
+        raise BadInput(f"cannot read {text!r} as a value to hold: write for example Ra=2.3Ohm")
+    if name not in known:
+        raise BadInput(f"cannot hold the unknown parameter {name!r}; the model has {', '.join(known)}")
+    return name, parse(value, known[name].unit)
 
 
 def compare_(
@@ -261,6 +287,7 @@ def diagnose_(
         emit_json(result.to_dict())
         return
     say(repr(result))
+    _say_findings(result)
     for span in result.where:
         low, high = span["band_hz"]
         say(f"  fails: {span['sweep']} {low:.4g} - {high:.4g} Hz, {100 * span['share']:.0f} % of the squared error")
@@ -268,10 +295,22 @@ def diagnose_(
     for candidate in result.candidates[:6]:
         say(
             f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} chi2 {candidate.fit.chi2_reduced:<9.4g} "
-            f"error {candidate.fit.rms_error_percent:.3g} %  {candidate.describe()}"
+            f"error {candidate.fit.rms_error_percent:.3g} %  undescribed {candidate.fit.unexplained_percent['value']:.2g} %  {candidate.describe()}"
         )
     if result.effects:
         say(f"next: motoremi add {path} {result.effects[0]}")
+
+
+def _say_findings(result: Diagnosis) -> None:
+    """What stands beside the verdict: how good the model is, whose errors were allowed for, and what to do about what the data show."""
+    from motoremi.cli.output import say
+    from motoremi.report.words import beside_the_error, findings_of, place_of
+
+    say(f"  error of the model {result.best.rms_error_percent:.3g} %; {'; '.join(beside_the_error(result.best))}")
+    if result.base.measurement.accuracy_percent is not None:
+        say(f"  accuracy stated for these data: {result.base.measurement.accuracy_percent:g} %")
+    for finding in findings_of(result.to_dict()):
+        say(f"  found{', serious' if finding['serious'] else ''}: {finding['id']} ({place_of(finding)}); do: {finding['remedy']}")
 
 
 def inspect_(
@@ -344,15 +383,18 @@ def drop_(
 def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None = None) -> None:
     from motoremi.cli.output import emit_json, say
     from motoremi.quantities import show
+    from motoremi.report.words import beside_the_error
 
     if as_json:
         step = {} if details is None else {name: details[name] for name in ("bands", "changes", "unneeded", "notes")}
         emit_json({"schema": "motoremi.step/1", "before": before.to_dict(), "after": after.to_dict(), **step})
         return
     say(
-        f"error {before.rms_error_percent:.3g} % -> {after.rms_error_percent:.3g} % (noise floor {after.floor_percent:.2g} %), "
+        f"error {before.rms_error_percent:.3g} % -> {after.rms_error_percent:.3g} %, "
         f"chi2_reduced {before.chi2_reduced:.4g} -> {after.chi2_reduced:.4g}"
     )
+    for text in beside_the_error(after):
+        say(f"  {text}")
     units = {p.name: p.unit for p in (*before.motor.parameters, *after.motor.parameters)}
     for name in {**before.parameters, **after.parameters}:
         old, new = before.parameters.get(name), after.parameters.get(name)
@@ -379,6 +421,7 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
     """The history of models and their errors."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
+    from motoremi.report.words import described, would_leave
 
     steps = load(path).ladder
     if as_json:
@@ -391,8 +434,12 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
         model = "paper's circuit" + "".join(f" + {effect}" for effect in fit["effects"])
         say(f"{number}  error {fit['rms_error_percent']:8.4g} %  chi2_reduced {fit['chi2_reduced']:10.4g}  {model}")
         _say_details(step)
-    if steps:
-        say(f"   noise floor {steps[-1]['fit']['floor_percent']:.2g} %")
+        if "unexplained_percent" in fit:
+            say(f"     the circuit {described(fit['unexplained_percent'])}")
+    if steps and "unexplained_percent" in steps[-1]["fit"]:
+        say(f"   {would_leave(steps[-1]['fit']['floor_percent'], steps[-1]['fit']['noise_percent'])}")
+    elif steps:
+        say(f"   fitted by an earlier version: motoremi fit {path}")
 
 
 def next_(path: SessionPath, as_json: AsJson = False) -> None:
@@ -470,7 +517,7 @@ def register(app: typer.Typer) -> None:
     """Add these commands."""
     command(app, "import", import_, "motoremi import my_motor --short short1.csv short2.csv --open open1.csv open2.csv --analyser 4294a")
     command(app, "verify", verify_, "motoremi verify my_motor")
-    command(app, "fit", fit_, 'motoremi fit my_motor --bound "La=1 uH:100 uH"')
+    command(app, "fit", fit_, 'motoremi fit my_motor --bound "La=1 uH:100 uH" --hold Ra=2.3Ohm')
     command(app, "compare", compare_, "motoremi compare my_motor --error-percent 5")
     command(app, "diagnose", diagnose_, "motoremi diagnose my_motor --json")
     command(app, "inspect", inspect_, "motoremi inspect my_motor --element La --plot la.svg")

@@ -78,7 +78,7 @@ def fit(
         raise BadInput(f"unknown method {method!r}: use one of {', '.join(METHODS)}")
     measurement = sweeps if isinstance(sweeps, Measurement) else Measurement.of(sweeps, analyser)
     _check_informative(measurement)
-    limits, fixed = checked_bounds(motor, bounds), _checked_held(motor, held)
+    limits, fixed = checked_bounds(motor, bounds), checked_held(motor, held)
     base = dc_motor()
     paper_names = {p.name for p in BASE_PARAMETERS}
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
@@ -90,13 +90,22 @@ def fit(
     return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
 
 
-def _checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, float]:
-    names = {p.name for p in motor.parameters}
+def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, float]:
+    """Values that can be held, or one clear line.
+
+    Raises
+    ------
+    BadInput
+        For an unknown parameter, a value that is not finite, or one that is not above 0 where only such are possible.
+    """
+    known = {p.name: p for p in motor.parameters}
     for name, value in (held or {}).items():
-        if name not in names:
-            raise BadInput(f"held value for the unknown parameter {name!r}; the model has {', '.join(sorted(names))}")
+        if name not in known:
+            raise BadInput(f"held value for the unknown parameter {name!r}; the model has {', '.join(sorted(known))}")
         if not np.isfinite(value):
             raise BadInput(f"held value of {name} is not a finite number")
+        if known[name].scale == "log" and value <= 0:
+            raise BadInput(f"the held value of {name} must be above 0 {known[name].unit}, got {value:g}")
     return {name: float(value) for name, value in (held or {}).items()}
 
 

@@ -25,17 +25,18 @@ def fleet_html(figures: JsonDict, title: str) -> str:
 
 
 def _report(figures: JsonDict, title: str) -> Report:
-    counts = figures["counts"]
+    counts, found = figures["counts"], figures["findings"]
     headline = [
         ("sessions", f"{counts['sessions']}, {counts['in_the_figures']} of them in the figures", "plain"),
         ("verdicts", ", ".join(f"{verdict} {n}" for verdict, n in figures["verdicts"].items()) or "not diagnosed", "plain"),
+        ("serious findings", _listed([f"{name} {len(sessions)}" for name, sessions in found.items()]), "bad" if found else "plain"),
         ("drift", _listed([f"{d['parameter']} along {d['along']}: {d['change_percent']:+.2g} %" for d in figures["drift"]]), "plain"),
         ("outliers", f"{len({o['session'] for o in figures['outliers']})} motors", "plain"),
     ]
     if figures["golden"]:
         beyond = len({entry["session"] for entry in figures["beyond_limits"]})
         headline.append(("beyond the golden set's limits", f"{beyond} motors", "bad" if beyond else "good"))
-    sections = [_distributions(figures), _missing(figures), _drifts(figures), _strays(figures)]
+    sections = [_distributions(figures), _missing(figures), _found(figures), _drifts(figures), _strays(figures)]
     if figures["golden"]:
         sections.append(_golden(figures))
     warnings = tuple(f"{t['session']}: {t['trouble']}" for t in figures["troubles"][:_LONGEST_TABLE])
@@ -69,6 +70,12 @@ def _missing(figures: JsonDict) -> Section:
     rows = tuple((name, str(n), f"{100 * n / total:.3g} %") for name, n in figures["effects"].items())
     table = Table("How often an effect was named", ("effect", "motors", "share"), rows)
     return Section("Missing effects", () if rows else ("None was named.",), (table,) if rows else ())
+
+
+def _found(figures: JsonDict) -> Section:
+    rows = tuple((name, str(len(sessions)), _listed(sessions)) for name, sessions in figures["findings"].items())
+    table = Table("What the data themselves show, where a verdict hangs on it", ("finding", "motors", "sessions"), rows)
+    return Section("Findings", () if rows else ("None that is serious.",), (table,) if rows else ())
 
 
 def _drifts(figures: JsonDict) -> Section:

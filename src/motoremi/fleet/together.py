@@ -14,6 +14,7 @@ from scipy import stats
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.model.motor import BASE_PARAMETERS
+from motoremi.report.words import findings_of, serious_of
 
 # Robust distance from the median, in standard deviations, beyond which a motor is looked at: one in 15 000 of a normal fleet.
 OUTLIER = 4.0
@@ -47,13 +48,14 @@ def together(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict
     Returns
     -------
     dict
-        `counts`, `verdicts`, `effects`, `parameters` (n, median, robust spread, quantiles), `drift`, `outliers`, `limits`, `beyond_limits`,
-        `troubles`; and `values`, the columns behind them.
+        `counts`, `verdicts`, `effects`, `findings` (each serious one with its sessions), `parameters` (n, median, robust spread, quantiles),
+        `drift`, `outliers`, `limits`, `beyond_limits`, `troubles`; and `values`, the columns behind them.
     """
     rows: list[_Row] = []
     units: dict[str, str] = {}
     verdicts: Counter[str] = Counter()
     effects: Counter[str] = Counter()
+    findings: dict[str, list[str]] = defaultdict(list)
     troubles: list[JsonDict] = []
     for result in results:
         if result["status"] != "done":
@@ -63,6 +65,8 @@ def together(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict
         if diagnosis is not None:
             verdicts[diagnosis["verdict"]] += 1
             effects.update(diagnosis["effects"])
+            for identifier in dict.fromkeys(finding["id"] for finding in serious_of(findings_of(diagnosis))):
+                findings[identifier].append(result["session"])
         best = result["best"]
         if not best["converged"]:
             troubles.append({"session": result["session"], "status": "done", "trouble": "the fit did not converge: left out of the figures"})
@@ -78,6 +82,7 @@ def together(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict
         "counts": {"sessions": len(rows) + len(troubles), "in_the_figures": len(rows), "troubled": len(troubles)},
         "verdicts": dict(verdicts.most_common()),
         "effects": dict(effects.most_common()),
+        "findings": dict(sorted(findings.items(), key=lambda entry: -len(entry[1]))),
         "parameters": {name: {"unit": units[name], **_distribution(column)} for name, column in columns.items()},
         "drift": _drift(rows, columns),
         "outliers": _outliers(columns),

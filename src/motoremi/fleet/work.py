@@ -102,6 +102,7 @@ def work(job: Job) -> JsonDict:
                 "effects": list(found.effects),
                 "families": [list(family) for family in found.families],
                 "confidence": found.confidence,
+                "findings": [finding.to_dict() for finding in found.findings],
             }
         result["best"] = _figures(best)
         if job.reports:
@@ -128,6 +129,8 @@ def _figures(fitted: Fit) -> JsonDict:
         "chi2_reduced": fitted.chi2_reduced,
         "rms_error_percent": fitted.rms_error_percent,
         "floor_percent": fitted.floor_percent,
+        "noise_percent": fitted.noise_percent,
+        "unexplained_percent": fitted.unexplained_percent,
         "parameters": {
             name: {"value": value, "sigma": fitted.sigma[name], "unit": units[name]}
             for name, value in fitted.parameters.items()

@@ -9,9 +9,9 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.report import plots
-from motoremi.report.headline import in_words
 from motoremi.report.parts import Section, Table
 from motoremi.report.svg import picture
+from motoremi.report.words import described, findings_of, in_words, place_of, reasons_of
 
 MOST_CANDIDATES = 10
 
@@ -31,28 +31,42 @@ def diagnosis_section(diagnosis: JsonDict) -> Section:
                 _number(candidate["probability"]),
                 _number(candidate["delta_bic"]),
                 f"{_number(candidate['rms_error_percent'])} %",
+                f"{_number(candidate.get('unexplained_percent'))} %",
                 "yes" if candidate["plausible"] else "no, at a bound",
                 values,
             )
         )
-    columns = ("effect", "family", "probability", "ΔBIC", "error left", "plausible", "fitted parameters")
+    columns = ("effect", "family", "probability", "ΔBIC", "error left", "undescribed", "plausible", "fitted parameters")
     sentence = in_words(diagnosis)
     texts = [f"{sentence[:1].upper()}{sentence[1:]}; confidence {100 * diagnosis['confidence']:.0f} %."]
-    texts += [str(reason)[:1].upper() + str(reason)[1:] + "." for reason in diagnosis["reasons"]]
+    texts += [reason[:1].upper() + reason[1:] + "." for reason in reasons_of(diagnosis)]
+    if "unexplained_percent" in diagnosis:
+        texts.append(f"The model {' + '.join(('paper’s circuit', *diagnosis['best']['effects']))} {described(diagnosis['unexplained_percent'])}.")
     texts += [f"Not told apart by these data: {', '.join(family)}." for family in diagnosis["families"]]
     texts += [_explained(str(name)) for name in diagnosis["effects"]]
     texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
-    further = (*_left_out(diagnosis), *_menu(diagnosis))
+    found, further = _findings(diagnosis), (*_left_out(diagnosis), *_menu(diagnosis))
     if not rows:
-        return Section("Diagnosis", tuple(texts), further)
+        return Section("Diagnosis", tuple(texts), (*found, *further))
     others = len(diagnosis["candidates"]) - len(rows)
     title = "Ranking: each single effect on top of the diagnosed model" + (f" ({others} worse ones not shown)" if others else "")
     return Section(
         "Diagnosis",
         tuple(texts),
-        (Table(title, columns, tuple(rows)), *further),
+        (*found, Table(title, columns, tuple(rows)), *further),
         (picture("ranking", plots.ranking_figure(diagnosis), "Evidence of the single effects: how far each lies behind the best."),),
     )
+
+
+def _findings(diagnosis: JsonDict) -> tuple[Table, ...]:
+    """What the data themselves show, whatever the motor."""
+    found = findings_of(diagnosis)
+    rows = tuple(
+        (str(one["id"]), place_of(one), str(one["why"]), str(one["remedy"]), "the verdict hangs on it" if one["serious"] else "-") for one in found
+    )
+    columns = ("finding", "where", "what", "what to do", "serious")
+    marked = frozenset(index for index, one in enumerate(found) if one["serious"])
+    return (Table("What the data themselves show", columns, rows, marked),) if rows else ()
 
 
 def _left_out(diagnosis: JsonDict) -> tuple[Table, ...]:

@@ -30,7 +30,11 @@ def render_csv(report: Report) -> str:
             note = "not converged" if not step["result"] else "held" if name in step["held"] else "" if entry["determined"] else "not determined"
             writer.writerow(("parameter", f"step {number}", name, repr(entry["value"]), entry["unit"], sigma, note))
         note = " + ".join(step["effects"]) or "paper's circuit"
-        writer.writerow(("error", f"step {number}", "rms_error_percent", repr(step["rms_error_percent"]), "%", "", note))
+        for name in ("rms_error_percent", "corrected_error_percent", "floor_percent", "noise_percent"):
+            writer.writerow(("error", f"step {number}", name, repr(step[name]), "%", "", note))
+        left = step["unexplained_percent"]
+        interval = f"95 %: {left['low']:.4g} - {left['high']:.4g} %"
+        writer.writerow(("error", f"step {number}", "unexplained_percent", repr(left["value"]), "%", "", interval))
     for band in (report.data["comparison"] or {"bands": []})["bands"]:
         where = f"{band['sweep']} {band['band_hz'][0]:.9g}-{band['band_hz'][1]:.9g} Hz"
         for name, unit in (("rms_error_percent", "%"), ("max_error_percent", "%"), ("max_error_db", "dB"), ("max_phase_deg", "deg")):

@@ -99,7 +99,7 @@ def _of_the_set_up(session: Session) -> list[str]:
     ages = session.start.get("calibration_age_days") or {}
     found += [f"the calibration of the {role} is {age} days old" for role, age in ages.items() if age > OLD_CALIBRATION_DAYS]
     if session.start.get("analyser_assumed"):
-        found.append("the analyser was not named: the errors of a 4294A are assumed")
+        found.append("the analyser was not named: the size of its errors is estimated from the data")
     for sweep in session.sweeps:
         compensated = sweep.metadata.get("compensated")
         if isinstance(compensated, list) and not {"open", "short"} <= set(map(str, compensated)):

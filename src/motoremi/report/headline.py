@@ -9,18 +9,10 @@ from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
 from motoremi.report.parts import Materials, is_result
+from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser
 
 Line = tuple[str, str, str]
 
-VERDICTS = {
-    "adequate": "nothing is missing beyond the noise and the analyser's own uncertainty",
-    "missing-effect": "missing from the model: {named}",
-    "family": "missing from the model: {named}, or another that these data cannot tell from it",
-    "instrument": "the meter or its fixture explains the error, not the motor: {named}",
-    "unexplained": "something is missing and nothing in the catalogue explains it",
-}
-# An error within half of the noise floor above it is noise: more cannot be asked of a model.
-AT_THE_FLOOR = 1.5
 NO_RESULT = "no result: the fit did not converge"
 
 
@@ -33,7 +25,7 @@ def headline(materials: Materials) -> tuple[Line, ...]:
     if diagnosis is not None:
         lines += _diagnosis_lines(diagnosis)
     if steps:
-        lines += [_after(steps[-1], diagnosis), ("Noise floor", f"{steps[-1].floor_percent:.2g} % rms", "plain")]
+        lines += [_after(steps[-1], diagnosis), *_beside(steps[-1])]
     lines.append(_judged(materials.comparison))
     prediction = materials.stored("prediction")
     if prediction is not None:
@@ -59,32 +51,35 @@ def spans(where: Sequence[JsonDict], most: int = 3) -> str:
     return f"{'; '.join(found)} of the squared error" if found else "nowhere beyond the uncertainty"
 
 
-def in_words(diagnosis: JsonDict) -> str:
-    """The verdict as a sentence."""
-    verdict = str(diagnosis["verdict"])
-    return VERDICTS.get(verdict, verdict).replace("{named}", " and ".join(diagnosis["effects"]))
-
-
 def _diagnosis_lines(diagnosis: JsonDict) -> list[Line]:
     start = diagnosis["base"]["effects"]
     label = "Diagnosis" + (f" (of the model with {' + '.join(start)})" if start else "")
-    mood = {"adequate": "good", "unexplained": "bad"}.get(str(diagnosis["verdict"]), "plain")
-    lines = [(label, f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %", mood)]
-    return lines + [("Not told apart", ", ".join(family), "plain") for family in diagnosis["families"]]
+    lines: list[Line] = [(label, f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %", mood_of(str(diagnosis["verdict"])))]
+    lines += [("Not told apart", ", ".join(family), "plain") for family in diagnosis["families"]]
+    return lines + [(f"Found in the data: {one['id']}", f"{one['why']}; {one['remedy']}", "bad") for one in serious_of(findings_of(diagnosis))]
 
 
 def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
     """The error after the effect: of the model that stands, or, before it is added, what the diagnosis found it would be."""
     if not last.effects and diagnosis is not None and diagnosis["effects"]:
         model = f"with {' + '.join(diagnosis['effects'])}, not added yet"
-        error = float(diagnosis["best"]["rms_error_percent"])
+        error, left = float(diagnosis["best"]["rms_error_percent"]), diagnosis.get("unexplained_percent")
+        reached = left is not None and left["value"] <= last.measurement.good_enough_percent
     else:
         model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
-        error = last.rms_error_percent
+        error, reached = last.rms_error_percent, last.explained
         if not is_result(last):
             return f"Error after ({model})", NO_RESULT, "bad"
-    reached = error < AT_THE_FLOOR * last.floor_percent
     return f"Error after ({model})", f"{error:.3g} % rms", "good" if reached else "bad"
+
+
+def _beside(last: Fit) -> list[Line]:
+    """What has to stand beside the error of the model that stands."""
+    lines = [("Noise and analyser would leave", f"{last.floor_percent:.2g} % rms, noise alone {last.noise_percent:.2g} %", "plain")]
+    if is_result(last):
+        lines += [("Analyser's share", text, "plain") for text in [share_of_analyser(last)] if text]
+        lines.append(("This circuit", described(last.unexplained_percent), "plain"))
+    return lines
 
 
 def _judged(comparison: Comparison | None) -> Line:

@@ -12,6 +12,7 @@ from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
 from motoremi.quantities import show_band
 from motoremi.report.parts import Report
+from motoremi.report.words import findings_of, in_words, place_of, reasons_of, serious_of
 
 # Characters that XML 1.0 does not allow at all, even escaped.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -64,7 +65,7 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
 
 
 def _session_suite(root: Element, report: Report) -> None:
-    """Who measured what, and the diagnosis: a cause is a finding, not a failure of its own."""
+    """Who measured what, and the diagnosis: a cause is no failure of its own, but data that contradict themselves are."""
     comparison, diagnosis = report.data["comparison"], report.data["diagnosis"]
     suite = SubElement(root, "testsuite", name="session")
     told = {name: report.data[name] for name in ("motor", "operator", "software", "session_sha256", "status")}
@@ -81,7 +82,14 @@ def _session_suite(root: Element, report: Report) -> None:
     if diagnosis is None:
         SubElement(case, "skipped", message="no diagnosis was made")
     else:
-        lines = [f"verdict: {diagnosis['verdict']}", f"effects: {', '.join(diagnosis['effects'])}", *diagnosis["reasons"]]
+        if diagnosis["verdict"] == "data":
+            why = [str(one["why"]) for one in serious_of(findings_of(diagnosis))]
+            SubElement(case, "failure", message=_legal("; ".join([in_words(diagnosis), *why])))
+        lines = [f"verdict: {diagnosis['verdict']}", f"effects: {', '.join(diagnosis['effects'])}", *reasons_of(diagnosis)]
+        lines += [
+            f"found{', serious' if one['serious'] else ''}: {one['id']} ({place_of(one)}): {one['why']}; {one['remedy']}"
+            for one in findings_of(diagnosis)
+        ]
         SubElement(case, "system-out").text = "\n".join(_legal(str(line)) for line in lines)
     if report.warnings:
         SubElement(suite, "system-out").text = "\n".join(_legal(warning) for warning in report.warnings)

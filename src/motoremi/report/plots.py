@@ -206,7 +206,7 @@ def training_figure(fit: Fit) -> Figure:
     deviation = [point["rms_deviation_percent"] for point in fit.history]
     panel.plot(count, deviation, "o", color=GREY, markersize=3, label="best of the round")
     panel.step(count, np.minimum.accumulate(deviation), where="post", color=BLUE, label="best so far")
-    panel.axhline(fit.floor_percent, color=GREEN, linestyle="-.", linewidth=1.2, label="noise floor")
+    panel.axhline(fit.floor_percent, color=GREEN, linestyle="-.", linewidth=1.2, label="noise and analyser would leave")
     log_values(panel)
     panel.xaxis.set_major_formatter(EngFormatter(sep=" "))
     panel.set_xlabel("evaluations of the model")
@@ -217,7 +217,7 @@ def training_figure(fit: Fit) -> Figure:
 
 
 def ladder_figure(steps: Sequence[Fit]) -> Figure:
-    """The error falling step by step, with the noise floor."""
+    """The error falling step by step, with what noise and analyser would leave."""
     figure, axes = panels(max(5.0, 1.8 * len(steps)), 3.0)
     panel = axes[0, 0]
     errors = [step.rms_error_percent for step in steps]
@@ -226,7 +226,7 @@ def ladder_figure(steps: Sequence[Fit]) -> Figure:
     for number, error in enumerate(errors):
         panel.annotate(f"{error:.3g} %", (number, error), textcoords="offset points", xytext=(7, 4), ha="left", fontsize=9)
     floor = steps[-1].floor_percent
-    panel.axhline(floor, color=GREEN, linestyle="-.", linewidth=1.2, label=f"noise floor {floor:.2g} %")
+    panel.axhline(floor, color=GREEN, linestyle="-.", linewidth=1.2, label=f"noise and analyser would leave {floor:.2g} %")
     log_values(panel)
     panel.set_xlim(-0.4, len(errors) - 0.4)
     panel.set_ylim(0.4 * min(*errors, floor), 4 * max(errors))

@@ -19,6 +19,7 @@ from motoremi.report.headline import spans, tolerance
 from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.parts import Materials, Section, Table, is_result, model_name
 from motoremi.report.svg import picture
+from motoremi.report.words import beside_the_error, described, error_bar, share_of_analyser, would_leave
 
 NOISE_SOURCES = {
     "repeats": "the repeats",
@@ -74,17 +75,20 @@ def _sweeps(materials: Materials) -> Section:
             f"{sweep.frequency_hz.size}",
             show_band(float(sweep.frequency_hz[0]), float(sweep.frequency_hz[-1])),
             f"{sweep.repeats}",
-            f"{100 * np.sqrt(np.mean(2 * noise.sigma**2)):.2g} %",
+            f"{100 * np.sqrt(np.mean(2 * noise.variance)):.2g} %",
             NOISE_SOURCES[noise.source],
         )
         for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True)
     )
+    texts = [f"Analyser: {measurement.analyser.title}."]
+    if measurement.accuracy_percent is not None:
+        texts.append(f"Accuracy stated for these data: {measurement.accuracy_percent:g} %; a model that is as good as that is good enough.")
     table = Table("Sweeps", ("termination", "points", "span", "repeats", "noise of the mean (rms)", "noise known from"), rows)
     if not results:
         alone = picture("sweeps", plots.measured_figure(measurement), "Measured impedance, mean of the repeats.")
-        return Section("Sweeps", tuple(measurement.caveats()), (table,), (alone,))
+        return Section("Sweeps", (*texts, *measurement.caveats()), (table,), (alone,))
     caption = "Measured impedance, the paper's circuit, and the model that stands; below, the error against the uncertainty."
-    return Section("Sweeps and model", (), (table,), (picture("sweeps", plots.sweeps_figure(results[0], results[-1]), caption),))
+    return Section("Sweeps and model", tuple(texts), (table,), (picture("sweeps", plots.sweeps_figure(results[0], results[-1]), caption),))
 
 
 def _results(steps: Sequence[Fit]) -> tuple[Fit, ...]:
@@ -101,12 +105,13 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
     texts = [
         f"{'Ant colony of the paper, as printed' if last.method == 'paper' else 'Ant colony with polish'}, seed {last.seed}; "
         f"evaluations of the model at each step: {', '.join(str(step.evaluations) for step in steps)}. "
-        f"chi2_reduced {last.chi2_reduced:.4g} with the errors of {last.measurement.analyser.title} allowed for."
+        f"chi2_reduced {last.chi2_reduced:.4g} over noise and analyser as declared ({last.measurement.analyser.title}).",
+        f"Error of the circuit {last.rms_error_percent:.3g} % rms; {'; '.join(beside_the_error(last))}.",
     ]
     if last.undetermined():
         loose = ", ".join(f"{name} ({_looseness(last, name)})" for name in last.undetermined())
         texts.append(f"The data do not determine {loose}; do not quote values for them.")
-    if last.chi2_reduced > 2:
+    if not last.explained:
         texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
     tables = [_parameters(steps), _derived(last)]
     if last.nuisance:
@@ -119,7 +124,7 @@ def _looseness(fit: Fit, name: str) -> str:
     if name not in fit.parameters:
         return "no sweep depends on it"
     value, sigma = abs(fit.parameters[name]), fit.sigma[name]
-    return f"± {100 * sigma / value:.2g} %" if sigma < KNOWN_AT_ALL * value else "any value would do"
+    return error_bar(value, sigma) if sigma < KNOWN_AT_ALL * value else "any value would do"
 
 
 def _derived(fit: Fit) -> Table:
@@ -127,7 +132,7 @@ def _derived(fit: Fit) -> Table:
     rows, marked = [], set()
     for index, quantity in enumerate(fit.derived()):
         known = quantity.sigma < 0.5 * abs(quantity.value)
-        bar = f"± {100 * quantity.sigma / abs(quantity.value):.2g} %" if known else "not determined by these data"
+        bar = error_bar(quantity.value, quantity.sigma) if known else "not determined by these data"
         rows.append((quantity.name, show(quantity.value, quantity.unit), bar))
         if not known:
             marked.add(index)
@@ -172,7 +177,7 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
     rows, marked = [], set()
     for index, step in enumerate(steps):
         if not is_result(step):
-            rows.append((model_name(step), "-", "did not converge", "-", "-", "-"))
+            rows.append((model_name(step), "-", "did not converge", "-", "-", "-", "-"))
             marked.add(index)
             continue
         before = steps[index - 1] if index and is_result(steps[index - 1]) else None
@@ -182,17 +187,19 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
                 "-" if before is None else f"{before.rms_error_percent:.3g} %",
                 f"{step.rms_error_percent:.3g} %",
                 f"{step.rms_error_db:.3g} dB",
-                f"{step.rms_error_percent / step.floor_percent:.3g}",
+                share_of_analyser(step) or "ideal",
+                described(step.unexplained_percent),
                 f"{step.chi2_reduced:.4g}",
             )
         )
-    columns = ("model", "rms error before", "rms error after", "rms magnitude", "error over noise floor", "chi2_reduced")
+    columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's share", "the circuit", "chi2_reduced")
     results = _results(steps)
-    texts = (f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}.",) if is_result(steps[0]) else ()
+    texts = [f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."] if is_result(steps[0]) else []
+    texts.append(f"Of a perfect model {would_leave(steps[-1].floor_percent, steps[-1].noise_percent)}.")
     notes = tuple(f"At {' + '.join(step['fit']['effects']) or 'the base'}: {note}." for step in stored for note in step.get("notes", ()))
     pictures = (picture("ladder", plots.ladder_figure(results), "The error at each step of the ladder."),) if results else ()
     tables = (Table("Models", columns, tuple(rows), frozenset(marked)), _bands_of_steps(results))
-    return Section("Ladder", texts + notes, tables, pictures)
+    return Section("Ladder", (*texts, *notes), tables, pictures)
 
 
 def _bands_of_steps(steps: Sequence[Fit]) -> Table:

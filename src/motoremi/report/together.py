@@ -16,13 +16,14 @@ from motoremi.errors import BadInput
 from motoremi.quantities import show, show_band
 from motoremi.report.data import render_json
 from motoremi.report.gaps import gaps
-from motoremi.report.headline import Line, headline, in_words
+from motoremi.report.headline import Line, headline
 from motoremi.report.html import render_html
 from motoremi.report.model import session_hash
 from motoremi.report.overlay import LOOKS, Change, spectra_overlay, sweeps_overlay
 from motoremi.report.parts import Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.pdf import can_render_pdf, render_pdf
 from motoremi.report.svg import picture
+from motoremi.report.words import error_bar, findings_of, in_words, serious_of
 
 # As in the rest of the report: expanded uncertainty, k = 2.
 CLEAR = 2.0
@@ -104,7 +105,7 @@ def _uncertainty(materials: Materials, termination: str) -> FloatArray:
         return found
     measurement = _measurement(materials)
     noise = measurement.noise[measurement.terminations.index(termination)]
-    alone: FloatArray = CLEAR * np.sqrt(2) * noise.sigma
+    alone: FloatArray = CLEAR * np.sqrt(2 * noise.variance)
     return alone
 
 
@@ -140,9 +141,14 @@ def _figures(name: str, materials: Materials) -> JsonDict:
         "rms_error_percent": [step.rms_error_percent for step in results],
         "floor_percent": results[-1].floor_percent if results else None,
         "comparison": None if materials.comparison is None else materials.comparison.verdict,
-        "diagnosis": None if diagnosis is None else {key: diagnosis[key] for key in ("verdict", "effects", "confidence")},
+        "diagnosis": None if diagnosis is None else _cause(diagnosis),
         "emission": None if prediction is None else prediction["verdict"],
     }
+
+
+def _cause(diagnosis: JsonDict) -> JsonDict:
+    serious = [finding["id"] for finding in serious_of(findings_of(diagnosis))]
+    return {**{key: diagnosis[key] for key in ("verdict", "effects", "confidence")}, "serious_findings": list(dict.fromkeys(serious))}
 
 
 def _told(name: str, materials: Materials) -> Line:
@@ -231,6 +237,8 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
         errors = [f"{error:.3g} %" for error in one["rms_error_percent"]]
         found = one["diagnosis"]
         cause = NO_VALUE if found is None else " ".join((found["verdict"], *found["effects"]))
+        if found is not None and found["serious_findings"]:
+            cause += f" (found in the data: {', '.join(found['serious_findings'])})"
         rows.append(
             (
                 one["session"],
@@ -244,7 +252,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
         )
         if "fail" in (one["comparison"], one["emission"]):
             marked.add(index)
-    columns = ("session", "model that stands", "rms error, step by step", "noise floor", "model", "diagnosis", "emission")
+    columns = ("session", "model that stands", "rms error, step by step", "noise and analyser would leave", "model", "diagnosis", "emission")
     return Table("Verdicts", columns, tuple(rows), frozenset(marked))
 
 
@@ -290,4 +298,4 @@ def _value(one: JsonDict, unit: str) -> str:
         return NO_VALUE
     if not one["determined"]:
         return "not determined"
-    return f"{show(one['value'], unit)} ± {100 * one['sigma'] / abs(one['value']):.2g} %" if one["value"] else show(0.0, unit)
+    return f"{show(one['value'], unit)} {error_bar(one['value'], one['sigma'])}" if one["value"] else show(0.0, unit)

@@ -9,13 +9,14 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.session import Session
+from motoremi.diagnosis.candidates import possible_effects
 from motoremi.diagnosis.compare import Comparison
-from motoremi.diagnosis.evidence import possible_effects
 from motoremi.diagnosis.parts import ELEMENTS
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import catalogue, find_effect
 from motoremi.quantities import show, show_band
+from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, reasons_of
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
 
@@ -76,6 +77,7 @@ def step_of(step: Fit) -> JsonDict:
         "rms_error_db": step.rms_error_db,
         "chi2_reduced": step.chi2_reduced,
         "floor_percent": step.floor_percent,
+        "beside": list(beside_the_error(step)),
         "converged": step.converged,
         "warnings": list(step.warnings),
         "parameters": [{"name": name, "value": value, "bar": bar} for name, value, bar in step.rows()],
@@ -170,7 +172,10 @@ def diagnosis(stored: JsonDict) -> JsonDict:
 
 
 def _diagnosis(stored: JsonDict) -> JsonDict:
-    told = {key: stored[key] for key in ("verdict", "effects", "families", "confidence", "base", "best", "reasons", "next_measurement")}
+    told = {key: stored[key] for key in ("verdict", "effects", "families", "confidence", "base", "best", "next_measurement")}
+    told |= {"sentence": in_words(stored), "mood": mood_of(str(stored["verdict"])), "reasons": reasons_of(stored)}
+    told["findings"] = [{**{key: one[key] for key in ("id", "why", "remedy", "serious")}, "place": place_of(one)} for one in findings_of(stored)]
+    told["described"] = described(stored["unexplained_percent"]) if "unexplained_percent" in stored else ""
     told["where"] = [{**span, "band": show_band(*span["band_hz"])} for span in stored["where"]]
     told["caveats"] = list(stored.get("caveats", []))
     told["candidates"] = [

@@ -1,4 +1,4 @@
-// The ladder as falling steps: the error of each model, on a logarithmic scale, down to the noise floor.
+// The ladder as falling steps: the error of each model, on a logarithmic scale, down to what noise and analyser would leave.
 
 import { svg } from "./dom.js";
 import { percent } from "./units.js";
@@ -22,9 +22,9 @@ export function ladderDrawing(steps) {
       svg("text", { x: from + wide / 2, y: level - 4, class: "step-error" }, percent(step.rms_error_percent)));
   });
   const words = steps.map((step, index) => `${index === 0 ? "paper's circuit" : step.added}: ${percent(step.rms_error_percent)}`).join("; ");
-  return svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "ladder", role: "img", "aria-label": `Ladder of models. ${words}. Noise floor ${percent(floor)}` },
+  return svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "ladder", role: "img", "aria-label": `Ladder of models. ${words}. Noise and analyser would leave ${percent(floor)}` },
     svg("path", { d: `M${LEFT} ${y(floor)}H${WIDTH - RIGHT}`, class: "floor" }),
-    svg("text", { x: WIDTH - RIGHT, y: y(floor) + 16, class: "floor-name" }, `noise floor ${percent(floor)}`),
+    svg("text", { x: WIDTH - RIGHT, y: y(floor) + 16, class: "floor-name" }, `noise and analyser: ${percent(floor)}`),
     svg("path", { d: path, class: "steps" }),
     ...labels);
 }

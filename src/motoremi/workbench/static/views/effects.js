@@ -49,10 +49,11 @@ const rows = (told) => told.diagnosis?.candidates ?? told.catalogue.map((one) =>
 
 function verdict(told) {
   const found = told.diagnosis;
-  const good = found.verdict === "adequate";
   return h("div", { id: "verdict" },
-    h("p", { class: good ? "good" : "" }, h("strong", {}, found.verdict), found.effects.length ? `: ${found.effects.join(" and ")}` : "", "; ", term("confidence"), ` ${share(found.confidence)}`),
+    h("p", { class: found.mood }, h("strong", {}, found.verdict), `: ${found.sentence}; `, term("confidence"), ` ${share(found.confidence)}`),
     found.reasons.map((text) => h("p", {}, text)),
+    found.described && h("p", {}, `The model ${found.described}.`),
+    found.findings.map((one) => h("p", { class: one.serious ? "bad" : "note" }, term("finding", one.id), ` (${one.place}): ${one.why}; ${one.remedy}`)),
     found.families.length > 0 && h("p", {}, term("family", "not told apart"), `: ${found.families.map((one) => one.join(", ")).join("; ")}`),
     found.caveats.map((text) => h("p", { class: "note" }, text)),
     !told.current && h("p", { class: "bad" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since. Diagnose again to rank what is left.`));

@@ -93,7 +93,8 @@ function complexParts(real, imag) {
 function model(head) {
   const top = head.ladder.at(-1);
   return card("Model",
-    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " ", term("noise floor"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 4)}`),
+    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " beside ", term("noise and analyser"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 4)}`),
+    top.beside.map((text) => h("p", {}, text)),
     !top.converged && h("p", { class: "bad" }, "The fit did not converge: do not use its values."),
     ladderDrawing(head.ladder),
     table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, one.value, one.bar])),

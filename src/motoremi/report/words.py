@@ -1,0 +1,95 @@
+"""Results in words, the same on every surface: verdicts, findings, and the circuit's error beside what noise and analyser would leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypeAlias
+
+from motoremi.arrays import JsonDict
+from motoremi.fitting.result import Fit
+from motoremi.quantities import show_band
+
+Mood: TypeAlias = Literal["good", "bad", "plain"]
+
+# What a verdict says, and how it looks.
+_VERDICTS: Mapping[str, tuple[str, Mood]] = {
+    "adequate": ("nothing is missing beyond the noise and the analyser's own uncertainty", "good"),
+    "missing-effect": ("missing from the model: {named}", "plain"),
+    "family": ("missing from the model: {named}, or another that these data cannot tell from it", "plain"),
+    "instrument": ("the meter or its fixture explains the error, not the motor", "plain"),
+    "data": ("the data contradict themselves too much to judge the motor", "bad"),
+    "unexplained": ("something is missing and nothing in the catalogue explains it", "bad"),
+}
+# Nobody asks for more.
+FINEST_PERCENT = 0.01
+
+
+def in_words(diagnosis: JsonDict) -> str:
+    """The verdict as a sentence."""
+    verdict, named = str(diagnosis["verdict"]), " and ".join(diagnosis["effects"])
+    text = _VERDICTS.get(verdict, (verdict, "plain"))[0]
+    if verdict == "adequate" and diagnosis.get("accuracy_percent"):
+        return f"{text}, or within the accuracy of {diagnosis['accuracy_percent']:g} % that was stated"
+    if "{named}" not in text and named:
+        return f"{text}: {named}"
+    return text.replace("{named}", named)
+
+
+def mood_of(verdict: str) -> Mood:
+    """How a verdict looks."""
+    return _VERDICTS.get(verdict, ("", "plain"))[1]
+
+
+def findings_of(diagnosis: JsonDict) -> list[JsonDict]:
+    """What the data themselves show, the serious first; a diagnosis of an earlier version has none."""
+    return sorted(diagnosis.get("findings", ()), key=lambda finding: not finding["serious"])
+
+
+def reasons_of(diagnosis: JsonDict) -> list[str]:
+    """The reasons that are not findings."""
+    found = {finding["why"] for finding in findings_of(diagnosis)}
+    return [str(reason) for reason in diagnosis["reasons"] if reason not in found]
+
+
+def place_of(finding: JsonDict) -> str:
+    """Where a finding is: sweep and band, as far as it has them."""
+    band = finding["band_hz"]
+    parts = [*([f"{finding['sweep']} sweep"] if finding["sweep"] else []), *([show_band(*band)] if band and band[0] < band[1] else [])]
+    return ", ".join(parts) or "all sweeps"
+
+
+def serious_of(findings: Sequence[JsonDict]) -> list[JsonDict]:
+    """Findings without which the verdict would or could be another."""
+    return [finding for finding in findings if finding["serious"]]
+
+
+def described(left: Mapping[str, float]) -> str:
+    """How well the circuit describes the motor, from `unexplained_percent`."""
+    if not left["value"]:
+        return f"describes your motor down to noise and analyser (95 %: to {max(left['high'], FINEST_PERCENT):.2g} % or better)"
+    return f"describes your motor to {left['value']:.2g} % (95 %: {left['low']:.2g} - {left['high']:.2g} %)"
+
+
+def would_leave(floor_percent: float, noise_percent: float) -> str:
+    """What a perfect model would leave."""
+    return f"noise and analyser would leave {floor_percent:.2g} %, noise alone {noise_percent:.2g} %"
+
+
+def share_of_analyser(fit: Fit) -> str:
+    """What the error would be without the analyser's, and how far that had to go; empty for an ideal one."""
+    analyser = fit.measurement.analyser
+    if analyser.ideal:
+        return ""
+    named = "what an analyser may do that nobody named" if analyser.name == "unknown" else f"what a {analyser.name} is declared to do"
+    return f"with the analyser's likely error taken off {fit.corrected_error_percent:.3g} % ({fit.analyser_sigma:.1f} sigma of {named})"
+
+
+def beside_the_error(fit: Fit) -> tuple[str, ...]:
+    """What has to stand beside the error of a model."""
+    texts = (would_leave(fit.floor_percent, fit.noise_percent), share_of_analyser(fit), f"the circuit {described(fit.unexplained_percent)}")
+    return tuple(text for text in texts if text)
+
+
+def error_bar(value: float, sigma: float) -> str:
+    """A standard deviation relative to its value."""
+    return f"± {100 * sigma / abs(value):.2g} % (1 sigma)"
