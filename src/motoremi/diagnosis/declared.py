@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, Analyser
 from motoremi.diagnosis.candidates import BEYOND_SIGMA
+from motoremi.diagnosis.explore import Budget
 from motoremi.diagnosis.judgement import Judgement, judge
 from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 
 # Log odds beyond which the data deny the declared analyser: 150 to 1.
 TAKEN = 5.0
+# A first search under another analyser: if neither none nor one effect comes near, neither will two.
+GLANCE = Budget(most_effects=1)
+# Other analysers that are searched under: the second where the likeliest for the bare circuit is not the likeliest with the missing effect.
+MOST_TRIED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +51,15 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
         Under the declared analyser.
     progress : callable, optional
     """
-    if first.stands and first.model.fit.analyser_sigma <= BEYOND_SIGMA:
+    if first.standing == "explained" and first.model.fit.analyser_sigma <= BEYOND_SIGMA:
         return Declared(first)
-    bases = sorted((_under(first, other) for other in hypotheses(first.base.measurement.analyser)), key=lambda fit: -fit.log_evidence)
-    for base in bases[: 1 if first.stands else 2]:
-        best = max(base.log_evidence, _best_under(first, base))
-        if first.stands and best < first.best.fit.log_evidence + TAKEN:
+    bases = sorted((_refitted(first.base, other) for other in hypotheses(first.base.measurement.analyser)), key=lambda fit: -fit.log_evidence)
+    for base in bases[:MOST_TRIED]:
+        other = judge(base, progress, GLANCE)
+        if other.best.score < first.best.score + TAKEN and not other.stands:
             continue
-        other = judge(base, progress)
+        if not other.stands:
+            other = judge(base, progress)
         odds = other.best.score - first.best.score
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))
@@ -69,16 +73,6 @@ def hypotheses(declared: Analyser) -> list[Analyser]:
     both = [*others, network, network.compensated_here()]
     same = (declared.name, declared.compensated)
     return list({(one.name, one.compensated): one for one in both if (one.name, one.compensated) != same}.values())
-
-
-def _under(first: Judgement, analyser: Analyser) -> Fit:
-    """The base under another analyser."""
-    return _refitted(first.base, analyser)
-
-
-def _best_under(first: Judgement, base: Fit) -> float:
-    """Evidence of the likeliest model under another analyser."""
-    return _refitted(first.best.fit, base.measurement.analyser).log_evidence if first.best.added else -np.inf
 
 
 def _refitted(fit: Fit, analyser: Analyser) -> Fit:

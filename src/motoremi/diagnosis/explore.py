@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol, TypeVar
 
 from motoremi.arrays import Progress
@@ -55,8 +56,8 @@ class Budget:
 
     Parameters
     ----------
-    beam : int
-        Models of one size that are added to. Of 52 pairs, the first effect of 50 was among the best four single effects.
+    beam : tuple of int
+        Models of each size that are added to. Of 52 pairs, the first effect of 50 was among the best four single effects.
     swapped : int
         Models of one size in which effects are swapped. The second is for what ends within the gain of the first.
     swaps : int
@@ -67,7 +68,7 @@ class Budget:
         What a further effect, or a swap, must gain in log score: odds of 20 to 1.
     """
 
-    beam: int = 4
+    beam: tuple[int, ...] = (4, 2)
     swapped: int = 2
     swaps: int = 2
     most_effects: int = 3
@@ -110,20 +111,23 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
             best = best_of(found.values())
         if best.done or best.score - before.score < budget.gain:
             break
-        beam = _ranked(found, size)[: budget.beam]
+        if size < budget.most_effects:
+            beam = _ranked(found, size)[: budget.beam[min(size, len(budget.beam)) - 1]]
     return found
 
 
 def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget) -> None:
-    """Swap effects of the best models of one size until that changes nothing; those far behind are not worth it."""
+    """Swap effects of the best models of one size until that changes nothing."""
     swapped: set[Key] = set()
+    best = -inf
     for _ in range(budget.swaps):
         ranked = _ranked(found, size)
-        # Beside one that leaves nothing, only its own look-alikes matter.
-        count = 1 if ranked and ranked[0].done else budget.swapped
-        models = [model for model in ranked[:count] if key_of(model) not in swapped]
-        if not models:
+        if not ranked or ranked[0].score < best + budget.gain:
             return
+        best = ranked[0].score
+        # Beside one that leaves nothing, only its own look-alikes matter.
+        count = 1 if ranked[0].done else budget.swapped
+        models = [model for model in ranked[:count] if key_of(model) not in swapped]
         for model in models:
             swapped.add(key_of(model))
             for effect in model.added:

@@ -82,8 +82,11 @@ class Judgement:
         return (*path, self.best.fit) if self.best.added else (self.base,)
 
 
-def judge(base: Fit, progress: Progress | None = None) -> Judgement:
+BUDGET = Budget()
+
+
+def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:
     """Search what is missing from a fit, and decide."""
     board = MotorBoard(base)
-    found = explore(board, board.start(), Budget(), progress)
+    found = explore(board, board.start(), budget, progress)
     return Judgement(base, found, believe(found))

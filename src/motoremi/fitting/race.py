@@ -57,7 +57,7 @@ MOST_DECLARED = 2.0
 # and among the first 5 after the fourth.
 LOOK = Rounds((Round(40, 2, ALL, ALL), Round(40, 6, 12, 20), Round(40, 12, 6, 12), Round(80, 12, 3, 8)), 5, 80)
 # The same beside an effect that is in the model already: its elements are still bent by what is missing, so starts need more steps.
-LOOK_BESIDE = Rounds((Round(40, 6, ALL, ALL), Round(40, 15, 9, 12), Round(80, 25, 4, 6)), 3, 80)
+LOOK_BESIDE = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 12, 16), Round(40, 15, 6, 10), Round(80, 15, 3, 5)), 3, 80)
 # From the solution of a rival: few starts, which begin near the end.
 LOOK_NEAR = Rounds((Round(40, 2, ALL, ALL), Round(40, 8, 4, 8), Round(80, 10, 2, 5)), 3, 80)
 # One model alone, without haste.
