@@ -58,7 +58,7 @@ def test_files_by_hand_are_fitted_and_diagnosed_by_the_contract(session):
     done = motoremi("diagnose", session, "--json")
     assert done.returncode == 0
     found = document(done)
-    assert found["schema"] == "motoremi.diagnosis/1"
+    assert found["schema"] == "motoremi.diagnosis/2"
     named = {*found["effects"], *(m for family in found["families"] for m in family)}
     assert "insulation-leakage@Cf" in named
     assert found["base"]["effects"] == []
@@ -126,10 +126,13 @@ def test_commands_speak_to_people_too(files, tmp_path):
     done = motoremi("import", out, "--short", files / "short1.csv", "--open", files / "open1.csv")
     assert "401 points, 150 kHz - 30 MHz" in done.stdout
     assert "repeat it three times" in done.stdout
-    assert "a 4294a is assumed" in done.stdout
+    assert "the size of its errors is estimated" in done.stdout
     fitted = motoremi("fit", out, "--bound", "La=1 uH:100 uH", "--seed", "3")
     assert fitted.returncode == 0
     assert "next: motoremi diagnose" in fitted.stdout
+    held = motoremi("fit", out, "--hold", "Ra=2.3Ohm", "--hold", "La=12 uH")
+    assert "held" in held.stdout
+    assert load(out).ladder[0]["fit"]["held"] == {"Ra": 2.3, "La": pytest.approx(12e-6)}
     assert motoremi("fit", out, "--method", "paper").returncode == 0
     assert "paper" in json.dumps(load(out).ladder[0]["fit"]["method"])
 
@@ -217,10 +220,17 @@ def test_bad_files_get_one_line_and_leave_nothing(case, tmp_path):
 
 
 def test_wrong_use_is_one_line_and_status_2(tmp_path, files):
+    session = tmp_path / "session"
+    assert motoremi("import", session, "--short", files / "short1.csv").returncode == 0
     for arguments in (
         ("fit",),
         ("bogus",),
         ("fit", tmp_path / "nothing"),
+        ("fit", session, "--hold", "Rx=2Ohm"),
+        ("fit", session, "--hold", "Ra=two"),
+        ("fit", session, "--hold", "Ra=2H"),
+        ("fit", session, "--hold", "Ra=-2Ohm"),
+        ("fit", session, "--hold", "Ra"),
         ("import", tmp_path / "o"),
         ("import", tmp_path / "o", "--short", files / "short1.csv", "--analyser", "4249a"),
         ("effects", "eddy-lamination"),
@@ -275,7 +285,7 @@ def test_every_command_has_help_with_an_example():
     ]  # fmt: skip
     for name in names:
         assert name in listing
-    for name in ("demo", "import", "plot"):
+    for name in ("demo", "import", "fit", "plot"):
         done = motoremi(name, "--help")
         assert done.returncode == 0
         assert "Example: motoremi" in done.stdout

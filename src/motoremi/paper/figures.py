@@ -49,7 +49,7 @@ def training_figure(result: Reproduction) -> Figure:
     panel = axes[0, 0]
     for (name, one), (colour, style) in zip(list(result.fits.items())[:2], LOOKS, strict=False):
         panel.step(*training(one), style, where="post", marker=".", color=colour, label=name)
-    panel.axhline(result.ours.floor_percent, color=GREEN, linestyle=":", label="noise floor")
+    panel.axhline(result.ours.noise_percent, color=GREEN, linestyle=":", label="noise alone would leave")
     panel.axvline(150 * TRAINING_LOOPS, color=GREY, label=f"{TRAINING_LOOPS} loops (the paper)")
     panel.set_xscale("log")
     log_values(panel)

@@ -30,7 +30,7 @@ def in_words(diagnosis: JsonDict) -> str:
     text = _VERDICTS.get(verdict, (verdict, "plain"))[0]
     if verdict == "adequate" and diagnosis.get("accuracy_percent"):
         return f"{text}, or within the accuracy of {diagnosis['accuracy_percent']:g} % that was stated"
-    if "{named}" not in text and named:
+    if verdict == "instrument" and named:
         return f"{text}: {named}"
     return text.replace("{named}", named)
 

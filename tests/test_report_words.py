@@ -1,0 +1,180 @@
+"""Verdicts, findings and errors in words: the same on every surface, whatever version stored them, and text from outside escaped."""
+
+from __future__ import annotations
+
+import copy
+import json
+import shutil
+from pathlib import Path
+from typing import Any, get_args
+from xml.etree import ElementTree
+
+import pytest
+from report_cases import HOSTILE, diagnosed_session, parsed
+from typer.testing import CliRunner
+
+import motoremi as me
+from motoremi.cli.app import app
+from motoremi.data.measurement import Measurement
+from motoremi.data.session import load
+from motoremi.diagnosis.diagnosis import Verdict
+from motoremi.fleet.page import fleet_html
+from motoremi.fleet.together import together
+from motoremi.report.words import described, findings_of, in_words, mood_of, place_of
+from motoremi.workbench.views import diagnosis as shown_on_the_page
+from motoremi.workflow import fit_session, ladder_of, opened, report_session
+
+INTERFERENCE = {
+    "id": "interference",
+    "sweep": "open",
+    "band_hz": [530e3, 1.6e6],
+    "serious": True,
+    "why": "24 of 401 points of the open sweep stand out",
+    "remedy": "shield the motor",
+}
+TOO_LITTLE = {"id": "too-little", "sweep": None, "band_hz": None, "serious": False, "why": "few points", "remedy": "sweep 201 points"}
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory, measure: Any) -> Path:
+    return diagnosed_session(tmp_path_factory.mktemp("words") / "session", measure)
+
+
+@pytest.fixture
+def stored(session: Path) -> dict[str, Any]:
+    return copy.deepcopy(load(session).analysis("diagnosis") or {})
+
+
+def with_diagnosis(session: Path, folder: Path, diagnosis: dict[str, Any]) -> Path:
+    copied = Path(shutil.copytree(session, folder))
+    with opened(copied) as store:
+        store.save_analysis("diagnosis", diagnosis)
+        report_session(store)
+    return copied
+
+
+def as_before(stored: dict[str, Any]) -> dict[str, Any]:
+    """As the version before stored it."""
+    new = ("findings", "unexplained_percent", "floor_percent", "noise_percent", "accuracy_percent", "sets")
+    old = {key: value for key, value in stored.items() if key not in new} | {"schema": "motoremi.diagnosis/1"}
+    for one in (old["base"], old["best"], *old["candidates"]):
+        for key in ("corrected_error_percent", "analyser_sigma", "unexplained_percent"):
+            one.pop(key, None)
+    return old
+
+
+@pytest.mark.parametrize("verdict", get_args(Verdict))
+def test_every_verdict_has_words(verdict: str) -> None:
+    named = {"verdict": verdict, "effects": ["skin-effect", "core-loss"]}
+    nothing = {"verdict": verdict, "effects": []}
+    assert in_words(named) != verdict
+    assert ("skin-effect and core-loss" in in_words(named)) == (verdict not in ("data", "unexplained", "adequate"))
+    assert "{" not in in_words(nothing)
+    assert mood_of(verdict) == {"adequate": "good", "data": "bad", "unexplained": "bad"}.get(verdict, "plain")
+
+
+def test_how_well_a_circuit_describes_a_motor() -> None:
+    assert described({"value": 0.6123, "low": 0.41, "high": 0.9}) == "describes your motor to 0.61 % (95 %: 0.41 - 0.9 %)"
+    assert "down to noise and analyser" in described({"value": 0.0, "low": 0.0, "high": 2e-4})
+
+
+def test_findings_say_where(stored: dict[str, Any]) -> None:
+    found = findings_of({**stored, "findings": [TOO_LITTLE, INTERFERENCE]})
+    assert [place_of(one) for one in found] == ["open sweep, 530 kHz - 1.6 MHz", "all sweeps"]
+    assert findings_of(as_before(stored)) == []
+
+
+def test_data_that_contradict_themselves_are_told_everywhere(session: Path, stored: dict[str, Any], tmp_path: Path) -> None:
+    stored |= {"verdict": "data", "effects": [], "families": [], "findings": [TOO_LITTLE, INTERFERENCE]}
+    stored["reasons"] = [INTERFERENCE["why"], *stored["reasons"]]
+    folder = with_diagnosis(session, tmp_path / "bad", stored)
+    page = parsed((folder / "report" / "report.html").read_text("utf-8"))
+    text = "".join(page.text)
+    assert "the data contradict themselves" in text
+    assert "Found in the data: interference" in text
+    assert "What the data themselves show" in text
+    assert "shield the motor" in text
+    assert "describes your motor" in text
+    suites = ElementTree.parse(folder / "report" / "junit.xml").getroot()
+    case = next(case for case in suites.iter("testcase") if case.get("name") == "diagnosis")
+    failure = case.find("failure")
+    assert failure is not None
+    assert "24 of 401 points" in str(failure.get("message"))
+    assert "sweep 201 points" in str(case.findtext("system-out"))
+    assert json.loads((folder / "report" / "report.json").read_text("utf-8"))["diagnosis"]["findings"][1]["id"] == "interference"
+    told = shown_on_the_page(stored)
+    assert told["mood"] == "bad"
+    assert [one["id"] for one in told["findings"]] == ["interference", "too-little"]
+    assert INTERFERENCE["why"] not in told["reasons"]
+
+
+@pytest.mark.parametrize("text", [text for text in HOSTILE if "\x00" not in text])
+def test_findings_are_shown_not_obeyed(session: Path, stored: dict[str, Any], tmp_path: Path, text: str) -> None:
+    stored["findings"] = [{**INTERFERENCE, "id": text, "sweep": text, "why": text, "remedy": text}]
+    folder = with_diagnosis(session, tmp_path / "hostile", stored)
+    html = (folder / "report" / "report.html").read_text("utf-8")
+    page = parsed(html)
+    assert not {"script", "img"} & set(page.tags)
+    assert not any(name.startswith("on") for name, _ in page.attributes)
+    assert not set("\x1b\u202e\u2028") & set(html)
+    ElementTree.parse(folder / "report" / "junit.xml")
+    assert (folder / "report" / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_diagnosis_of_the_version_before_is_shown(session: Path, stored: dict[str, Any], tmp_path: Path) -> None:
+    folder = with_diagnosis(session, tmp_path / "old", as_before(stored))
+    text = "".join(parsed((folder / "report" / "report.html").read_text("utf-8")).text)
+    assert in_words(stored) in text
+    assert "made by another version" not in text
+    assert shown_on_the_page(as_before(stored))["findings"] == []
+    done = CliRunner().invoke(app, ["next", str(folder)], catch_exceptions=False)
+    assert done.exit_code == 0
+
+
+def test_a_fleet_lists_serious_findings() -> None:
+    best = {"converged": True, "parameters": {}, "rms_error_percent": 1.0}
+    common = {"status": "done", "time": "", "serial": "", "best": best}
+    results = [
+        {**common, "session": "a", "diagnosis": {"verdict": "data", "effects": [], "findings": [INTERFERENCE, INTERFERENCE, TOO_LITTLE]}},
+        {**common, "session": "b", "diagnosis": {"verdict": "adequate", "effects": []}},
+    ]
+    figures = together(results)
+    assert figures["findings"] == {"interference": ["a"]}
+    assert figures["verdicts"] == {"data": 1, "adequate": 1}
+    text = "".join(parsed(fleet_html(figures, "line")).text)
+    assert "interference 1" in text
+    assert "data 1, adequate 1" in text
+
+
+def test_the_stated_accuracy_arrives_and_is_shown(session: Path, tmp_path: Path) -> None:
+    sweeps = sorted((session / "sweeps").iterdir())
+    words = [word for path in sweeps for word in ("--short" if path.name.startswith("short") else "--open", str(path))]
+    out = tmp_path / "stated"
+    done = CliRunner().invoke(app, ["import", str(out), *words, "--accuracy", "2"], catch_exceptions=False)
+    assert "accuracy stated: 2 %" in done.stdout
+    measurement = Measurement.of(load(out).sweeps)
+    assert measurement.accuracy_percent == measurement.good_enough_percent == 2.0
+    assert "accuracy stated for these data: 2 %" in CliRunner().invoke(app, ["diagnose", str(out)], catch_exceptions=False).stdout
+    with opened(out) as store:
+        report_session(store)
+    assert "Accuracy stated for these data: 2 %" in (out / "report" / "report.html").read_text("utf-8")
+
+
+def test_what_is_known_is_held_through_the_ladder(session: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(session, tmp_path / "held"))
+    effect = ladder_of(load(folder))[-1].effects[-1]
+    name = next(p for p in ladder_of(load(folder))[-1].parameters if p.startswith(effect))
+    with opened(folder) as store:
+        free = fit_session(store)
+        fit_session(store, held={"La": 1.1 * free.parameters["La"], name: free.parameters[name]})
+    base, top = ladder_of(load(folder))
+    assert base.held == {"La": 1.1 * free.parameters["La"]}
+    assert top.held == {"La": 1.1 * free.parameters["La"], name: free.parameters[name]}
+    assert top.parameters["La"] == pytest.approx(1.1 * free.parameters["La"])
+    assert ("La", "held") in [(row[0], row[2]) for row in top.rows()]
+
+
+@pytest.mark.parametrize("held", [{"Rx": 1.0}, {"Ra": -1.0}, {"Ra": float("nan")}])
+def test_what_cannot_be_held_is_refused(session: Path, held: dict[str, float]) -> None:
+    with pytest.raises(me.BadInput):
+        me.fit(me.dc_motor(), load(session).sweeps, held=held)
