@@ -14,11 +14,14 @@ from motoremi.blind.spectra import PlayedSpectrum, SpectrumCase, draw, largest_c
 from motoremi.cli.app import app
 from motoremi.data.files import read_spectra
 from motoremi.data.spectrum import Spectrum
+from motoremi.diagnosis.belief import believe
+from motoremi.diagnosis.explore import best_of
 from motoremi.emission.background import ambient_of
 from motoremi.emission.band import BAND_B
-from motoremi.emission.diagnose import add_effect, diagnose_emission, fit_base
+from motoremi.emission.board import Candidate
+from motoremi.emission.diagnose import _answer, _paying, add_effect, diagnose_emission, fit_base
 from motoremi.emission.effects import changed, find_source_effect, is_source_effect, source_effects
-from motoremi.emission.fit import restored
+from motoremi.emission.fit import EmissionFit, restored
 from motoremi.emission.observe import find_comb, observations, repetition_from
 from motoremi.emission.problem import Problem
 from motoremi.emission.scatter import ripple_columns, scatter_db
@@ -85,8 +88,9 @@ def test_a_hidden_effect_is_named_and_the_error_falls(effect):
     case = problem(1004, (effect,) if effect else ())
     found = diagnose_emission(case)
     told = found.to_dict()
-    assert told["schema"] == "motoremi.diagnosis/1"
-    assert set(told) >= {"verdict", "effects", "families", "confidence", "base", "best", "where", "candidates", "next_measurement"}
+    assert told["schema"] == "motoremi.diagnosis/2"
+    assert set(told) >= {"verdict", "effects", "families", "confidence", "findings", "base", "best", "where", "candidates", "next_measurement"}
+    assert sum(one["probability"] for one in told["candidates"]) <= 1 + 1e-9
     assert {"effects", "chi2_reduced", "rms_error_percent", "rms_error_db"} <= set(told["best"])
     if effect is None:
         assert found.verdict == "adequate"
@@ -122,6 +126,39 @@ def test_two_effects_are_named_by_their_evidence():
     assert set(found.effects) == {"arc-breakdown", "cable-resonance"}
     assert found.best.rms_error_db < 3 * np.hypot(OFFSET_DB, RIPPLE_DB)
     assert 0 < found.confidence < 1
+
+
+def weighed(added: tuple[str, ...], score: float, chi2: float = 1.0, rms_error_db: float = 1.0) -> Candidate:
+    return Candidate(added, EmissionFit(None, added, {}, chi2, rms_error_db, score, ()), score)
+
+
+def answer_to(*models: Candidate):
+    found = _paying({tuple(sorted(one.added)): one for one in models})
+    singles = sorted((one for key, one in found.items() if len(key) == 1), key=lambda one: -one.score)
+    return _answer(models[0].fit, best_of(found.values()).fit, singles, believe(found))
+
+
+def test_what_is_said_of_the_models_found():
+    arc, jitter, cable = ("arc-breakdown",), ("commutation-jitter",), ("cable-resonance",)
+    none = weighed((), 0.0, chi2=5.0, rms_error_db=6.0)
+    # Odds of less than 20 to 1 name nothing.
+    assert answer_to(weighed((), 0.0), weighed(arc, 2.0)).verdict == "adequate"
+    assert answer_to(none, weighed(arc, 2.0)).verdict == "unexplained"
+    sure = answer_to(none, weighed(arc, 50.0), weighed(jitter, 20.0))
+    assert (sure.verdict, sure.named, sure.families) == ("missing-effect", arc, ())
+    alike = answer_to(none, weighed(arc, 50.0), weighed(jitter, 49.0))
+    assert (alike.verdict, alike.families) == ("family", ((*arc, *jitter),))
+    assert alike.confidence == pytest.approx(sure.confidence)
+    # What leaves something is named only where it is most of it, and nothing else comes near.
+    most = weighed(arc, 500.0, chi2=4.0, rms_error_db=2.0)
+    assert answer_to(none, most, weighed(jitter, 20.0)).confidence < sure.confidence
+    near = answer_to(none, most, weighed(jitter, 450.0))
+    assert (near.verdict, near.named, len(near.reasons)) == ("unexplained", (), 2)
+    # A second effect has to pay for itself, and to leave nothing.
+    first = weighed(arc, 50.0)
+    assert answer_to(none, first, weighed(jitter, 5.0), weighed((*arc, *cable), 52.0)).named == arc
+    assert answer_to(none, first, weighed(jitter, 5.0), weighed((*arc, *cable), 60.0, chi2=4.0)).named == arc
+    assert answer_to(none, first, weighed(jitter, 5.0), weighed((*arc, *cable), 60.0)).named == (*arc, *cable)
 
 
 def test_scatter_and_ripple():

@@ -193,7 +193,7 @@ def test_commands_tell_the_story_of_a_spectrum(session, tmp_path):
     assert first.returncode == 1
 
     found = document(motoremi("diagnose", own, "--emission", "--json"))
-    assert found["schema"] == "motoremi.diagnosis/1"
+    assert found["schema"] == "motoremi.diagnosis/2"
     assert found["effects"] == ["arc-breakdown"]
     assert found["base"]["rms_error_db"] > 3
     assert found["next_measurement"]["id"] == "other-current"

@@ -93,11 +93,13 @@ def candidate(fit: Fit, base: Fit) -> Candidate:
 
 
 def prior_of_set(base: Fit, size: int) -> float:
-    """Log prior of one set of so many effects: sets of one size are equally likely."""
-    if size == 0:
-        return float(np.log(PRIOR_OF_SIZE[0]))
-    count = max(len(possible_effects(base)), size)
-    return float(np.log(PRIOR_OF_SIZE[min(size, len(PRIOR_OF_SIZE) - 1)]) - np.log(comb(count, size)))
+    """Log prior of one set of so many effects."""
+    return prior_of_size(size, len(possible_effects(base)))
+
+
+def prior_of_size(size: int, possible: int) -> float:
+    """Log prior of one set of so many of the possible effects: sets of one size are equally likely."""
+    return float(np.log(PRIOR_OF_SIZE[min(size, len(PRIOR_OF_SIZE) - 1)]) - np.log(comb(max(possible, size), size)))
 
 
 def prior_of_values(fit: Fit, added: Sequence[str]) -> float:

@@ -1,4 +1,4 @@
-"""Which source-side effect is missing from the prediction of a spectrum: the same verdicts, families and next measurement as for impedance."""
+"""Which source-side effect is missing from the prediction of a spectrum: the same search, decision and verdicts as for impedance."""
 
 from __future__ import annotations
 
@@ -11,40 +11,32 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.spectrum import Spectrum
-from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
-from motoremi.emission.fit import EmissionFit, fit_spectra
+from motoremi.diagnosis.belief import Belief, believe
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore
+from motoremi.emission.board import Candidate, SpectrumBoard, add_effect, fit_base
+from motoremi.emission.effects import find_source_effect
+from motoremi.emission.fit import EmissionFit
 from motoremi.emission.observe import observations
 from motoremi.emission.problem import Problem
-from motoremi.emission.starts import chopper_starts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Log evidence that an effect must bring to be believed (some 150 to 1), and within which two effects cannot be told apart.
-LEAST_GAIN = 5.0
-FAMILY_GAP = 3.0
+__all__ = ["EmissionDiagnosis", "add_effect", "diagnose_emission", "fit_base", "where_it_fails"]
+
+# Six effects look less alike than a motor's. The second single one, and look-alikes in the place of the best, are for two effects that together
+# look like a third: they take a third of the time. Odds of 20 to 1 after the prior are 150 to 1 (5 log units) of evidence.
+BUDGET = Budget(beam=(2,), swapped=1, swaps=1, most_effects=2)
 # A model whose robust chi2 is above this leaves something unexplained; with the right effect it comes to 0.1 to 1.3.
 GOOD_CHI2 = 3.0
-BOUND_PENALTY = 3.0
 # An effect that takes away so much of the squared error, this far ahead of all others, is named even if it does not explain everything.
 MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
-# How often the catalogue or the noise model is wrong in a way that no evidence shows.
-DOUBT, DOUBT_OF_MOST = 0.03, 0.25
-PRIOR_OF_NONE = 0.5
+# How often each kind of answer is true at least, beyond what the posterior knows. On the two seeds that the method was made with nothing was
+# hidden 68 times and never named, and 196 of 202 effects were named: 68 of 74 and 196 of 202 if all others were missed, or all named wrongly.
+# Those seeds hold nothing that is only mostly explained, or not at all: these two are as for motors (`diagnosis.belief`).
+RELIABLE: Mapping[str, float] = {"adequate": 0.92, "named": 0.97, "mostly": 0.75, "unexplained": 0.85}
+_MOTOR_OFF = {"id": "motor-off", "why": "scan with the motor off, to know what is not the motor's"}
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A model with one more effect."""
-
-    effect: SourceEffect
-    fit: EmissionFit
-
-    @property
-    def log_evidence(self) -> float:
-        """Of its model, bounds counted against it."""
-        return self.fit.log_evidence - BOUND_PENALTY * bool(self.fit.at_bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +58,15 @@ class EmissionDiagnosis:
 
     def to_dict(self) -> JsonDict:
         """The contract's JSON."""
-        top = max((c.log_evidence for c in self.candidates), default=0.0)
+        top = max((c.score for c in self.candidates), default=0.0)
         return {
-            "schema": "motoremi.diagnosis/1",
+            "schema": "motoremi.diagnosis/2",
             "of": "emission",
             "verdict": self.verdict,
             "effects": list(self.effects),
             "families": [list(family) for family in self.families],
             "confidence": self.confidence,
+            "findings": [],
             "base": self.base.figures(),
             "best": self.best.figures(),
             "where": [dict(span) for span in self.where],
@@ -85,7 +78,7 @@ class EmissionDiagnosis:
                     "chi2_reduced": c.fit.chi2_reduced,
                     "rms_error_db": c.fit.rms_error_db,
                     "rms_error_percent": c.fit.figures()["rms_error_percent"],
-                    "delta_bic": 2 * (top - c.log_evidence),
+                    "delta_bic": 2 * (top - c.score),
                     "parameters": c.fit.own_parameters(c.effect.name),
                     "plausible": not c.fit.at_bound,
                 }
@@ -111,34 +104,6 @@ class EmissionDiagnosis:
         return ranking_figure(self.to_dict())
 
 
-def fit_base(problem: Problem, effects: Sequence[str] = (), known: Mapping[str, float] | None = None) -> EmissionFit:
-    """The model with the effects that it has so far, none at first."""
-    starts = [{**(known or {}), "step_v": step, "rise_s": rise} for step in (0.3, 1.2) for rise in (2e-7, 1e-6)]
-    return fit_spectra(problem, effects, [dict(known), *starts] if known else _with_floor(problem, starts))
-
-
-def _with_floor(problem: Problem, starts: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
-    """Start values of what every model has: the lowest levels are the floor, the speed is as stated."""
-    detector = "average" if "average" in problem.where else problem.detectors[0]
-    floor = float(np.percentile(problem.measured_dbuv[problem.where[detector]], 5)) - (0.0 if detector == "average" else 9.0)
-    common = {"floor_dbuv": min(floor, 8.0), "offset_db": 0.0, "lisn_factor": 1.0, "speed_factor": 1.0}
-    return [{**common, **start} for start in starts]
-
-
-def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
-    """The model with one more effect, refitted from where it stands and from the start."""
-    effect = find_source_effect(name)
-    bases = [dict(before.parameters)]
-    if not before.effects:
-        # Without the effect the base may have been bent to its limits: try it unbent as well.
-        bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
-    starts = []
-    for base in bases:
-        own = chopper_starts(problem, before.effects, base) if name == "chopper" else effect.starts or [{}]
-        starts += [{**base, **{f"{name}.{key}": value for key, value in start.items()}} for start in own]
-    return fit_spectra(problem, (*before.effects, name), starts, keep=3)
-
-
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:
     """Which effect of source or path is missing.
 
@@ -151,93 +116,72 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
         Told the effect's name, how many are done, and of how many.
     """
     start = base if base is not None else fit_base(problem)
-    candidates = _ranked(problem, start, progress)
-    probabilities = _probabilities(start, candidates)
-    seen = tuple(observations([_as_spectrum(problem, detector) for detector in problem.detectors]))
-    where = where_it_fails(start)
-    gain = candidates[0].log_evidence - start.log_evidence if candidates else -np.inf
-    if gain < LEAST_GAIN:
-        return _nothing_to_add(start, candidates, probabilities, where, seen)
-    best, families = candidates[0].fit, _family(candidates)
-    names: tuple[str, ...] = (candidates[0].effect.name,)
-    chance = _share(probabilities, names[0], families)
-    second = _ranked(problem, best, progress)
-    if second and second[0].log_evidence - candidates[0].log_evidence > LEAST_GAIN and second[0].fit.chi2_reduced <= GOOD_CHI2:
-        # With the second in place nothing but the first may be left of its family: only the second's is told.
-        chance, families = _share(_probabilities(best, second), second[0].effect.name, _family(second)), _family(second)
-        best, names = second[0].fit, (*names, second[0].effect.name)
-    explained = 1 - (best.rms_error_db / start.rms_error_db) ** 2
-    ahead = len(candidates) == 1 or candidates[0].log_evidence - candidates[1].log_evidence > FAR_AHEAD
-    whole = best.chi2_reduced <= GOOD_CHI2
-    good = whole or (explained > MOST_OF_IT and ahead)
-    text = f"adding {' and '.join(names)} takes the error from {start.rms_error_db:.2f} dB to {best.rms_error_db:.2f} dB rms"
-    if not good:
-        return EmissionDiagnosis(
-            "unexplained", (), (), 1 - DOUBT, start, best, tuple(candidates), probabilities, where,
-            {"id": "motor-off", "why": "scan with the motor off, to know what is not the motor's"},
-            (f"something is missing (error {start.rms_error_db:.2f} dB rms) and nothing in the catalogue explains it", f"closest: {text}"), seen,
-        )  # fmt: skip
-    verdict = "family" if families else "missing-effect"
-    reasons = [text, *(f"these spectra cannot tell {', '.join(family)} apart" for family in families)]
-    doubt = DOUBT
-    if not whole:
-        doubt = DOUBT_OF_MOST
-        reasons.append(f"that is most of it, but not all: {best.rms_error_db:.1f} dB rms are left")
+    board = SpectrumBoard(start)
+    found = _paying(explore(board, board.start(), BUDGET, progress))
+    belief, best = believe(found), best_of(found.values()).fit
+    candidates = tuple(sorted((one for key, one in found.items() if len(key) == 1), key=lambda one: -one.score))
+    answer = _answer(start, best, candidates, belief)
     return EmissionDiagnosis(
-        verdict, names, families, (1 - doubt) * chance, start, best, tuple(candidates), probabilities, where,
-        _following(names, families), tuple(reasons), seen,
-    )  # fmt: skip
+        verdict=answer.verdict,
+        effects=answer.named,
+        families=answer.families,
+        confidence=answer.confidence,
+        base=start,
+        best=best if belief.named else start,
+        candidates=candidates,
+        probabilities={one.effect.name: belief.inclusion.get(one.effect.name, 0.0) for one in candidates},
+        where=where_it_fails(start),
+        following=answer.following,
+        reasons=answer.reasons,
+        seen=tuple(observations([_as_spectrum(problem, detector) for detector in problem.detectors])),
+    )
 
 
-def _ranked(problem: Problem, start: EmissionFit, progress: Progress | None) -> list[Candidate]:
-    possible = [effect for effect in EFFECTS if effect.name not in start.effects]
-    if not problem.repetition_known:
-        # Without a stated speed nobody can say whether commutations are missing.
-        possible = [effect for effect in possible if effect.name != "commutation-jitter"]
-    found = []
-    for index, effect in enumerate(possible):
-        if progress is not None:
-            progress(effect.name, index, len(possible))
-        found.append(Candidate(effect, add_effect(problem, start, effect.name)))
-    return sorted(found, key=lambda c: -c.log_evidence)
+def _paying(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
+    """Without pairs, unless the best of them gains what a further effect must and leaves nothing: two effects bend to almost anything."""
+    fewer = {key: one for key, one in found.items() if len(key) < 2}
+    best, before = best_of(found.values()), best_of(fewer.values())
+    return found if best.score - before.score >= BUDGET.gain and best.fit.chi2_reduced <= GOOD_CHI2 else fewer
 
 
-def _probabilities(start: EmissionFit, candidates: Sequence[Candidate]) -> dict[str, float]:
-    share = np.log((1 - PRIOR_OF_NONE) / max(1, len(candidates)))
-    scores = np.array([np.log(PRIOR_OF_NONE) + start.log_evidence, *(share + c.log_evidence for c in candidates)])
-    weights = np.exp(scores - scores.max())
-    weights /= weights.sum()
-    return {c.effect.name: float(weight) for c, weight in zip(candidates, weights[1:], strict=True)}
+@dataclass(frozen=True)
+class _Answer:
+    """What is said of the spectra."""
+
+    verdict: str
+    named: Key
+    families: tuple[Key, ...]
+    confidence: float
+    following: JsonDict
+    reasons: tuple[str, ...]
 
 
-def _family(candidates: Sequence[Candidate]) -> tuple[tuple[str, ...], ...]:
-    near = [c.effect.name for c in candidates if candidates[0].log_evidence - c.log_evidence < FAMILY_GAP]
-    return (tuple(near),) if len(near) > 1 else ()
-
-
-def _share(probabilities: Mapping[str, float], name: str, families: Sequence[Sequence[str]]) -> float:
-    """Probability of an effect and of those that cannot be told from it."""
-    return sum(probabilities[one] for one in {name, *(families[0] if families else ())})
-
-
-def _nothing_to_add(
-    start: EmissionFit, candidates: Sequence[Candidate], probabilities: Mapping[str, float], where: tuple[JsonDict, ...], seen: tuple[JsonDict, ...]
-) -> EmissionDiagnosis:
-    good = start.chi2_reduced <= GOOD_CHI2
-    if good:
-        verdict, text = (
-            "adequate",
-            f"the prediction describes the spectra to {start.rms_error_db:.2f} dB rms: nothing in the catalogue would improve it",
-        )
-        confidence = (1 - DOUBT) * max(0.5, 1 - sum(probabilities.values()))
+def _answer(start: EmissionFit, best: EmissionFit, candidates: Sequence[Candidate], belief: Belief) -> _Answer:
+    """The verdict that a belief leads to."""
+    named = belief.named
+    if not named and start.chi2_reduced <= GOOD_CHI2:
+        text = f"the prediction describes the spectra to {start.rms_error_db:.2f} dB rms: nothing in the catalogue would improve it"
         following = {"id": "repeat", "why": "nothing is missing; repeat the scan at another speed and current to see whether that stays so"}
-    else:
-        verdict, text = "unexplained", f"something is missing (error {start.rms_error_db:.2f} dB rms) and nothing in the catalogue explains it"
-        confidence = 1 - DOUBT
-        following = {"id": "motor-off", "why": "scan with the motor off, to know what is not the motor's"}
-    return EmissionDiagnosis(
-        verdict, (), (), confidence, start, start, tuple(candidates), dict(probabilities), where, following, (text,), seen
-    )  # fmt: skip
+        return _Answer("adequate", (), (), RELIABLE["adequate"] * belief.probability, following, (text,))
+    text = f"adding {' and '.join(named)} takes the error from {start.rms_error_db:.2f} dB to {best.rms_error_db:.2f} dB rms"
+    whole = best.chi2_reduced <= GOOD_CHI2
+    if not named or not (whole or _most_of_it(start, best, candidates)):
+        unexplained = f"something is missing (error {start.rms_error_db:.2f} dB rms) and nothing in the catalogue explains it"
+        reasons = (unexplained, f"closest: {text}") if named else (unexplained,)
+        return _Answer("unexplained", (), (), RELIABLE["unexplained"], _MOTOR_OFF, reasons)
+    families = tuple((name, *rivals) for name, rivals in belief.families.items() if rivals)
+    said = [text, *(f"these spectra cannot tell {', '.join(family)} apart" for family in families)]
+    if not whole:
+        said.append(f"that is most of it, but not all: {best.rms_error_db:.1f} dB rms are left")
+    confidence = RELIABLE["named" if whole else "mostly"] * belief.probability
+    return _Answer("family" if families else "missing-effect", named, families, confidence, _following(named, families), tuple(said))
+
+
+def _most_of_it(start: EmissionFit, best: EmissionFit, candidates: Sequence[Candidate]) -> bool:
+    """Whether the best single effect takes most of the error, far ahead of all others."""
+    explained = 1 - (best.rms_error_db / start.rms_error_db) ** 2
+    ahead = len(candidates) == 1 or candidates[0].score - candidates[1].score > FAR_AHEAD
+    return explained > MOST_OF_IT and ahead
 
 
 def _following(names: Sequence[str], families: Sequence[Sequence[str]]) -> JsonDict:

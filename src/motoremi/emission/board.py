@@ -1,0 +1,136 @@
+"""Models of spectra as the search over sets of effects sees them: effects of source and path added, swapped and dropped, and refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import Progress
+from motoremi.diagnosis.candidates import prior_of_size
+from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
+from motoremi.emission.fit import EmissionFit, fit_spectra
+from motoremi.emission.problem import Problem
+from motoremi.emission.starts import chopper_starts
+
+# A model that stands at a bound of its effects' ranges would rather leave them: that costs as much as odds of 20 to 1.
+BOUND_PENALTY = 3.0
+# Starts that are followed to their ends: from afar several valleys look alike; from a solution next to nothing has to move.
+_FROM_AFAR, _FROM_NEAR = 3, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A model with effects added to the one that is diagnosed, refitted.
+
+    Parameters
+    ----------
+    added : tuple of str
+        In the order in which they were added.
+    fit : EmissionFit
+    score : float
+        Log of evidence times prior, bounds counted against it; comparable among models of the same spectra only.
+    """
+
+    added: tuple[str, ...]
+    fit: EmissionFit
+    score: float
+
+    @property
+    def effect(self) -> SourceEffect:
+        """The effect that was added last."""
+        return find_source_effect(self.added[-1])
+
+    @property
+    def done(self) -> bool:
+        """Never: the ripple takes up so much that models with a robust chi2 of 0.65 were left by 1800 log units. Only evidence ends the search."""
+        return False
+
+
+class SpectrumBoard:
+    """Effects on top of one fit.
+
+    Parameters
+    ----------
+    base : EmissionFit
+    """
+
+    def __init__(self, base: EmissionFit) -> None:
+        self._base, self._problem = base, base.problem
+        # Without a stated speed nobody can say whether commutations are missing.
+        unknown = () if self._problem.repetition_known else ("commutation-jitter",)
+        self._possible = [effect.name for effect in EFFECTS if effect.name not in (*base.effects, *unknown)]
+
+    def start(self) -> Candidate:
+        """The model with nothing added."""
+        return self._weighed(self._base)
+
+    def added(self, model: Candidate, progress: Progress | None) -> Iterator[Candidate]:
+        """The model with each possible effect."""
+        names = [name for name in self._possible if name not in model.added]
+        for index, name in enumerate(names):
+            if progress is not None:
+                progress(name, index, len(names))
+            yield self._weighed(add_effect(self._problem, model.fit, name))
+
+    def swapped(self, model: Candidate, effect: str) -> Iterator[Candidate]:
+        """Those that are known to look like the effect, in its place."""
+        effects, values = _without(model.fit, effect)
+        for name in self._possible:
+            if name not in model.added and _alike(name, effect):
+                starts = _starts(self._problem, effects, name, [values])
+                yield self._weighed(fit_spectra(self._problem, (*effects, name), starts, _FROM_NEAR))
+
+    def dropped(self, model: Candidate, effect: str) -> Candidate:
+        """The model without an effect."""
+        effects, values = _without(model.fit, effect)
+        return self._weighed(fit_spectra(self._problem, effects, [values], _FROM_NEAR))
+
+    def _weighed(self, fit: EmissionFit) -> Candidate:
+        added = fit.effects[len(self._base.effects) :]
+        prior = prior_of_size(len(added), len(self._possible))
+        return Candidate(added, fit, fit.log_evidence - BOUND_PENALTY * bool(fit.at_bound) + prior)
+
+
+def fit_base(problem: Problem, effects: Sequence[str] = (), known: Mapping[str, float] | None = None) -> EmissionFit:
+    """The model with the effects that it has so far, none at first."""
+    starts = [{**(known or {}), "step_v": step, "rise_s": rise} for step in (0.3, 1.2) for rise in (2e-7, 1e-6)]
+    return fit_spectra(problem, effects, [dict(known), *starts] if known else _with_floor(problem, starts))
+
+
+def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
+    """The model with one more effect, refitted from where it stands and from the start."""
+    bases = [dict(before.parameters)]
+    if not before.effects:
+        # Without the effect the base may have been bent to its limits: try it unbent as well.
+        bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
+    return fit_spectra(problem, (*before.effects, name), _starts(problem, before.effects, name, bases), _FROM_AFAR)
+
+
+def _starts(problem: Problem, effects: Sequence[str], name: str, bases: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+    """An effect's own start values beside those of the model without it."""
+    starts = []
+    for base in bases:
+        own = chopper_starts(problem, effects, base) if name == "chopper" else find_source_effect(name).starts or [{}]
+        starts += [{**base, **{f"{name}.{key}": value for key, value in start.items()}} for start in own]
+    return starts
+
+
+def _with_floor(problem: Problem, starts: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+    """Start values of what every model has: the lowest levels are the floor, the speed is as stated."""
+    detector = "average" if "average" in problem.where else problem.detectors[0]
+    floor = float(np.percentile(problem.measured_dbuv[problem.where[detector]], 5)) - (0.0 if detector == "average" else 9.0)
+    common = {"floor_dbuv": min(floor, 8.0), "offset_db": 0.0, "lisn_factor": 1.0, "speed_factor": 1.0}
+    return [{**common, **start} for start in starts]
+
+
+def _without(fit: EmissionFit, effect: str) -> tuple[tuple[str, ...], dict[str, float]]:
+    """A fit's effects and values without one of them, not refitted: where to look from."""
+    values = {name: value for name, value in fit.parameters.items() if not name.startswith(f"{effect}.")}
+    return tuple(name for name in fit.effects if name != effect), values
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two effects are known to look alike."""
+    return one in find_source_effect(other).look_alikes or other in find_source_effect(one).look_alikes
