@@ -44,7 +44,7 @@ class Candidate:
 
     @property
     def done(self) -> bool:
-        """Never: the ripple takes up so much that a model of robust chi2 0.65 was left for one 1800 log units better. Only evidence ends the search."""
+        """Never: the ripple takes up so much that to a model of chi2 0.65 an effect brought 1800 log units. Only evidence ends the search."""
         return False
 
 
