@@ -221,7 +221,7 @@ def search_base(task: Task, seed: int) -> Found:
         full = task.thinned(None)
         mean_square = float(np.mean(np.abs(full.deviation(full.vector(best.values))) ** 2))
         history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
-        if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 1 and now > (1 - WORTH_A_ROUND) * before):
+        if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):
             break
     assert best is not None
     return Found(dataclasses.replace(best, evaluations=evaluations), tuple(history), searched)
