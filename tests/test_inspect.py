@@ -7,8 +7,13 @@ import pytest
 from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
+from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.dispersion import BY_UNIT, fit_laws
 from motoremi.diagnosis.element import inspect, solve_bilinear
+from motoremi.fitting.marginal import marginal
+from motoremi.fitting.problem import AS_DECLARED
+from motoremi.fitting.result import summarise
+from motoremi.fitting.search import Found, Solution, Task
 from motoremi.model.effects import find_effect
 
 S = 2j * np.pi * FREQUENCY_HZ
@@ -102,12 +107,11 @@ def exact_fit(*effects: str) -> me.Fit:
     values |= {"brush-contact.resistance_ohm": 15.0, "brush-contact.capacitance_f": 1e-8}  # a film that shows beside Ra
     held = {p.name: values.get(p.name, p.middle if p.scale == "log" else 0.3 * p.high) for p in motor.parameters}
     sweeps = [me.ImpedanceSweep(t, FREQUENCY_HZ[::8], impedance(motor, t, held)) for t in ("short", "open")]
-    from motoremi.data.measurement import Measurement
-    from motoremi.fitting.problem import Problem
-    from motoremi.fitting.result import summarise
-
-    problem = Problem(motor, Measurement.of(sweeps, "none"))
-    return summarise(problem, problem.vector(held), True, "ant-colony", 1, 0, ())
+    task = Task(motor, Measurement.of(sweeps, "none"), {}, {})
+    problem = task.likelihood()
+    u = problem.vector(held)
+    solution = Solution(problem.named(u), AS_DECLARED, marginal(problem, u), True, 0)
+    return summarise(task, Found(solution, (), dict(solution.values)), "ant-colony", 1)
 
 
 def impedance(motor, termination, values):

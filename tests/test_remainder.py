@@ -10,6 +10,8 @@ import pytest
 from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
+from motoremi.diagnosis import causal
+from motoremi.diagnosis.findings import of_the_sweeps
 from motoremi.diagnosis.remainder import Remainder, remainder
 
 
@@ -21,7 +23,13 @@ def left(sweeps: list[me.ImpedanceSweep]) -> tuple[Remainder, str]:
 
 @pytest.mark.parametrize(
     ("effect", "elements"),
-    [("outside-rotor-coupling", {"La"}), ("dielectric-relaxation@Cf", {"Cf"}), ("dielectric-loss@Ca", {"Ca"}), ("bearing-film", {"Cr", "Cf"})],
+    [
+        # In series: whatever La may be as a function of frequency, Ra may be instead. Likewise a film in the rotor's branch.
+        ("outside-rotor-coupling", {"La", "Ra"}),
+        ("dielectric-relaxation@Cf", {"Cf"}),
+        ("dielectric-loss@Ca", {"Ca"}),
+        ("bearing-film", {"Rr", "Cr", "Cf"}),
+    ],
 )
 def test_missing_physics_points_to_its_element_and_names_the_floor(effect, elements):
     found, said = left(simulated_sweeps(903, (effect,))[0])
@@ -68,17 +76,44 @@ def test_data_of_no_circuit_are_about_the_data():
     assert "no fixed linear circuit" in said
 
 
-def test_an_unexplained_diagnosis_carries_the_remainder():
-    """The findings are worked out when the diagnosis is told, not when it is made; what is wrong with the data comes first."""
+def test_a_diagnosis_of_data_that_contradict_themselves_carries_the_remainder():
+    """What is wrong with the data comes first."""
     one, other = simulated_sweeps(1)[0], simulated_sweeps(2)[0]
     fit = me.fit(me.dc_motor(), [s for s in one if s.termination == "short"] + [s for s in other if s.termination == "open"])
-    told = {"id": "repeat", "why": "repeat"}
-    unexplained = me.Diagnosis("unexplained", (), (), 0.9, fit, fit, (), {}, (fit,), (), told, ("something is missing",))
-    plain = json.loads(json.dumps(unexplained.to_dict(), allow_nan=False))
+    rest = remainder(fit, fit)
+    diagnosis = me.Diagnosis(
+        verdict="data",
+        effects=(),
+        families=(),
+        confidence=0.9,
+        base=fit,
+        best=fit,
+        candidates=(),
+        probabilities={},
+        posterior={(): 1.0},
+        steps=(fit,),
+        where=(),
+        findings=tuple(of_the_sweeps(rest)),
+        following={"id": "repeat", "why": "repeat"},
+        reasons=("something is missing",),
+        left_over=rest,
+    )
+    plain = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
     assert "fit alone, not together" in plain["reasons"][0]
-    assert plain["reasons"][-1] == "something is missing"
+    assert "something is missing" in plain["reasons"]
     assert plain["remainder"]["together"]["belong"] is False
-    assert "remainder" not in dataclasses.replace(unexplained, verdict="adequate").to_dict()
+    assert "remainder" not in dataclasses.replace(diagnosis, left_over=None).to_dict()
+
+
+def test_a_causal_model_that_is_worse_than_a_circuit_shows_nothing(monkeypatch):
+    """The vector fit is kept from finding more than two poles, which the motor's circuit beats."""
+    monkeypatch.setattr(causal, "MOST_PAIRS", 1)
+    fit = me.fit(me.dc_motor(), simulated_sweeps(1)[0])
+    found = remainder(fit, fit)
+    assert not found.causality.causal
+    assert not found.causality.disproved
+    assert not found.about_the_data
+    assert "shows nothing about the data" in "; ".join(found.reasons)
 
 
 def test_a_single_short_sweep_with_a_spread_capacitance_has_a_remainder():

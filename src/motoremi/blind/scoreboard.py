@@ -55,10 +55,10 @@ def play(case: Case) -> Played:
         took = time.perf_counter() - started
     except Exception as error:  # a crash is an answer too, and the worst; the others go on
         return Played(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), detectable)
-    floor = found.best.floor_percent
+    floor = found.best.noise_percent
     answer = Answer(
         found.verdict, found.effects, found.families, found.confidence,
-        found.base.rms_error_percent / floor, found.best.rms_error_percent / floor, took,
+        found.base.corrected_error_percent / floor, found.best.corrected_error_percent / floor, took,
     )  # fmt: skip
     return Played(case, answer, detectable)
 

@@ -23,7 +23,7 @@ class Answer:
     families : tuple of tuple of str
     confidence : float
     error_before_floors, error_after_floors : float
-        Errors of base and best model in multiples of the noise floor.
+        Errors of base and best model, the analyser's likely ones taken off, in multiples of the random noise.
     seconds : float
         The diagnosis took, by the clock.
     trouble : str

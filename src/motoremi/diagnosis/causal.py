@@ -2,6 +2,7 @@
 
 It answers two questions. What could a model with the right physics reach, where the catalogue fails? And are the data those of a fixed
 linear circuit at all: drift within a sweep, sweeps put together from several runs and outliers are not, and no circuit will fit them.
+Where a circuit is known that leaves less than the vector fit, that one has failed, and nothing is shown.
 
 Lin-KK tools answer the second question wrongly for motors: their R-C chains have real poles only. The fit is made on the reflection
 coefficient S = (Z - z0) / (Z + z0), which is bounded by 1 for whatever is passive; scikit-rf's vector fitting finds the poles, and a
@@ -10,8 +11,10 @@ least-squares polish brings the weights that the noise asks for. Orders are comp
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +24,7 @@ from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.compare import spans_of
 from motoremi.fitting.observed import observed
+from motoremi.fitting.problem import AS_DECLARED
 from motoremi.quantities import show_band
 
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
@@ -38,13 +42,15 @@ NARROWEST = 0.5
 # Resonances narrower than this are looked at again without the point at their top.
 SUSPECT = 1.5
 # Width in points of the window in which a remainder is located, and the multiple of the noise's variance that it must exceed there:
-# the mean over 9 complex points scatters by a third.
+# the mean over 9 complex points scatters by a third, and noise alone exceeds this in about one of 1000 sweeps of 400 points.
 WINDOW = 9
-REMAINDER = 3.0
+REMAINDER = 3.5
 # Standard uncertainties by which a resistance may come out negative.
 NEGATIVE = 4.0
 # A single point so many standard deviations off is an outlier, not noise: one chance in 1e9 for Gaussian noise and 1000 points.
 OUTLIER = 7.0
+# More of them than this share of the points are no outliers.
+MOST_OUTLIERS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +68,10 @@ class CausalModel:
         Reflection coefficient at infinite frequency.
     order : int
         Number of poles, conjugates counted.
-    chi2_reduced : float
-        Over random noise, with the analyser's smooth errors marginalised.
+    chi2_reduced, chi2_without_outliers : float
+        Over random noise, with the analyser's smooth errors as declared marginalised.
     rms_error_percent : float
-        Of Z_model/Z_measured; the model holds the analyser's most likely gain error within its specification.
+        Of Z_model/Z_measured; the model holds the analyser's most likely smooth error.
     passive : bool
         Whether Re Z >= 0 within the sweep, as far as the measurement can tell.
     remainder_hz : tuple of pair
@@ -81,6 +87,7 @@ class CausalModel:
     constant: float
     order: int
     chi2_reduced: float
+    chi2_without_outliers: float
     rms_error_percent: float
     passive: bool
     remainder_hz: tuple[tuple[float, float], ...]
@@ -95,6 +102,11 @@ class CausalModel:
     def describes_the_data(self) -> bool:
         """Whether a fixed linear circuit explains the sweep."""
         return self.chi2_reduced < NOT_CAUSAL and not self.outliers_hz
+
+    @property
+    def only_outliers(self) -> bool:
+        """Whether a fixed linear circuit explains all but single points."""
+        return self.chi2_without_outliers < NOT_CAUSAL and not self.describes_the_data
 
     def impedance_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
         """Impedance in ohm."""
@@ -133,9 +145,12 @@ class CausalCheck:
     ----------
     models : dict
         Termination -> CausalModel.
+    reached : dict
+        Termination -> what a circuit leaves that is known already, in multiples of the noise. A causal model that leaves more shows nothing.
     """
 
     models: dict[str, CausalModel]
+    reached: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def causal(self) -> bool:
@@ -143,29 +158,47 @@ class CausalCheck:
         return all(model.describes_the_data for model in self.models.values())
 
     @property
+    def disproved(self) -> bool:
+        """Whether it is shown of a sweep that no fixed linear circuit explains it."""
+        return any(self._disproves(termination) for termination in self.models)
+
+    def _disproves(self, termination: str) -> bool:
+        model = self.models[termination]
+        better = model.noise_multiple < self.reached.get(termination, np.inf)
+        return not model.describes_the_data and (model.only_outliers or better)
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """The finding in words, one sentence for each sweep that has one."""
         if self.causal:
             reached = ", ".join(f"{t} {m.rms_error_percent:.2g} % with {m.order} poles" for t, m in self.models.items())
             return (f"an unrestricted causal model reaches the noise ({reached}): the physics is missing, not the quality of the data",)
-        return tuple(_trouble(model) for model in self.models.values() if not model.describes_the_data)
+        return tuple(
+            _trouble(model) if self._disproves(termination) else _nothing_shown(model, self.reached[termination])
+            for termination, model in self.models.items()
+            if not model.describes_the_data
+        )
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
         return {
             "schema": "motoremi.causality/1",
             "causal": self.causal,
+            "disproved": self.disproved,
             "sweeps": [model.to_dict() for model in self.models.values()],
             "reasons": list(self.reasons),
         }
 
     def __repr__(self) -> str:
-        head = "a fixed linear circuit can explain these sweeps" if self.causal else "NO fixed linear circuit explains these sweeps"
+        if self.disproved:
+            head = "NO fixed linear circuit explains these sweeps"
+        else:
+            head = f"a fixed linear circuit {'can' if self.causal else 'may'} explain these sweeps"
         return "\n".join([head, *(f"  {reason}" for reason in self.reasons)])
 
 
 def _trouble(model: CausalModel) -> str:
-    if model.chi2_reduced < NOT_CAUSAL:
+    if model.only_outliers:
         where = ", ".join(f"{frequency:.4g} Hz" for frequency in model.outliers_hz[:4])
         return f"the {model.termination} sweep has outliers at {where}: measure it again or take these points out"
     spans = ", ".join(show_band(*span) for span in model.remainder_hz[:3]) or "the whole sweep"
@@ -176,45 +209,58 @@ def _trouble(model: CausalModel) -> str:
     )
 
 
-def check_causality(measurement: Measurement) -> CausalCheck:
+def _nothing_shown(model: CausalModel, reached: float) -> str:
+    return (
+        f"the search for a causal model of the {model.termination} sweep ended at {model.noise_multiple:.2g} times the noise, where a circuit "
+        f"reaches {reached:.2g} times: it shows nothing about the data"
+    )
+
+
+def check_causality(measurement: Measurement, reached: Mapping[str, float] | None = None) -> CausalCheck:
     """Vector-fit each sweep alone.
 
     Parameters
     ----------
     measurement : Measurement
+    reached : mapping, optional
+        Termination -> what a circuit leaves that is known already, in multiples of the noise.
 
     Returns
     -------
     CausalCheck
     """
-    return CausalCheck({sweep.termination: _fitted(alone(measurement, sweep.termination)) for sweep in measurement.sweeps})
+    models: dict[str, CausalModel] = {sweep.termination: _fitted(alone(measurement, sweep.termination)) for sweep in measurement.sweeps}
+    return CausalCheck(models, dict(reached or {}))
 
 
 def alone(measurement: Measurement, termination: str) -> Measurement:
     """The measurement with one of its sweeps only."""
     index = measurement.terminations.index(termination)
-    return Measurement((measurement.sweeps[index],), (measurement.noise[index],), measurement.analyser)
+    return dataclasses.replace(measurement, sweeps=(measurement.sweeps[index],), noise=(measurement.noise[index],))
 
 
 @dataclass(frozen=True)
 class _Task:
-    """One sweep as a least-squares problem in S, frequencies in units of their geometric mean."""
+    """One sweep as a least-squares problem in S, frequencies in units of their geometric mean.
+
+    Noise and analyser take `taken` away of what lies along the orthonormal `directions`, shape (n, q).
+    """
 
     s: ComplexArray
     reflection: ComplexArray
     weight: ComplexArray
-    directions: FloatArray
-    shrink: FloatArray
+    directions: ComplexArray
+    taken: FloatArray
 
     def subset(self, keep: BoolArray) -> _Task:
         """Some of the points; a few points less leave the directions as good as orthogonal."""
-        return _Task(self.s[keep], self.reflection[keep], self.weight[keep], self.directions[keep], self.shrink)
+        return _Task(self.s[keep], self.reflection[keep], self.weight[keep], self.directions[keep], self.taken)
 
     def whitened(self, columns: ComplexArray) -> ComplexArray:
-        """Weighted, and freed of what the analyser's gain error may explain; shape (n, ...)."""
-        weighted = columns * (self.weight if columns.ndim == 1 else self.weight[:, None])
-        along = self.directions.T @ weighted
-        result: ComplexArray = weighted - self.directions @ ((self.shrink if along.ndim == 1 else self.shrink[:, None]) * along)
+        """Weighted, and freed of what noise that is correlated and the analyser's smooth errors may explain; shape (n, ...)."""
+        weighted = (columns.T * self.weight).T
+        along = self.directions.conj().T @ weighted
+        result: ComplexArray = weighted - self.directions @ (along.T * self.taken).T
         return result
 
 
@@ -225,29 +271,34 @@ def _fitted(measurement: Measurement) -> CausalModel:
     reference = float(np.exp(np.mean(np.log(np.abs(measured)))))
     unit = float(2 * np.pi * np.exp(np.mean(np.log(sweep.frequency_hz))))
     reflection: ComplexArray = np.asarray((measured - reference) / (measured + reference), dtype=np.complex128)
-    shares = np.sum(seen.directions**2, axis=0)
+    whitening = seen.columns.whitening(AS_DECLARED.declared)
     # To first order the deviation of ln Z is that of S times 2 / (1 - S^2).
     s: ComplexArray = sweep.s / unit
     weight: ComplexArray = 2 / (1 - reflection**2) / sweep.sigma
-    task = _Task(s, reflection, weight, seen.directions, (1 - np.sqrt(1 - shares)) / shares)
-    poles, coefficients = _best_order(task, unit, reference)
+    task = _Task(s, reflection, weight, whitening.fixed, 1 - np.sqrt(1 - whitening.fixed_shares))
+    score, poles, coefficients = _best_order(task, unit, reference)
     suspects = _narrow(task, poles)
     if suspects.any():
-        # A resonance as narrow as the step between points may be a single bad one: is the rest simpler without it?
-        fewer, without = _best_order(task.subset(~suspects), unit, reference)
-        if _order(fewer) < _order(poles):
+        # A resonance as narrow as the step between points may be a single bad one: is the rest simpler without it, at two numbers a point?
+        left_out, fewer, without = _best_order(task.subset(~suspects), unit, reference)
+        if left_out + 2 * np.count_nonzero(suspects) * np.log(2 * s.size) < score:
             poles, coefficients = fewer, without
     residues = _unstacked(coefficients[:-1], poles)
     constant = float(coefficients[-1])
     modelled = constant + _columns(task.s, poles) @ coefficients[:-1]
     white = task.whitened(reflection - modelled)
     deviation = np.log(measured * (1 - modelled) / (reference * (1 + modelled)))
-    # What the analyser's gain most likely contributes is no error of the model.
-    left = deviation - seen.directions @ (seen.directions.T @ (deviation / sweep.sigma)) * sweep.sigma
+    # What the analyser most likely contributes is no error of the model.
+    errors = seen.columns.analyser * AS_DECLARED.declared
+    weighted = deviation / sweep.sigma
+    pulled = weighted - whitening.fixed @ (whitening.fixed_shares * (whitening.fixed.conj().T @ weighted))
+    left = deviation - errors @ (errors.conj().T @ (pulled / sweep.sigma))
     order = _order(poles)
     impedance = reference * (1 + modelled) / (1 - modelled)
-    uncertainty = np.hypot(sweep.sigma, measurement.analyser.uncertainty(sweep.frequency_hz, measured))
+    uncertainty = np.hypot(np.sqrt(sweep.part.noise.variance), measurement.analyser.uncertainty(sweep.frequency_hz, measured))
     outlying = np.abs(white) > OUTLIER
+    square = np.abs(white) ** 2
+    freedom = np.maximum(2 * np.array([white.size, white.size - np.count_nonzero(outlying)]) - 2 * order - 1, 1)
     return CausalModel(
         termination=sweep.termination,
         reference_ohm=reference,
@@ -255,10 +306,11 @@ def _fitted(measurement: Measurement) -> CausalModel:
         residues=residues * unit,
         constant=constant,
         order=order,
-        chi2_reduced=float(np.sum(np.abs(white) ** 2)) / (2 * white.size - 2 * order - 1),
+        chi2_reduced=float(np.sum(square) / freedom[0]),
+        chi2_without_outliers=float(np.sum(square[~outlying]) / freedom[1]) if np.mean(outlying) <= MOST_OUTLIERS else np.inf,
         rms_error_percent=float(100 * np.sqrt(np.mean(np.abs(np.exp(-left) - 1) ** 2))),
         passive=bool(np.all(impedance.real >= -NEGATIVE * uncertainty * np.abs(impedance))),
-        remainder_hz=tuple((low, high) for low, high in spans_of(sweep.frequency_hz, smoothed(white) > REMAINDER * measurement.doubt)),
+        remainder_hz=tuple((low, high) for low, high in spans_of(sweep.frequency_hz, smoothed(white) > REMAINDER)),
         outliers_hz=tuple(float(f) for f in sweep.frequency_hz[outlying]),
     )
 
@@ -274,8 +326,8 @@ def _narrow(task: _Task, poles: ComplexArray) -> BoolArray:
     return marked
 
 
-def _best_order(task: _Task, unit: float, reference: float) -> tuple[ComplexArray, FloatArray]:
-    """Poles and coefficients of the order with the least BIC."""
+def _best_order(task: _Task, unit: float, reference: float) -> tuple[float, ComplexArray, FloatArray]:
+    """BIC, poles and coefficients of the order with the least BIC."""
     count = 2 * task.s.size
     best: tuple[float, ComplexArray, FloatArray, float] | None = None
     worse = 0
@@ -292,7 +344,7 @@ def _best_order(task: _Task, unit: float, reference: float) -> tuple[ComplexArra
         if worse >= PATIENCE or (worse and best[3] < count + 3 * np.sqrt(2 * count)):
             break
     assert best is not None
-    return best[1], best[2]
+    return best[:3]
 
 
 def _one_more_pair(task: _Task, poles: ComplexArray, coefficients: FloatArray) -> ComplexArray:

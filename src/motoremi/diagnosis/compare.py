@@ -177,7 +177,7 @@ def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:
         systematic = fit.measurement.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
         error = 100 * np.abs(ratio - 1)
         magnitude, phase = 20 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
-        uncertainty = 200 * np.sqrt(2 * noise.sigma**2 + systematic**2)
+        uncertainty = 200 * np.sqrt(2 * noise.variance + systematic**2)
         beyond = np.zeros(error.shape, dtype=np.bool_)
         for value, limit in ((error, asked.error_percent), (np.abs(magnitude), asked.magnitude_db), (np.abs(phase), asked.phase_deg)):
             if limit is not None:

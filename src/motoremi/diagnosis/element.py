@@ -20,7 +20,7 @@ from motoremi.diagnosis.dispersion import BY_UNIT, CONSTANT_ENOUGH, DESCRIBES, T
 from motoremi.diagnosis.free import with_free
 from motoremi.diagnosis.parts import ELEMENTS, distinct, outermost, substituted, whole_element, with_element
 from motoremi.errors import BadInput
-from motoremi.fitting.problem import with_connection_residuals
+from motoremi.fitting.problem import behind_fixture
 from motoremi.fitting.result import Fit
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Scaled, Tape, ThroughCable, Wrapped, walk
@@ -329,15 +329,15 @@ def _curve(target: _Target, termination: str) -> ElementCurve:
     fit = target.fit
     observed, analyser = fit.problem.observed, fit.measurement.analyser
     sweep = next(s for s in observed.sweeps if s.termination == termination)
-    measured: ComplexArray = sweep.measured * np.exp(-fit.problem.gain_error(fit.problem.deviation(fit.unknowns))[observed.slices[termination]])
+    measured: ComplexArray = sweep.measured * np.exp(-fit.problem.smooth_error(fit.unknowns)[observed.slices[termination]])
 
     def circuit(x: ComplexArray) -> Node:
         bare = target.circuit(x)
-        return bare if analyser.ideal else with_connection_residuals(bare, analyser, termination, sweep.frequency_hz)
+        return bare if analyser.ideal else behind_fixture(bare, analyser, termination, sweep.frequency_hz)
 
     model = target.model(sweep.s)
     needed, slope = _solved(lambda x: _impedance_of(fit, circuit(x), sweep.s), model, measured)
-    relative = np.hypot(np.sqrt(2) * sweep.sigma, analyser.uncertainty(sweep.frequency_hz, measured))
+    relative = np.hypot(np.sqrt(2 * sweep.part.noise.variance), fit.sizes.declared * analyser.uncertainty(sweep.frequency_hz, measured))
     with np.errstate(all="ignore"):
         from_sweep = np.abs(slope * measured / needed) * relative / np.sqrt(2)
         from_others = np.abs(slope / needed) * _impedance_sigma(fit, circuit(needed), sweep.s) / np.sqrt(2)

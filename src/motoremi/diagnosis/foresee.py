@@ -57,13 +57,13 @@ def parting(option: Option, one: Fit, other: Fit) -> Parting:
 
 def _by_sweep(option: Option, one: Fit, other: Fit) -> Parting:
     """Predictions beyond what both models could still give, bent as far as the sweeps at hand let them be."""
-    analyser, floor = one.measurement.analyser, one.floor_percent / 100
+    analyser, noise = one.measurement.analyser, one.noise_percent / 100
     wide = option.name == "wide-sweep"
     grid = np.geomspace(*(analyser.span_hz if wide else _span(one)), POINTS)
     best = Parting(0.0)
     for termination in one.measurement.terminations if wide else ("grounded",):
         first, second = (_seen(fit, termination, grid) for fit in (one, other))
-        sigma = np.hypot(analyser.uncertainty(grid, first.impedance_ohm), floor)
+        sigma = np.hypot(analyser.uncertainty(grid, first.impedance_ohm), noise)
         difference: ComplexArray = np.asarray(np.log(first.impedance_ohm / second.impedance_ohm) / sigma, dtype=np.complex128)
         columns: ComplexArray = np.asarray(np.concatenate([first.slopes, -second.slopes]) / sigma, dtype=np.complex128)
         precision = np.zeros((len(columns), len(columns)))
@@ -122,7 +122,7 @@ def _bent(difference: ComplexArray, columns: ComplexArray, precision: FloatArray
 def _by_change(option: Option, one: Fit, other: Fit) -> Parting:
     best = Parting(0.0)
     grid = np.geomspace(*_span(one), POINTS)
-    sigma = np.hypot(one.floor_percent / 100, REPEATABILITY)
+    sigma = np.hypot(one.noise_percent / 100, REPEATABILITY)
     for termination in one.measurement.terminations:
         first, second = (_response(option, fit, termination, grid) for fit in (one, other))
         # The weaker pattern may be scaled to look like the stronger.
@@ -137,7 +137,7 @@ def answering(option: Option, fit: Fit) -> Parting:
     best = Parting(0.0)
     if option.kind == "change":
         grid = np.geomspace(*_span(fit), POINTS)
-        sigma = np.hypot(fit.floor_percent / 100, REPEATABILITY)
+        sigma = np.hypot(fit.noise_percent / 100, REPEATABILITY)
         for termination in fit.measurement.terminations:
             best = max(best, _largest(np.abs(_response(option, fit, termination, grid)) / sigma, grid, termination), key=lambda p: p.ratio)
     return best
@@ -181,7 +181,7 @@ def _by_standards(one: Fit, other: Fit) -> Parting:
     best = Parting(0.0)
     for law, value, label in ((laws.resistor, 50.0, "50 Ohm"), (laws.capacitor, 100e-12, "100 pF")):
         true = _standard(one, law, value, grid, errors=False)
-        sigma = np.hypot(one.measurement.analyser.uncertainty(grid, true), one.floor_percent / 100)
+        sigma = np.hypot(one.measurement.analyser.uncertainty(grid, true), one.noise_percent / 100)
         first, second = (_standard(fit, law, value, grid, errors=True) for fit in (one, other))
         best = max(best, _largest(np.abs(np.log(first / second)) / sigma, grid, label), key=lambda p: p.ratio)
     return best

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motoremi.arrays import JsonDict
+from motoremi.diagnosis.candidates import prior_of_values
 from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.diagnosis import LEAST_GAIN
-from motoremi.diagnosis.evidence import effective_share
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show
@@ -15,6 +14,8 @@ from motoremi.quantities import show
 # A change is told if it exceeds this factor and so many standard deviations of the later value.
 TOLD_FACTOR = 1.2
 TOLD_SIGMA = 5.0
+# Log evidence, prior of its values included, that an effect must bring to be needed: odds of 50 to 1.
+LEAST_GAIN = 4.0
 # A resistance is back at its DC value within this share: copper changes by 0.4 % per kelvin, contacts by a little more.
 AT_DC = 0.1
 
@@ -116,4 +117,9 @@ def ladder_step(before: Fit | None, fit: Fit, dc_resistance_ohm: float | None = 
 def _supported(effect: str, before: Fit | None, fit: Fit) -> bool:
     below = before is not None and before.effects == fit.effects[:-1] and effect == fit.effects[-1]
     without = before if below and before is not None else refit_without(fit, effect, thorough=False)
-    return effective_share(fit) * (fit.log_evidence - without.log_evidence) >= LEAST_GAIN
+    return _weight(fit) - _weight(without) >= LEAST_GAIN
+
+
+def _weight(fit: Fit) -> float:
+    """Log evidence of a model, with what is known beforehand of the values of its elements and effects."""
+    return fit.log_evidence + prior_of_values(fit, fit.effects)

@@ -16,13 +16,14 @@ from motoremi.diagnosis.compare import spans_of
 from motoremi.diagnosis.free import promise
 from motoremi.diagnosis.parts import ELEMENTS
 from motoremi.diagnosis.together import Together, check_together
+from motoremi.fitting.problem import AS_DECLARED
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
 
 # Mean variance of whitened residuals, in a window of a few points, beyond which something is left over.
 LEFT_OVER = 3.0
-# Nor is anything left over where there is less than this share of what there is at most.
-SHARE = 0.03
+# Nor is anything left over where there is less than this share of what there is at most: elements that make up for it bend the rest a little.
+SHARE = 0.05
 # Elements whose freedom leaves no more than so many times what the best one's leaves are worth a look as well.
 ALSO = 2.0
 
@@ -34,7 +35,7 @@ class Remainder:
     Parameters
     ----------
     noise_multiple : dict
-        Termination -> error of the closest model in multiples of the random noise.
+        Termination -> error of the closest model in multiples of the random noise, with an analyser as declared.
     causality : CausalCheck
         What an unrestricted causal model reaches.
     together : Together or None
@@ -60,6 +61,8 @@ class Remainder:
             for t, model in self.causality.models.items()
         )
         said.append(f"the best linear causal model of up to {MOST_POLES} poles reaches: {reached}")
+        if not self.causality.causal and not self.causality.disproved:
+            said += self.causality.reasons
         for termination, spans in self.spans_hz.items():
             if spans:
                 said.append(f"left over in the {termination} sweep: {show_band(spans[0][0], spans[-1][1])}{_parts(spans)}")
@@ -70,10 +73,10 @@ class Remainder:
     @property
     def about_the_data(self) -> bool:
         """Whether the data, not the model, are what is wrong."""
-        return not self.causality.causal or (self.together is not None and not self.together.belong)
+        return self.causality.disproved or (self.together is not None and not self.together.belong)
 
     def _of_the_data(self) -> tuple[str, ...]:
-        if not self.causality.causal:
+        if self.causality.disproved:
             return self.causality.reasons
         if self.together is not None and not self.together.belong:
             return (self.together.sentence,)
@@ -107,17 +110,18 @@ def remainder(base: Fit, closest: Fit) -> Remainder:
     closest : Fit
         The best that the catalogue has.
     """
-    problem = closest.problem
-    white = problem.whitened(closest.unknowns)
+    # What the discrepancy would describe is what is left.
+    problem = closest.task.likelihood(None, AS_DECLARED)
+    white = problem.whitened(problem.vector({**closest.parameters, **closest.nuisance}))
     multiple, spans = {}, {}
     for sweep in problem.observed.sweeps:
         own = white[problem.observed.slices[sweep.termination]]
         multiple[sweep.termination] = float(np.sqrt(np.mean(np.abs(own) ** 2) / 2))
         variance = smoothed(own)
-        limit = max(LEFT_OVER * closest.measurement.doubt, SHARE * float(variance.max()))
+        limit = max(LEFT_OVER, SHARE * float(variance.max()))
         spans[sweep.termination] = spans_of(sweep.frequency_hz, variance > limit)
-    causality = check_causality(closest.measurement)
-    together = check_together(base) if causality.causal else None
+    causality = check_causality(closest.measurement, multiple)
+    together = None if causality.disproved else check_together(base)
     return Remainder(multiple, causality, together, spans, _worth_a_look(closest))
 
 

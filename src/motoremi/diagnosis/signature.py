@@ -154,10 +154,10 @@ def _impedance(problem: Problem, values: Mapping[str, float]) -> dict[str, Compl
 def _remaining(fit: Fit, change: Mapping[str, ComplexArray]) -> dict[str, ComplexArray]:
     """The change less what the fit's parameters can take over, by least squares weighed as the fit weighs."""
     problem = fit.problem
-    here = fit.linearised
     joined = np.concatenate([change[t] for t in problem.observed.slices]) * problem.observed.weight
     wanted = np.concatenate([joined.real, joined.imag])
-    design = here.jacobian.T
+    slopes = problem.slopes_of_deviation(fit.unknowns) * problem.observed.weight
+    design = np.concatenate([slopes.real, slopes.imag], axis=1).T
     scale = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     taken = design @ (np.linalg.lstsq(design / scale, wanted, rcond=1e-10)[0] / scale)
     left = (wanted - taken)[: problem.size] + 1j * (wanted - taken)[problem.size :]
@@ -171,5 +171,5 @@ def _axes(fit: Fit) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True):
         systematic = fit.measurement.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
         frequency[sweep.termination] = sweep.frequency_hz
-        uncertainty[sweep.termination] = np.asarray(2 * np.sqrt(2 * noise.sigma**2 + systematic**2), dtype=np.float64)
+        uncertainty[sweep.termination] = np.asarray(2 * np.sqrt(2 * noise.variance + systematic**2), dtype=np.float64)
     return frequency, uncertainty

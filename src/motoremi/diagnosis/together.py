@@ -13,12 +13,12 @@ from typing import TypeVar
 import numpy as np
 
 from motoremi.arrays import JsonDict
+from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis.causal import CausalModel, alone, check_causality
-from motoremi.diagnosis.evidence import is_good
-from motoremi.fitting.fit import fit, settled
-from motoremi.fitting.looks import Scouted, Trail, glance, search_through
+from motoremi.fitting.fit import fit, told
+from motoremi.fitting.race import ALL, Round, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Task
 from motoremi.fitting.starts import data_driven_starts
@@ -27,6 +27,8 @@ from motoremi.model.motor import dc_motor
 from motoremi.quantities import show
 
 Value = TypeVar("Value")
+# All start values of the open sweep alone to their ends, each its own model, since each may take another resonance for the winding's.
+EACH = Rounds((Round(80, 40, 1, ALL),), ALL, 80)
 WINDING = ("Ra", "La", "Ca")
 # Standard deviations by which two values have to differ to be called different.
 DIFFERENT = 5.0
@@ -62,7 +64,7 @@ class Together:
     alone : dict
         Termination -> fit of that sweep alone.
     fits_alone : dict
-        Termination -> whether that fit reaches the noise.
+        Termination -> whether that fit leaves nothing to explain.
     fits_together : bool
     disagreements : tuple of Disagreement
         Winding elements on which the sweeps differ beyond their error bars, largest change first.
@@ -130,7 +132,9 @@ def check_together(both: Fit) -> Together | None:
     if len(measurement.sweeps) < 2:
         return None
     short, open_ = _short_alone(both), _open_alone(both)
-    return Together({"short": short, "open": open_}, {"short": is_good(short), "open": is_good(open_)}, is_good(both), _disagreements(short, open_))
+    return Together(
+        {"short": short, "open": open_}, {"short": short.explained, "open": open_.explained}, both.explained, _disagreements(short, open_)
+    )
 
 
 def _short_alone(both: Fit) -> Fit:
@@ -148,12 +152,13 @@ def _open_alone(both: Fit) -> Fit:
     starts = [{**both.parameters}]
     for winding in _windings(check_causality(measurement).models["open"]):
         starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
-    looks = [glance(Trail(task, [start])) for start in starts]
-    fits = [settled(Scouted(look.trail, search_through(look)), both, thorough=False) for look in looks]
-    good = [one for one in fits if is_good(one)]
+    # Alone, more or less may be left than in both: how much is not known.
+    trails = {index: Trail(task, [start], 1, Sizes(1.0, 1.0)) for index, start in enumerate(starts)}
+    fits = [told(trails[index], solution, both) for index, solution in race(trails, EACH).items()]
+    good = [one for one in fits if one.explained]
     if good:
         return min(good, key=lambda one: abs(np.log(one.parameters["La"] / both.parameters["La"])))
-    return min(fits, key=lambda one: one.objective)
+    return max(fits, key=lambda one: one.log_evidence)
 
 
 def _windings(model: CausalModel) -> list[dict[str, float]]:

@@ -1,8 +1,9 @@
 """Block cross-validation: how well a model predicts parts of the data that it was not fitted to, without refitting.
 
-With H the block's part of the hat matrix, the residuals that a fit without the block would leave there are (1 - H)^-1 r, and their
-covariance is (1 - H)^-1 (Cook 1977, for any linear model; the model is linear enough within its own error bars). Blocks rather than points, since
-neighbours in frequency predict each other whatever the model.
+All that is Gaussian is marginalised: noise, analyser, discrepancy, and the parameters within the linear model round the solution. With P
+the inverse covariance of the residuals r then, what a block's neighbours do not predict of it is (P_bb)^-1 (P r)_b, and its covariance is
+(P_bb)^-1 (Sundararajan and Keerthi, Neural Computation 13, 2001). Blocks rather than points, since neighbours in frequency predict each
+other whatever the model.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.fitting.result import Fit
 
 BLOCKS = 8
+# What is left of a direction that the left-out block alone determines: rounding.
+LEAST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -42,42 +45,46 @@ class Validation:
 def cross_validated(fit: Fit) -> Validation:
     """Leave out blocks of a fit's data, one after the other."""
     problem = fit.problem
-    here = fit.linearised
-    residual, jacobian = _white(fit, here.residual), _white(fit, here.jacobian)
-    # A parameter that only the left-out data determine is spread over its range.
-    spread = np.where(problem.precision == 0, 12 / (problem.high - problem.low) ** 2, 0.0)
-    covariance: FloatArray = np.linalg.pinv(here.matrix + np.diag(spread), hermitian=True).astype(np.float64)
+    pulled, columns = _inverse_covariance(fit)
     frequency = np.tile(problem.observed.frequency_hz, 2)
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BLOCKS + 1)
     inside = [(low <= frequency) & (frequency < high) for low, high in pairwise(edges)]
-    bands = sum(_left_out(residual, jacobian, covariance, block) for block in inside if block.any())
+    bands = sum(_left_out(pulled, columns, block) for block in inside if block.any())
     slices = problem.observed.slices
     if len(slices) == 1:
         return Validation(bands, None)
     second = np.zeros(problem.size, dtype=np.bool_)
     second[slices["open"]] = True
-    return Validation(bands, _left_out(residual, jacobian, covariance, np.tile(second, 2)))
+    return Validation(bands, _left_out(pulled, columns, np.tile(second, 2)))
 
 
-def _white(fit: Fit, rows: FloatArray) -> FloatArray:
-    """Rows of shape (..., 2 n), weighted by the noise, with the analyser's gain error taken out as far as it goes."""
-    directions = fit.problem.observed.directions
-    shares = np.sum(directions**2, axis=0)
-    parts = rows.reshape(*rows.shape[:-1], 2, fit.problem.size)
-    white: FloatArray = parts - (parts @ directions * ((1 - np.sqrt(1 - shares)) / shares)) @ directions.T
-    return white.reshape(rows.shape)
+def _inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """P r, shape (2 n,), and columns F, shape (2 n, m), of P = 1 - F F', for residuals weighted by the noise, real parts first."""
+    problem, here = fit.problem, fit.linearised
+    directions = problem.whitening.directions(fit.sizes.discrepancy)
+
+    def less_smooth(weighted: ComplexArray) -> ComplexArray:
+        left: ComplexArray = weighted - (weighted @ directions.conj()) @ directions.T
+        return left
+
+    # A parameter that only the left-out data determine is spread over its range.
+    spread = np.where(problem.precision == 0, 12 / (problem.high - problem.low) ** 2, 0.0)
+    covariance: FloatArray = np.linalg.pinv(here.matrix + np.diag(spread), hermitian=True).astype(np.float64)
+    slopes = less_smooth(here.slopes * here.chain[:, None])
+    by_parameters = np.concatenate([slopes.real, slopes.imag], axis=1).T @ _root(covariance)
+    smooth = np.block([[directions.real, -directions.imag], [directions.imag, directions.real]])
+    pulled = less_smooth(here.deviation)
+    return np.concatenate([pulled.real, pulled.imag]), np.concatenate([smooth, by_parameters], axis=1)
 
 
-def _left_out(residual: FloatArray, jacobian: FloatArray, covariance: FloatArray, block: np.ndarray) -> float:
-    """Log predictive density of a block, without the constant."""
-    own, slopes = residual[block], jacobian[:, block]
-    # (1 - J' S J)^-1 by way of the few parameters instead of the many points.
-    gram = slopes @ slopes.T
-    root = _root(covariance)
-    inner = np.eye(len(covariance)) - root.T @ gram @ root
-    values = np.clip(np.linalg.eigvalsh(inner), 1e-12, None)
-    pull = root.T @ (slopes @ own)
-    return float(-0.5 * (own @ own + pull @ np.linalg.solve(inner + 1e-12 * np.eye(len(inner)), pull)) + 0.5 * np.sum(np.log(values)))
+def _left_out(pulled: FloatArray, columns: FloatArray, block: np.ndarray) -> float:
+    """Log predictive density of a block, without what is common to all models."""
+    own, inside = pulled[block], columns[block]
+    # The inverse of 1 - F F' by way of the fewer columns instead of the many points.
+    values, vectors = np.linalg.eigh(np.eye(columns.shape[1]) - inside.T @ inside)
+    values = np.maximum(values, LEAST)
+    pull = vectors.T @ (inside.T @ own)
+    return float(-0.5 * (own @ own + np.sum(pull**2 / values)) + 0.5 * np.sum(np.log(values)))
 
 
 def _root(covariance: FloatArray) -> FloatArray:

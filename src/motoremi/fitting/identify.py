@@ -59,7 +59,8 @@ class Interval:
 def profile(fit: Fit, name: str) -> Interval:
     """The 95 % interval of a parameter, all others refitted at each value (Raue et al., Bioinformatics 25, 2009).
 
-    Unlike an error bar from the curvature, it is right where a parameter is poorly determined or near a bound.
+    Unlike an error bar from the curvature, it is right where a parameter is poorly determined or near a bound. The sizes of the discrepancy
+    and of the declared errors are those of the fit.
 
     Raises
     ------
@@ -71,7 +72,7 @@ def profile(fit: Fit, name: str) -> Interval:
     if index is None:
         raise BadInput(f"{name} has no profile: it is not a fitted positive parameter of this model")
     parameter = problem.unknowns[index]
-    limit = fit.objective + RISE_95 * max(1.0, fit.chi2_reduced)
+    limit = fit.objective + RISE_95
     best = float(fit.unknowns[index])
     # The error bar from the curvature is the right size to start with, where there is one.
     first = min(max(fit.sigma[name] / fit.parameters[name], 1e-6), 0.2)
@@ -80,7 +81,7 @@ def profile(fit: Fit, name: str) -> Interval:
     direction = _following(fit.linearised.matrix, index)
 
     def excess(value: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
-        held = Problem(fit.motor, fit.measurement, fit.bounds, {**fit.held, name: float(np.exp(value))})
+        held = Problem(fit.motor, fit.measurement, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
         # From the neighbour, from the solution, and from where the others have to go where they show only as a product.
         along = problem.named(problem.clip(fit.unknowns + direction * (value - best)))
         end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, precision=ALONG_PROFILE)
