@@ -240,7 +240,8 @@ def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], 
             return {"verdict": compare_session(store, Tolerance(**parameters)).verdict}
         if kind == "diagnose":
             found = diagnose_session(store, progress=progress)
-            return {"verdict": found.verdict, "effects": list(found.effects), "confidence": found.confidence}
+            serious = dict.fromkeys(finding.id for finding in found.findings if finding.serious)
+            return {"verdict": found.verdict, "effects": list(found.effects), "confidence": found.confidence, "serious_findings": list(serious)}
         if kind == "next":
             following: JsonDict = diagnosis_in(load(store.path))["next_measurement"]
             store.save_analysis("next", following)

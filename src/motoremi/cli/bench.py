@@ -293,6 +293,8 @@ def _tell_verdict(document: JsonDict) -> None:
     effects = ", ".join(result.get("effects", []))
     detail = f" ({effects})" if effects else f": {result['says']}" if "says" in result else ""
     say(f"  {document['do']}: {result.get('verdict')}{detail}")
+    for finding in result.get("serious_findings", []):
+        say(f"  found in the data: {finding}")
 
 
 def fresh_folder(prefix: str) -> Path:

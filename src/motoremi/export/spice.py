@@ -111,6 +111,7 @@ def _header(
     yield f"* DC motor, common mode, fitted by motoremi {__version__}"
     yield f"* model: the paper's circuit{''.join(f' + {name}' for name in motor.effects)}"
     yield f"* fit: error {fit.rms_error_percent:.3g} % rms against the measurement, {show_band(*span)}"
+    yield f"*   noise and analyser would leave {fit.floor_percent:.2g} %"
     yield f"* this netlist against that model: at most {errors[0]:.2g} dB and {errors[1]:.2g} degree over the same span"
     for name, error in network.ladder_errors.items():
         yield f"*   {name}: passive ladder, relative error at most {error:.1e}"

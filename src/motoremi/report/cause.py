@@ -14,6 +14,8 @@ from motoremi.report.svg import picture
 from motoremi.report.words import described, findings_of, in_words, place_of, reasons_of
 
 MOST_CANDIDATES = 10
+# Sets of effects that are less probable are not listed.
+LEAST_SHOWN = 1e-3
 
 
 def diagnosis_section(diagnosis: JsonDict) -> Section:
@@ -45,7 +47,7 @@ def diagnosis_section(diagnosis: JsonDict) -> Section:
     texts += [f"Not told apart by these data: {', '.join(family)}." for family in diagnosis["families"]]
     texts += [_explained(str(name)) for name in diagnosis["effects"]]
     texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
-    found, further = _findings(diagnosis), (*_left_out(diagnosis), *_menu(diagnosis))
+    found, further = _findings(diagnosis), (*_sets(diagnosis), *_left_out(diagnosis), *_menu(diagnosis))
     if not rows:
         return Section("Diagnosis", tuple(texts), (*found, *further))
     others = len(diagnosis["candidates"]) - len(rows)
@@ -67,6 +69,13 @@ def _findings(diagnosis: JsonDict) -> tuple[Table, ...]:
     columns = ("finding", "where", "what", "what to do", "serious")
     marked = frozenset(index for index, one in enumerate(found) if one["serious"])
     return (Table("What the data themselves show", columns, rows, marked),) if rows else ()
+
+
+def _sets(diagnosis: JsonDict) -> tuple[Table, ...]:
+    """How probable each set of effects is; a diagnosis of an earlier version does not say."""
+    likely = [one for one in diagnosis.get("sets", ()) if one["probability"] >= LEAST_SHOWN]
+    rows = tuple((" + ".join(one["effects"]) or "nothing", _number(one["probability"])) for one in likely)
+    return (Table("Sets of effects, the likeliest first", ("missing", "probability"), rows),) if rows else ()
 
 
 def _left_out(diagnosis: JsonDict) -> tuple[Table, ...]:
