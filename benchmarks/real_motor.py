@@ -18,8 +18,8 @@ import motoremi as me
 from motoremi.data.files import read_impedance
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.causal import check_causality
-from motoremi.diagnosis.diagnosis import LEAST_GAIN
-from motoremi.diagnosis.evidence import effective_share, rank
+from motoremi.diagnosis.ladder import LEAST_GAIN
+from motoremi.diagnosis.motors import MotorBoard
 from motoremi.diagnosis.steps import find_steps
 from motoremi.fitting.fit import refit_without
 from motoremi.model.effects import find_effect
@@ -54,7 +54,7 @@ def walked(measurement: Measurement) -> Rung:
     for _ in range(MOST_EFFECTS):
         grown = sorted((step for rung in kept for step in one_more(rung)), key=lambda rung: -rung.fit.log_evidence)
         best = grown[0]
-        if effective_share(best.fit) * (best.fit.log_evidence - kept[0].fit.log_evidence) < LEAST_GAIN:
+        if best.fit.log_evidence - kept[0].fit.log_evidence < LEAST_GAIN:
             break
         kept = [best, *[rung for rung in grown if sorted(rung.fit.effects) != sorted(best.fit.effects)][:1]]
     return kept[0]
@@ -62,7 +62,9 @@ def walked(measurement: Measurement) -> Rung:
 
 def one_more(rung: Rung) -> list[Rung]:
     """The models with one more effect of the motor; the instrument's are sought apart."""
-    ranked = [candidate for candidate in rank(rung.fit) if find_effect(candidate.effect).effect.group != "instrument"]
+    board = MotorBoard(rung.fit)
+    found = sorted(board.added(board.start(), None), key=lambda candidate: -candidate.score)
+    ranked = [candidate for candidate in found if find_effect(candidate.effect).effect.group != "instrument"]
     rivals = ", ".join(candidate.effect for candidate in ranked[1:3])
     # The search for candidates is quick; the two that are carried on are searched once more at length.
     searched = [(c, max(c.fit, rung.fit.add(c.effect), key=lambda fit: fit.log_evidence)) for c in ranked[:2]]
@@ -83,7 +85,7 @@ def pruned(fit: me.Fit) -> tuple[me.Fit, list[str]]:
     while fit.effects:
         tried = [(effect, refit_without(fit, effect, thorough=False)) for effect in dict.fromkeys(fit.effects)]
         effect, without = max(tried, key=lambda pair: pair[1].log_evidence)
-        if effective_share(fit) * (fit.log_evidence - without.log_evidence) >= LEAST_GAIN:
+        if fit.log_evidence - without.log_evidence >= LEAST_GAIN:
             break
         gone.append(effect)
         fit = without
