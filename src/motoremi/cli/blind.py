@@ -7,13 +7,15 @@ import secrets
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motoremi.arrays import JsonDict, Progress
 from motoremi.cli.options import AsJson, Out, command
 from motoremi.errors import BadInput
+
+if TYPE_CHECKING:
+    from motoremi.arrays import JsonDict, Progress
 
 
 def challenge_(
