@@ -37,6 +37,7 @@ RELIABLE: Mapping[str, float] = {
     "family": 0.97,
     "mostly": 0.75,
     "slight": 0.85,
+    "weak": 0.7,
     "instrument": 0.93,
     "data": 0.85,
     "unexplained": 0.85,

@@ -15,7 +15,7 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps
 from motoremi.diagnosis.following import next_measurement
-from motoremi.diagnosis.judgement import Judgement, judge
+from motoremi.diagnosis.judgement import CLEAR_GAIN, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
@@ -196,9 +196,9 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     -------
     Diagnosis
     """
-    first = judge(fit, progress)
-    if not first.stands or not first.model.done:
-        first = _without_outliers(first, progress)
+    first = _without_outliers(fit, fit, progress) or judge(fit, progress)
+    if not first.model.done:
+        first = _without_outliers(fit, first.best.fit, progress) or first
     declared = likeliest(first, progress)
     judgement = declared.judgement
     left = None if judgement.stands else remainder(judgement.base, judgement.best.fit)
@@ -206,15 +206,15 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     return _concluded(judgement, findings, left)
 
 
-def _without_outliers(first: Judgement, progress: Progress | None) -> Judgement:
-    """The judgement without single points that nothing smooth explains, if it then stands."""
-    points = outlying(first.best.fit)
+def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judgement | None:
+    """The judgement without single points that nothing smooth explains, if a model sees such points and without them one leaves nothing."""
+    points = outlying(seen_by)
     if not points:
-        return first
-    quiet = first.base.measurement.with_outliers(points)
-    base = fit_again(first.base.motor, quiet, seed=first.base.seed, bounds=first.base.bounds, held=first.base.held)
-    again = judge(base, progress)
-    return again if again.stands and again.model.done else first
+        return None
+    quiet = fit.measurement.with_outliers(points)
+    base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
+    found = judge(base, progress)
+    return found if found.stands and found.model.done else None
 
 
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
@@ -229,7 +229,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     """The diagnosis that a judgement leads to."""
     base, belief = judgement.base, judgement.belief
     accurate = base.measurement.accuracy_percent is not None and base.explained
-    named = () if accurate or not judgement.stands else belief.named
+    named = () if accurate or not judgement.stands else judgement.named
     best = judgement.model.fit if judgement.stands else judgement.best.fit
     families = tuple((name, *belief.families[name])[:LARGEST_FAMILY] for name in named if belief.families[name])
     verdict = _verdict(judgement, named, families, findings, left)
@@ -285,6 +285,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     reliable = RELIABLE[kind]
     if judgement.standing in ("mostly", "slight"):
         reliable = min(reliable, RELIABLE[judgement.standing])
+    if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
+        reliable = min(reliable, RELIABLE["weak"])
     if any(finding.serious and finding.id != "not-compensated" for finding in findings):
         reliable = min(reliable, RELIABLE["with a serious finding"])
     return reliable * (judgement.belief.probability if named or verdict == "adequate" else 1.0)

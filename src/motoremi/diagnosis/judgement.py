@@ -14,6 +14,13 @@ from motoremi.diagnosis.motors import MotorBoard
 from motoremi.fitting.result import Fit
 
 
+BUDGET = Budget()
+# What a named effect must take away of what is left, or of how far the analyser's errors had to go beyond four standard deviations; odds of
+# e^60 need no further reason.
+HALF, RELIEF, ALLOWED_SIGMA = 0.5, 0.6, 4.0
+CLEAR_GAIN = 60.0
+
+
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """All models that were found, and what they let one believe. Immutable.
@@ -36,9 +43,23 @@ class Judgement:
         return best_of(self.found.values())
 
     @cached_property
+    def named(self) -> Effects:
+        """The effects that are believed: those of the likeliest model, if they matter."""
+        return self.belief.named if self.belief.named and self._matters else ()
+
+    @property
+    def _matters(self) -> bool:
+        """Whether the likeliest model is better for a user too: what is left halves, the analyser is asked for much less, or all doubt is gone."""
+        before, after = self.base, self.best.fit
+        left = before.unexplained_percent["value"]
+        halved = left > 0 and after.unexplained_percent["value"] <= HALF * left
+        relieved = before.analyser_sigma > ALLOWED_SIGMA and after.analyser_sigma <= RELIEF * before.analyser_sigma
+        return halved or relieved or self.gain > CLEAR_GAIN
+
+    @cached_property
     def model(self) -> Candidate:
         """The one that is believed: the base where nothing is named."""
-        return self.best if self.belief.named else self.found[()]
+        return self.best if self.named else self.found[()]
 
     @cached_property
     def standing(self) -> Standing:
@@ -56,6 +77,11 @@ class Judgement:
     def stands(self) -> bool:
         """Whether it stands at all."""
         return self.standing != "not"
+
+    @property
+    def gain(self) -> float:
+        """Log odds of the likeliest model against the base."""
+        return self.best.score - self.found[()].score
 
     def rivals(self) -> list[Fit]:
         """The fits that these data cannot tell from the believed one, it first; empty where there are none."""
@@ -80,9 +106,6 @@ class Judgement:
             left.remove(name)
             path.append(self.found[tuple(sorted(taken))].fit)
         return (*path, self.best.fit) if self.best.added else (self.base,)
-
-
-BUDGET = Budget()
 
 
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:

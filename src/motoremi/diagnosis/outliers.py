@@ -4,29 +4,49 @@ from __future__ import annotations
 
 import numpy as np
 
-from motoremi.arrays import BoolArray
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.fitting.result import Fit
 
 # Chi-squared of two degrees of freedom of one point given the others: by chance once in three million.
 FAR_OFF = 30.0
-# More points than this share are no single points.
+# More points than this share are no single points, nor are more than three beside each other: a narrow resonance is as narrow as that.
 MOST = 0.08
+BESIDE = 3
 
 
 def outlying(fit: Fit) -> dict[str, BoolArray]:
     """Points far off what noise, analyser, discrepancy and all other points allow, by termination; empty where none or too many are.
 
     With K the inverse covariance, a residual given all others has the variance 1 / K_ii and lies (K r)_i / K_ii off (Rasmussen and
-    Williams, 2006, eq. 5.12).
+    Williams, 2006, eq. 5.12). The worst is left out first, since it draws what is expected of its neighbours with it.
     """
     problem = fit.problem
-    weight = problem.observed.weight
-    whitening = problem.whitening
-    directions = whitening.directions(fit.sizes.discrepancy)
-    weighted = problem.residual(fit.unknowns) * weight
+    far = _farthest(problem.whitening.directions(fit.sizes.discrepancy), problem.residual(fit.unknowns) * problem.observed.weight)
+    found = {termination: far[where] for termination, where in problem.observed.slices.items() if far[where].any()}
+    return {} if any(_longest_run(points) > BESIDE for points in found.values()) or np.mean(far) > MOST else found
+
+
+def _farthest(directions: ComplexArray, weighted: ComplexArray) -> BoolArray:
+    """Points left out one after the other until no other is far off; the inverse covariance is 1 - D D*."""
     pulled = weighted - directions @ (directions.conj().T @ weighted)
-    own = np.maximum(1 - np.sum(np.abs(directions) ** 2, axis=1), 1e-12)
-    far = np.abs(pulled) ** 2 / own > FAR_OFF
-    if not far.any() or np.mean(far) > MOST:
-        return {}
-    return {termination: far[where] for termination, where in problem.observed.slices.items() if far[where].any()}
+    own: FloatArray = np.maximum(1 - np.sum(np.abs(directions) ** 2, axis=1), 1e-12)
+    gone = np.zeros(weighted.size, dtype=np.bool_)
+    taken = np.zeros((weighted.size, 0), dtype=np.complex128)
+    while gone.mean() <= MOST:
+        off = np.where(gone, 0.0, np.abs(pulled) ** 2 / own)
+        worst = int(np.argmax(off))
+        if off[worst] <= FAR_OFF:
+            break
+        column = -directions @ directions[worst].conj() - taken @ taken[worst].conj()
+        column[worst] += 1
+        column /= np.sqrt(own[worst])
+        pulled = pulled - column * (pulled[worst] / np.sqrt(own[worst]))
+        own = np.maximum(own - np.abs(column) ** 2, 1e-12)
+        taken = np.column_stack([taken, column])
+        gone[worst] = True
+    return gone
+
+
+def _longest_run(points: BoolArray) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], points.astype(np.int8), [0]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))

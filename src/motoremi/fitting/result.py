@@ -124,6 +124,9 @@ class Fit:
         unit = self.problem.discrepancy_percent
         low, value, high = (unit * self.marginal.quantile(share) for share in (0.025, 0.5, 0.975))
         nothing = unit * NOTHING_LEFT
+        if value > self.corrected_error_percent:
+            # A sharp feature needs a large process to be smooth enough; what is there to be seen is the error itself.
+            low, value, high = (self.corrected_error_percent / value * limit for limit in (low, value, high))
         return {"value": 0.0 if value <= nothing else value, "low": 0.0 if low <= nothing else low, "high": high}
 
     @cached_property
