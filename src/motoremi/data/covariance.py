@@ -164,7 +164,8 @@ class Whitening:
 @lru_cache(maxsize=KEPT)
 def _whitening(columns: Columns, declared: float) -> Whitening:
     weight = 1 / columns.sigma
-    fixed, variances = _directions(np.concatenate([columns.known, declared * columns.analyser], axis=1) * weight[:, None], LEAST_SHARE)
+    known: ComplexArray = np.concatenate([columns.known, declared * columns.analyser], axis=1)
+    fixed, variances = _directions(known * weight[:, None], LEAST_SHARE)
     shares = variances / (1 + variances)
     first = Whitening(columns.sigma, fixed, shares, np.zeros((weight.size, 0), dtype=np.complex128), np.zeros(0))
     free = first.half((columns.discrepancy * weight[:, None]).T).T

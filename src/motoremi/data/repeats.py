@@ -62,9 +62,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
 
     none = 1e-12
     scale = float(np.median(sigma)) ** 2
-    found = minimize_scalar(
-        lambda value: cost(value)[0], bounds=(np.log(1e-4 * scale), np.log(MOST_CORRELATED**2 * scale)), method="bounded"
-    )
+    found = minimize_scalar(lambda value: cost(value)[0], bounds=(np.log(1e-4 * scale), np.log(MOST_CORRELATED**2 * scale)), method="bounded")
     white_only, factor_only = cost(np.log(none * scale))
     # Chi-squared of one degree of freedom at its boundary: 2.7 is passed by chance once in twenty.
     if 2 * (white_only - found.fun) < 2.7 or directions == 0:

@@ -123,5 +123,3 @@ def stands(base: Fit, best: Fit) -> Standing:
     if best is not base and left <= MOSTLY * base.unexplained_percent["value"]:
         return "mostly"
     return "not"
-
-

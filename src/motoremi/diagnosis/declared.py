@@ -82,4 +82,4 @@ def _refitted(fit: Fit, analyser: Analyser) -> Fit:
     task = Task(fit.motor, measurement, fit.bounds, fit.held)
     own = dict(fit.parameters)
     solution = arrived_on_all(task, [own, {**own, **fit.search_parameters}])
-    return summarise(task, Found(solution, fit.history, fit.search_parameters), fit.method, fit.seed)
+    return summarise(task, Found(solution, fit.history, dict(fit.search_parameters)), fit.method, fit.seed)

@@ -262,9 +262,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     )
 
 
-def _verdict(
-    judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None
-) -> Verdict:
+def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:
     serious = {finding.id for finding in findings if finding.serious}
     if not judgement.stands:
         about_data = left is not None and left.about_the_data
@@ -324,7 +322,8 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     base = judgement.base
     left = base.unexplained_percent["value"]
     rest = f"to {left:.2g} %, beyond noise and analyser" if left else "down to noise and analyser"
-    said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, noise and analyser would leave {base.floor_percent:.2g} %)"]
+    floor = f"noise and analyser would leave {base.floor_percent:.2g} %"
+    said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, {floor})"]
     if verdict == "instrument":
         said.append(f"but only if the analyser errs by {base.analyser_sigma / 3:.2g} times its specification")
     if base.measurement.accuracy_percent is not None:

@@ -161,7 +161,8 @@ def of_the_amount(fit: Fit) -> list[Finding]:
             found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"
-        found.append(Finding("too-little", f"there is no {missing}-circuit sweep: an effect cannot be located", f"measure the {missing} sweep too", False))
+        why = f"there is no {missing}-circuit sweep: an effect cannot be located"
+        found.append(Finding("too-little", why, f"measure the {missing} sweep too", False))
     return found
 
 

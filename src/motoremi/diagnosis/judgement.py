@@ -13,7 +13,6 @@ from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motors import MotorBoard
 from motoremi.fitting.result import Fit
 
-
 BUDGET = Budget()
 # What a named effect must take away of what is left, or of how far the analyser's errors had to go beyond four standard deviations; odds of
 # e^60 need no further reason.

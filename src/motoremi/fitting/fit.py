@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
-from motoremi.data.covariance import Sizes
 from motoremi.fitting.colony import Colony
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper import paper_colony
@@ -179,10 +179,11 @@ def trail_to(
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
     """Elements and an effect's start values together; a start may set an element, scale it, or take something off it."""
-    changed = {
-        name: start.get(f"={name}", max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value) if value > 0 else value)
-        for name, value in base.items()
-    }
+
+    def taken(name: str, value: float) -> float:
+        return max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value)
+
+    changed = {name: start.get(f"={name}", taken(name, value) if value > 0 else value) for name, value in base.items()}
     return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("=", "*", "-"))}}
 
 

@@ -117,10 +117,10 @@ def log_evidences(problem: Problem, u: FloatArray, residual: ComplexArray, slope
     # Every size at once: each takes its shares of the components along the discrepancy's directions away.
     shares = np.array([whitening.shares(size) for size in DISCREPANCIES])
     squares = float(np.vdot(white, white).real) - shares @ np.abs(along) ** 2
-    gradients = (white_slopes.conj() @ white).real - (shares * along) @ along_slopes.conj().T
+    gradients = (white_slopes.conj() @ white - (shares * along) @ along_slopes.conj().T).real
     matrices = (white_slopes @ white_slopes.conj().T).real - ((along_slopes[None] * shares[:, None, :]) @ along_slopes.conj().T).real
     away = u - problem.centre
-    gradients = gradients.real + precision * away
+    gradients = gradients + precision * away
     flat = precision == 0
     width = problem.high - problem.low
     index = np.arange(u.size)

@@ -110,7 +110,12 @@ class Found:
 
 
 def arrive(
-    task: Task, starts: Sequence[Mapping[str, float]], points: int | None = None, most: int = MOST_SIZES, sizes: Sizes | None = None, steps: int = 60
+    task: Task,
+    starts: Sequence[Mapping[str, float]],
+    points: int | None = None,
+    most: int = MOST_SIZES,
+    sizes: Sizes | None = None,
+    steps: int = 60,
 ) -> Solution:
     """From start values near a solution to the solution, at the sizes that it makes likeliest.
 
