@@ -78,6 +78,14 @@ def test_how_well_a_circuit_describes_a_motor() -> None:
     assert "down to noise and analyser" in described({"value": 0.0, "low": 0.0, "high": 2e-4})
 
 
+def test_a_fit_without_the_points_that_stand_out_is_no_other_diagnosis(session: Path, stored: dict[str, Any], tmp_path: Path) -> None:
+    warning = "the diagnosis was made from another fit than those shown here"
+    stored["base"]["rms_error_percent"] *= 0.9
+    for findings, told in (([], True), ([TOO_LITTLE], True), ([INTERFERENCE], False)):
+        folder = with_diagnosis(session, tmp_path / f"{len(findings)}{told}", {**stored, "findings": findings})
+        assert (warning in (folder / "report" / "report.html").read_text("utf-8")) == told
+
+
 def test_findings_say_where(stored: dict[str, Any]) -> None:
     found = findings_of({**stored, "findings": [TOO_LITTLE, INTERFERENCE]})
     assert [place_of(one) for one in found] == ["open sweep, 530 kHz - 1.6 MHz", "all sweeps"]

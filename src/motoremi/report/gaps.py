@@ -9,9 +9,12 @@ from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
 from motoremi.fitting.result import Fit
 from motoremi.report.parts import Materials, is_result, model_name
+from motoremi.report.words import findings_of
 
 # A stored diagnosis rounds nothing: a larger difference means that it was made from another fit.
 SAME_FIT = 1e-3
+# With these findings the diagnosis fitted the same model again: as data of another analyser, or without the points that stand out.
+REFITTED = ("not-as-declared", "interference")
 # Stored analyses that a report can do without, and how to make them anew; what needs another one comes before it.
 STORED = {
     "diagnosis": "motoremi diagnose",
@@ -139,8 +142,8 @@ def _of_the_analysis(materials: Materials) -> list[str]:
 
 def _diagnosed(steps: tuple[Fit, ...], diagnosis: JsonDict) -> bool:
     """Whether a diagnosis started from one of the steps."""
-    base = diagnosis["base"]
+    base, refitted = diagnosis["base"], any(finding["id"] in REFITTED for finding in findings_of(diagnosis))
     return any(
-        list(step.effects) == base["effects"] and math.isclose(step.rms_error_percent, base["rms_error_percent"], rel_tol=SAME_FIT)
+        list(step.effects) == base["effects"] and (refitted or math.isclose(step.rms_error_percent, base["rms_error_percent"], rel_tol=SAME_FIT))
         for step in steps
     )

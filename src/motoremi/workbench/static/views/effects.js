@@ -45,7 +45,11 @@ export const effects = {
   },
 };
 
-const rows = (told) => told.diagnosis?.candidates ?? told.catalogue.map((one) => ({ effect: one.id, family: one.family }));
+// The ranking first; below it what the diagnosis did not take to its end, for who wants to try it by hand.
+function rows(told) {
+  const ranked = told.diagnosis?.candidates ?? [], known = new Set(ranked.map((one) => one.effect));
+  return [...ranked, ...told.catalogue.filter((one) => !known.has(one.id)).map((one) => ({ effect: one.id, family: one.family }))];
+}
 
 function verdict(told) {
   const found = told.diagnosis;
@@ -67,7 +71,7 @@ function drawList(place) {
     const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${inModel ? "in the model:" : "add"} ${one.effect}`, onclick: () => add(place, one.effect), onfocus: () => rest(place, one.effect) }, one.effect);
     const cells = [h("div", {}, name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect]?.title ?? one.family),
       one.parameters && h("div", {}, one.parameters, !one.plausible && h("span", { class: "bad" }, " beyond its physical range")))];
-    if (told.diagnosis) cells.push(share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent));
+    if (told.diagnosis) cells.push(one.probability === undefined ? "-" : share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent));
     else cells.push(one.family);
     return h("tr", { onmouseenter: () => rest(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
   };
