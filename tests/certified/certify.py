@@ -1,13 +1,13 @@
 """Certified values by 60-digit arithmetic: `pip install mpmath; python tests/certified/certify.py` writes certified.json.
 
 Nothing of motoremi is imported. The formulas are the paper's equations (1) and (2) and the effects' in words of circuits; the objective is
-the one that motoremi documents for analyser 'none' and noise that the file states:
+the one that motoremi documents for analyser 'none', noise that the file states and no discrepancy:
 
     sum over points of |ln(Z_measured / Z_model)|^2 / sigma^2  +  sum over an effect's parameters of ((ln p - c) / w)^2,
 
 where c and w are the middle and the half width of the logarithm of the parameter's range (`motoremi effects`). It is minimised over the
 logarithms by Gauss-Newton from the truth, with derivatives by central differences that are exact to 38 digits. The standard deviations are
-those of the Gauss-Newton matrix, widened by sqrt(chi2_reduced) where that is above 1; degrees of freedom: two for each point less seven.
+those of the Gauss-Newton matrix.
 """
 
 from __future__ import annotations
@@ -100,9 +100,8 @@ def certify(name: str) -> dict:
             break
     else:
         raise SystemExit(f"{name} did not converge: {mp.nstr(length, 5)}")
-    degrees = 4 * len(rows) - 7
-    widened = mp.sqrt(max(1, objective / degrees))
-    deviation = [mp.sqrt((matrix**-1)[i, i]) * widened for i in range(len(u))]
+    covariance = matrix**-1
+    deviation = [mp.sqrt(covariance[i, i]) for i in range(len(u))]
     keys = [*ELEMENTS, *(f"{effect}.{key}" for key in names[7:])]
     return {
         "effect": effect,
