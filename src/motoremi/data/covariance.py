@@ -34,8 +34,8 @@ VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
 # A direction that holds less than this share of the noise's variance tells nothing.
 LEAST_SHARE = 1e-4
-# Kept whitenings: one for each scale of the declared errors and each grid of a diagnosis.
-KEPT = 12
+# Kept whitenings: one for each scale of the declared errors (up to four), each grid (four) and each analyser that is tried (three).
+KEPT = 64
 
 
 class Sizes(NamedTuple):

@@ -201,7 +201,7 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
         first = _without_outliers(fit, first.best.fit, progress) or first
     declared = likeliest(first, progress)
     judgement = declared.judgement
-    left = None if judgement.stands else remainder(judgement.base, judgement.best.fit)
+    left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit)
     findings = _findings(fit, declared, left)
     return _concluded(judgement, findings, left)
 
@@ -230,29 +230,31 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     base, belief = judgement.base, judgement.belief
     accurate = base.measurement.accuracy_percent is not None and base.explained
     named = () if accurate or not judgement.stands else judgement.named
-    best = judgement.model.fit if judgement.stands else judgement.best.fit
+    best = judgement.model if judgement.stands else judgement.closest
     families = tuple((name, *belief.families[name])[:LARGEST_FAMILY] for name in named if belief.families[name])
     verdict = _verdict(judgement, named, families, findings, left)
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
-    validation: JsonDict = {} if best is base else cross_validated(best).gain_over(cross_validated(base))
+    validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
-        rivals = [one.fit for one in sorted(singles, key=lambda one: -one.score)[:3]]
-        following = next_measurement(base, rivals)
+        # Nothing is believed, so what describes the data best comes first.
+        singles.sort(key=lambda one: one.fit.rms_error_percent)
+        following = next_measurement(base, [one.fit for one in singles[:3]])
     else:
-        following = next_measurement(best if named else base, judgement.rivals() if named else [])
+        singles.sort(key=lambda one: (-round(probabilities[one.effect], 6), -one.score))
+        following = next_measurement(best.fit if named else base, judgement.rivals() if named else [])
     return Diagnosis(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
         families=families if verdict not in ("unexplained", "data") else (),
         confidence=_confidence(judgement, verdict, named, families, findings),
         base=base,
-        best=base if verdict == "adequate" else best,
-        candidates=tuple(sorted(singles, key=lambda one: (-round(probabilities[one.effect], 6), -one.score))),
+        best=base if verdict == "adequate" else best.fit,
+        candidates=tuple(singles),
         probabilities=probabilities,
         posterior=belief.posterior,
-        steps=(base,) if verdict == "adequate" else judgement.steps(),
+        steps=(base,) if verdict == "adequate" else judgement.steps(best),
         where=compare(base).where,
         findings=findings,
         following=following,
@@ -291,19 +293,20 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
 
 
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:
-    base, best = judgement.base, judgement.best.fit
+    base, closest = judgement.base, judgement.closest
     if verdict in ("unexplained", "data"):
         tried = len(possible_effects(base))
-        spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(best).where[:3]) or "spread over both sweeps"
-        left = best.unexplained_percent
+        spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
+        left = closest.fit.unexplained_percent
         return [
             f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %) and none of "
             f"{tried} effects, nor two of them together, explains it",
-            f"closest: {' + '.join(judgement.best.added) or 'none'}, which leaves {best.rms_error_percent:.3g} %, {left['value']:.2g} % of it "
-            f"undescribed ({spans})",
+            f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %, {left['value']:.2g} % of it "
+            f"undescribed ({spans or 'spread over both sweeps'})",
         ]
     if not named:
         return _reasons_of_none(judgement, verdict)
+    best = judgement.best.fit
     left = best.unexplained_percent
     rest = f"; {left['value']:.2g} % stays undescribed" if left["value"] else ""
     said = [

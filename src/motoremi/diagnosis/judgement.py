@@ -77,6 +77,11 @@ class Judgement:
         """Whether it stands at all."""
         return self.standing != "not"
 
+    @cached_property
+    def closest(self) -> Candidate:
+        """The one whose circuit errs least: what to show where none stands, since there the likeliest may lean on the analyser's errors."""
+        return min(self.found.values(), key=lambda one: one.fit.rms_error_percent)
+
     @property
     def gain(self) -> float:
         """Log odds of the likeliest model against the base."""
@@ -91,10 +96,10 @@ class Judgement:
             fits += [self.found[key].fit for name in family if (key := tuple(sorted((*rest, name)))) in self.found]
         return fits if len(fits) > 1 else []
 
-    def steps(self) -> tuple[Fit, ...]:
-        """From the base to the likeliest model, one effect at a time as far as such models were found."""
+    def steps(self, last: Candidate) -> tuple[Fit, ...]:
+        """From the base to a model, one effect at a time as far as such models were found."""
         path = [self.base]
-        left: list[str] = list(self.best.added)
+        left: list[str] = list(last.added)
         taken: Effects = ()
         while len(left) > 1:
             nexts = [(self.found[key].score, name) for name in left if (key := tuple(sorted((*taken, name)))) in self.found]
@@ -104,7 +109,7 @@ class Judgement:
             taken = (*taken, name)
             left.remove(name)
             path.append(self.found[tuple(sorted(taken))].fit)
-        return (*path, self.best.fit) if self.best.added else (self.base,)
+        return (*path, last.fit) if last.added else (self.base,)
 
 
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:
