@@ -208,7 +208,10 @@ def test_plots_hold_what_they_promise(session):
         (plots.sweeps_figure(base, last), ("with insulation-leakage@Cf", "150 k", "30 M", "phase (deg)")),
         (plots.comparison_figure(comparison), ("FAIL", "fails", "tolerance 0.05 %")),
         (plots.training_figure(base), ("best so far", "noise and analyser would leave")),
-        (plots.ladder_figure((base, last)), (f"{base.rms_error_percent:.3g} %", f"{last.rms_error_percent:.3g} %", "noise and analyser would leave")),
+        (
+            plots.ladder_figure((base, last)),
+            (f"{base.rms_error_percent:.3g} %", f"{last.rms_error_percent:.3g} %", "noise and analyser would leave"),
+        ),
         (plots.spectrum_figure(current.spectra), ("peak, 9 kHz", "overloaded")),
     ):
         drawn = plots.to_svg(figure, "x")
