@@ -90,7 +90,7 @@ class Columns:
         for part in parts:
             frequency = part.frequency_hz[part.chosen]
             quiet = smoothed(part.impedance_ohm)
-            turning = slope(part.frequency_hz, quiet)[part.chosen]
+            turning = slope(part.frequency_hz, part.impedance_ohm, float(np.median(part.noise.sigma)))[part.chosen]
             wander = part.noise.correlated * smooth_basis(frequency, WANDERING) if part.noise.correlated else np.zeros((frequency.size, 0))
             drift = np.zeros((frequency.size, 0)) if part.noise.drift is None else part.noise.drift[part.chosen, None] / np.sqrt(2)
             known.append(np.concatenate([wander, drift], axis=1))
@@ -183,7 +183,9 @@ def _directions(columns: ComplexArray, least: float) -> tuple[ComplexArray, Floa
         return vectors[:, keep], variances[keep]
     variances, vectors = np.linalg.eigh(columns.conj().T @ columns)
     keep = variances > max(least, 1e-14 * float(variances[-1]))
-    return (columns @ vectors[:, keep]) / np.sqrt(variances[keep]), variances[keep]
+    # Of small ones beside large ones only the largest digits are orthogonal so far; the large ones come first, since they are exact.
+    orthonormal = np.linalg.qr((columns @ vectors[:, keep])[:, ::-1] / np.sqrt(variances[keep][::-1]))[0]
+    return orthonormal, variances[keep][::-1]
 
 
 def _blocks(parts: Sequence[np.ndarray]) -> ComplexArray:

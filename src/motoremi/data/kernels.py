@@ -21,6 +21,8 @@ KNOTS_PER_LENGTH = 4
 LEAST_VARIANCE = 1e-6
 # Points over which a sweep is smoothed: a mean of so many leaves a quarter of white noise.
 SMOOTHED_POINTS = 15
+# Error of d ln Z / d ln f that does no harm: an inductance has a slope of one, a resonance one of its quality factor.
+SLOPE_ERROR = 0.3
 
 
 def matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
@@ -66,18 +68,31 @@ def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
     if impedance_ohm.size < 2 * SMOOTHED_POINTS:
         return impedance_ohm
     values = logarithm(impedance_ohm)
-    result: ComplexArray = np.exp(_mean(values.real) + 1j * _mean(values.imag))
+    result: ComplexArray = np.exp(_mean(values.real, SMOOTHED_POINTS) + 1j * _mean(values.imag, SMOOTHED_POINTS))
     return result
 
 
-def _mean(values: FloatArray) -> FloatArray:
-    """Running mean round a running straight line, so that neither ends nor slopes are bent."""
+def _mean(values: FloatArray, width: int) -> FloatArray:
+    """Running mean round a straight line from end to end, so that a slope leaves its ends where they are."""
     line = np.linspace(values[0], values[-1], values.size)
-    mean: FloatArray = line + uniform_filter1d(values - line, SMOOTHED_POINTS, mode="nearest")
+    mean: FloatArray = line + uniform_filter1d(values - line, width, mode="nearest")
     return mean
 
 
-def slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
-    """d ln Z / d ln f along a sweep."""
-    result: ComplexArray = np.gradient(logarithm(impedance_ohm), np.log(frequency_hz))
+def slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: float) -> ComplexArray:
+    """d ln Z / d ln f along a sweep, averaged over no more points than its noise asks for, so that sharp resonances keep theirs.
+
+    Parameters
+    ----------
+    sigma : float
+        White noise of ln Z.
+    """
+    step = float(np.median(np.diff(np.log(frequency_hz))))
+    # The slope over w points has a standard deviation of about sigma / (step w^1.5).
+    width = int(np.ceil((sigma / (SLOPE_ERROR * step)) ** (2 / 3)))
+    values = logarithm(impedance_ohm)
+    if width > 1:
+        width = min(width | 1, SMOOTHED_POINTS, impedance_ohm.size // 2)
+        values = _mean(values.real, width) + 1j * _mean(values.imag, width)
+    result: ComplexArray = np.gradient(values, np.log(frequency_hz))
     return result

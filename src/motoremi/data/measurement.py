@@ -73,14 +73,14 @@ class Measurement:
     @cached_property
     def noise_percent(self) -> float:
         """What random noise alone would leave of |Z_model/Z_measured - 1|, rms, were the model perfect."""
-        return self._rms_percent(noise.variance for noise in self.noise)
+        return self._rms_percent(noise.variance[noise.regular] for noise in self.noise)
 
     @cached_property
     def floor_percent(self) -> float:
         """What noise and the analyser's specification together would leave."""
         pairs = zip(self.sweeps, self.noise, strict=True)
         return self._rms_percent(
-            noise.variance + 0.5 * self.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm) ** 2 for sweep, noise in pairs
+            (noise.variance + 0.5 * self.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm) ** 2)[noise.regular] for sweep, noise in pairs
         )
 
     @property

@@ -55,6 +55,11 @@ class Noise:
     outliers: BoolArray | None = None
 
     @property
+    def regular(self) -> BoolArray:
+        """Points that do not stand out, shape (n,)."""
+        return np.ones(self.sigma.size, dtype=np.bool_) if self.outliers is None else ~self.outliers
+
+    @property
     def variance(self) -> FloatArray:
         """Of the real and of the imaginary part each, everything together, shape (n,)."""
         drift = 0.0 if self.drift is None else 0.5 * np.abs(self.drift) ** 2

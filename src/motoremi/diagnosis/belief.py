@@ -116,7 +116,8 @@ def _agrees(key: list[str], places: list[set[str]]) -> bool:
 def stands(base: Fit, best: Fit) -> Standing:
     """Whether a model leaves so little that it can be called the motor's."""
     left = best.unexplained_percent["value"]
-    if best.explained:
+    # Where only an analyser far beyond its specification is asked for, that is what is wrong, and the findings say so.
+    if best.explained or best.marginal.nothing_left >= 0.5:
         return "explained"
     if left <= SLIGHT_SHARE * best.floor_percent:
         return "slight"

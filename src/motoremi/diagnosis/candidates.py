@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.model.parameter import Parameter
 from motoremi.quantities import show
@@ -22,8 +22,6 @@ Effects = tuple[str, ...]
 PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
-# The analyser's errors went farther than any of a dozen within specification does by chance, or twice the specification explains.
-BEYOND_SIGMA = 6.0
 # A lead's resistance below a milliohm is none at all.
 _SOFT = frozenset({"resistance_ohm"})
 

@@ -30,6 +30,8 @@ from motoremi.quantities import show_band
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
 MOST_PAIRS = 12
 MOST_POLES = 2 * MOST_PAIRS + 1
+# Points of a sweep that are used: more add nothing to what 25 poles can draw.
+POINTS = 401
 # Orders that may fail to improve in a row before the search ends.
 PATIENCE = 2
 # Chi-squared per degree of freedom beyond which the data are not those of a fixed linear circuit. Noise from three repeats is known to
@@ -165,7 +167,8 @@ class CausalCheck:
     def _disproves(self, termination: str) -> bool:
         model = self.models[termination]
         better = model.noise_multiple < self.reached.get(termination, np.inf)
-        return not model.describes_the_data and (model.only_outliers or better)
+        # A search that ended for want of poles shows nothing either: a machine has more resonances than that.
+        return not model.describes_the_data and (model.only_outliers or (better and model.order < MOST_POLES))
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -265,7 +268,7 @@ class _Task:
 
 
 def _fitted(measurement: Measurement) -> CausalModel:
-    seen = observed(measurement, None, "likelihood", np.inf)
+    seen = observed(measurement, POINTS, "likelihood", np.inf)
     sweep = seen.sweeps[0]
     measured: ComplexArray = sweep.measured
     reference = float(np.exp(np.mean(np.log(np.abs(measured)))))

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, Analyser
-from motoremi.diagnosis.candidates import BEYOND_SIGMA
 from motoremi.diagnosis.explore import Budget
 from motoremi.diagnosis.judgement import Judgement, judge
-from motoremi.fitting.result import Fit, summarise
+from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 
 # Log odds beyond which the data deny the declared analyser. Wrong declarations were denied by 43 to 87; but a network analyser's wide errors

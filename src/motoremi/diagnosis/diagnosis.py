@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.belief import RELIABLE
-from motoremi.diagnosis.candidates import BEYOND_SIGMA, Candidate, possible_effects
+from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
@@ -20,7 +20,7 @@ from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.fit import fit as fit_again
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
 from motoremi.spread import one_blas_thread
@@ -301,8 +301,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         return [
             f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %) and none of "
             f"{tried} effects, nor two of them together, explains it",
-            f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %, {left['value']:.2g} % of it "
-            f"undescribed ({spans or 'spread over both sweeps'})",
+            f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
+            f"{left['value']:.2g} % ({spans or 'spread over both sweeps'})",
         ]
     if not named:
         return _reasons_of_none(judgement, verdict)

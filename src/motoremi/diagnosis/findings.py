@@ -8,9 +8,8 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
-from motoremi.diagnosis.candidates import BEYOND_SIGMA
 from motoremi.diagnosis.remainder import Remainder
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.quantities import show
 
 # Drift and correlated noise of so many times the white noise could pass for an effect.

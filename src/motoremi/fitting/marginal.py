@@ -22,7 +22,7 @@ NOTHING_LEFT = float(DISCREPANCIES[2])
 # Sizes that are this many steps of the grid apart are solved alike.
 NEAR = 1
 # No parameter moves further than this from one size to the next (logarithms of parameters): beyond, the objective is not quadratic.
-FARTHEST = 1.0
+FARTHEST = 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from motoremi.data.kernels import smoothed
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import MINIMUM_POINTS
 
-Weights = Literal["likelihood", "log"]
+Weights = Literal["likelihood", "log", "relative"]
 # Of a point that stands out, where all others have one.
 OUT_OF_SIGHT = 1e3
 

@@ -114,9 +114,9 @@ class Problem:
         Use about this many points a sweep.
     highest_hz : float
         Use points up to here only.
-    weights : {"likelihood", "log"}
+    weights : {"likelihood", "log", "relative"}
         `likelihood`: over the noise, all else marginalised. `log`: every point alike and an ideal analyser, which is smooth far from
-        the solution and is where searches start.
+        the solution and is where searches start. `relative`: the same for 1 - Z_model / Z_measured, the error that is shown.
     sizes : Sizes
         Of what no model describes, and of the analyser's errors against those declared.
 
@@ -178,7 +178,7 @@ class Problem:
         """
         paper = {p.name for p in BASE_PARAMETERS}
         precision, centre = np.zeros(len(self.unknowns)), np.zeros(len(self.unknowns))
-        if self.weights == "log":  # no noise, so nothing to weigh a prior against
+        if self.weights != "likelihood":  # no noise, so nothing to weigh a prior against
             return precision, centre
         for index, parameter in enumerate(self.unknowns):
             if parameter.sigma is not None:
@@ -273,11 +273,13 @@ class Problem:
         return self._whitening
 
     def residual(self, u: FloatArray) -> ComplexArray:
-        """What the likelihood judges, relative to Z, shape (..., n)."""
-        if not self._by_reflection:
+        """What is judged, relative to Z, shape (..., n)."""
+        if not self._by_reflection and self.weights != "relative":
             return self.deviation(u)
         with np.errstate(all="ignore"):
             model = self._tape.impedance(self.observed.s, self.physical(u))
+            if self.weights == "relative":
+                return _repaired(1 - model / self.observed.measured, 1e3)
             found = self._to_relative * (reflection_of(self.observed.measured) - reflection_of(model))
         return _repaired(found, 1e3)
 
@@ -312,6 +314,9 @@ class Problem:
 
     def _residual_and_slope(self, model: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """The residual, and its derivative for the model's impedance."""
+        if self.weights == "relative":
+            share = 1 / self.observed.measured
+            return 1 - model * share, -share + 0 * model
         if not self._by_reflection:
             inverse = 1 / model
             return _logarithm(self.observed.measured * inverse), -inverse
@@ -336,7 +341,7 @@ class Problem:
         """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation; shape (..., k)."""
         weight, jacobian = self.observed.weight, here.slopes.view(np.float64)
         turned = self.residual(u + fraction * step) - here.deviation / weight
-        turned = (turned if self._by_reflection else _wrapped(turned)) * weight
+        turned = (_wrapped(turned) if self.weights != "relative" and not self._by_reflection else turned) * weight
         along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
         second = (2 / fraction) * (turned / fraction - along_step)
         pull = _product(jacobian, second.view(np.float64)) - _product(here.along, self._along(second))
@@ -374,7 +379,7 @@ class Problem:
 
     def analyser_sigma(self, u: FloatArray) -> float:
         """How far the analyser's errors had to go, in standard deviations of what was declared: the farthest of them."""
-        if self.measurement.analyser.ideal or self.weights == "log":
+        if self.measurement.analyser.ideal or self.weights != "likelihood":
             return 0.0
         declared = np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
         residuals = float(np.max(np.abs(u[declared]), initial=0.0))
@@ -386,7 +391,7 @@ class Problem:
 
     def less_allowed_error(self, u: FloatArray) -> ComplexArray:
         """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows."""
-        if self.measurement.analyser.ideal or self.weights == "log":
+        if self.measurement.analyser.ideal or self.weights != "likelihood":
             return self.deviation(u)
         declared = np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
         allowed = np.where(declared, np.clip(u, -ALLOWED, ALLOWED), u)

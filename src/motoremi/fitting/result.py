@@ -17,7 +17,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
-from motoremi.fitting.search import Found, Solution, Task
+from motoremi.fitting.search import PLAIN, Found, Solution, Task
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import Motor, dc_motor
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
+# The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
+BEYOND_SIGMA = 6.0
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_SHARE = 1e-3
 
@@ -124,16 +126,21 @@ class Fit:
         unit = self.problem.discrepancy_percent
         low, value, high = (unit * self.marginal.quantile(share) for share in (0.025, 0.5, 0.975))
         nothing = unit * NOTHING_LEFT
-        if value > self.corrected_error_percent:
-            # A sharp feature needs a large process to be smooth enough; what is there to be seen is the error itself.
+        if value > self.corrected_error_percent or self.sizes.discrepancy >= PLAIN:
+            # Where the circuit has the least relative error instead, or a sharp feature asks for a large process, the error itself is it.
             low, value, high = (self.corrected_error_percent / value * limit for limit in (low, value, high))
+        if self.analyser_sigma > BEYOND_SIGMA:
+            # What only an analyser beyond its specification could have done is described by nothing either.
+            beyond = float(np.sqrt(max(self.corrected_error_percent**2 - self.noise_percent**2, 0.0)))
+            value, high = max(value, beyond), max(high, beyond)
         return {"value": 0.0 if value <= nothing else value, "low": 0.0 if low <= nothing else low, "high": high}
 
     @cached_property
     def explained(self) -> bool:
         """Whether the circuit describes the motor as well as is asked for, or as well as these data can tell."""
         left = self.unexplained_percent
-        return bool(self.marginal.nothing_left >= 0.5 or left["value"] <= self.measurement.good_enough_percent)
+        nothing = self.marginal.nothing_left >= 0.5 and self.analyser_sigma <= BEYOND_SIGMA
+        return bool(nothing or left["value"] <= self.measurement.good_enough_percent)
 
     @cached_property
     def linearised(self) -> Linearised:
@@ -322,7 +329,7 @@ class Fit:
             return rest
         return (
             f"with the analyser's likely error taken off {self.corrected_error_percent:.3g} % "
-            f"({self.analyser_sigma:.1f} sigma of a {self.measurement.analyser.name}); {rest}"
+            f"({self.analyser_sigma:.1f} sigma of what is declared); {rest}"
         )
 
     def _repr_html_(self) -> str:

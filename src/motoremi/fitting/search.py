@@ -56,6 +56,10 @@ class Task:
     bounds: Mapping[str, tuple[float, float]]
     held: Mapping[str, float]
 
+    def relative(self) -> Problem:
+        """The relative error over all points."""
+        return Problem(self.motor, self.measurement, self.bounds, self.held, weights="relative")
+
     def thinned(self, points: int | None, highest_hz: float = np.inf) -> Problem:
         """The search problem on about `points` points a sweep."""
         return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
@@ -170,8 +174,9 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
 
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
     """The same with the circuit that has the least relative error over all points, an ideal analyser taken for granted."""
-    problem = task.thinned(None)
-    ends = polish(problem, problem.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
+    logarithmic, problem = task.thinned(None), task.relative()
+    near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
+    ends = polish(problem, near.distinct(3), iterations=100, precision=ROUGH)
     values = problem.named(ends.u[ends.best])
     converged = bool(ends.converged[ends.best])
     likelihood = task.likelihood(None, solution.sizes)
