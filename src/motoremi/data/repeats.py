@@ -23,11 +23,12 @@ MOST_CORRELATED = 100.0
 
 
 def contrasts(relative: ComplexArray) -> ComplexArray:
-    """Orthonormal contrasts of repeats of shape (R, n), the first of them linear in their order; shape (R - 1, n)."""
+    """Orthonormal contrasts of repeats of shape (R, n), the first of them rising with their order; shape (R - 1, n)."""
     repeats = len(relative)
     order = np.vander(np.arange(repeats) - (repeats - 1) / 2, repeats, increasing=True)
     orthonormal = np.linalg.qr(order)[0][:, 1:]
-    result: ComplexArray = orthonormal.T @ relative
+    # The decomposition leaves their signs open.
+    result: ComplexArray = (orthonormal * np.sign(orthonormal[-1])).T @ relative
     return result
 
 
