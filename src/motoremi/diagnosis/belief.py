@@ -86,7 +86,7 @@ def believe(found: Mapping[Key, M]) -> Belief:
         return Belief((), {}, max(posterior[()], 0.5), posterior)
     families = {effect: _rivals(best, effect, posterior) for effect in found[best].added}
     # A set that holds the named one, with an idle effect more, does not contradict it.
-    places = [{effect, *rivals} for effect, rivals in families.items()]
+    places = [{effect, *families[effect]} for effect in found[best].added]
     agreeing = sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
     return Belief(found[best].added, families, agreeing, posterior)
 
