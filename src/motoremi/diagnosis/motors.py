@@ -41,12 +41,13 @@ class MotorBoard:
         return self._raced(fit, trails, LOOK_BESIDE if beside else LOOK, progress=progress)
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
-        """Those that show where the effect does, in its place."""
+        """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""
         under = self._without(model.fit, effect)
         place = seen_in(under, effect)
-        names = [name for name in possible_effects(under) if name != effect and seen_in(under, name) == place]
-        trails = {(*under.effects, name): trail_to(under, name, near=_near(model.fit, under)) for name in names}
-        alike = [key for key in trails if _alike(key[-1], effect)]
+        names = [name for name in possible_effects(under) if seen_in(under, name) == place]
+        near = _near(model.fit, under)
+        trails = {(*under.effects, name): trail_to(under, name, near=None if name == effect else near) for name in names}
+        alike = [key for key in trails if key[-1] == effect or _alike(key[-1], effect)]
         return self._raced(under, trails, LOOK_NEAR, kept=alike)
 
     def dropped(self, model: Candidate, effect: str) -> Candidate:
