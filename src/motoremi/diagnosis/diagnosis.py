@@ -270,7 +270,8 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
         about_data = left is not None and left.about_the_data
         return "data" if about_data or serious & {"sweeps-disagree", "interference", "drift", "correlated-noise"} else "unexplained"
     if not named:
-        return "instrument" if judgement.model.fit.analyser_sigma > BEYOND_SIGMA else "adequate"
+        accurate = judgement.base.measurement.accuracy_percent is not None and judgement.base.explained
+        return "instrument" if judgement.model.fit.analyser_sigma > BEYOND_SIGMA and not accurate else "adequate"
     groups = [{find_effect(name).effect.group for name in (effect, *judgement.belief.families[effect])} for effect in named]
     if all(group == {"instrument"} for group in groups):
         return "instrument"
