@@ -21,6 +21,7 @@ from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
+from motoremi.fitting.search import Task, arrived_on_all
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
 from motoremi.spread import one_blas_thread
@@ -32,6 +33,8 @@ Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument
 
 # More names than these tell nobody anything; what the others would add is taken off the confidence.
 LARGEST_FAMILY = 6
+# How often points that stand out are looked for, each time without those found before.
+LOOKS = 3
 # Sets of effects that are listed.
 LISTED = 12
 
@@ -207,14 +210,27 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judgement | None:
-    """The judgement without single points that nothing smooth explains, if a model sees such points and without them one leaves nothing."""
-    points = outlying(seen_by)
-    if not points:
+    """The judgement without single points that nothing smooth explains.
+
+    None if the model sees no such points, if no model leaves nothing without them, or if the one that does describes them as well: what stood
+    out was then what the first model lacked.
+    """
+    base, quiet = seen_by, fit.measurement
+    # A second look from the bare circuit finds what the worst points hid; from a model with effects it would see what the bare one lacks.
+    for _ in range(LOOKS if seen_by is fit else 1):
+        points = outlying(base)
+        if not points:
+            break
+        quiet = quiet.with_outliers(points)
+        base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
+    if quiet is fit.measurement:
         return None
-    quiet = fit.measurement.with_outliers(points)
-    base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
     found = judge(base, progress)
-    return found if found.stands and found.model.done else None
+    if not (found.stands and found.model.done):
+        return None
+    model = found.model.fit
+    everything = arrived_on_all(Task(model.motor, fit.measurement, model.bounds, model.held), [{**model.parameters, **model.nuisance}])
+    return None if everything.marginal.nothing_left >= 0.5 else found
 
 
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
