@@ -167,9 +167,11 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
     solution = arrive(task, starts, sizes=sizes)
     if solution.sizes.discrepancy >= PLAIN or solution.sizes.declared >= ABSORBING:
         return least_relative(task, solution, starts)
-    problem = task.likelihood(None, solution.sizes)
+    # The likeliest pair may be the neighbour of the one at which the search settled.
+    sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
+    problem = task.likelihood(None, sizes)
     u, evaluations = sharpened(problem, problem.vector(solution.values))
-    return dataclasses.replace(solution, values=problem.named(u), evaluations=solution.evaluations + evaluations)
+    return dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
 
 
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
