@@ -30,8 +30,6 @@ from motoremi.quantities import show_band
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
 MOST_PAIRS = 12
 MOST_POLES = 2 * MOST_PAIRS + 1
-# Missing poles leave something all over a sweep; sweeps put together, steps and bands that were changed leave it in their place.
-EVERYWHERE = 0.6
 # Points of a sweep that are used: more add nothing to what 25 poles can draw.
 POINTS = 401
 # Orders that may fail to improve in a row before the search ends.
@@ -95,7 +93,6 @@ class CausalModel:
     rms_error_percent: float
     passive: bool
     remainder_hz: tuple[tuple[float, float], ...]
-    remainder_share: float
     outliers_hz: tuple[float, ...]
 
     @property
@@ -111,7 +108,7 @@ class CausalModel:
     @property
     def wants_poles(self) -> bool:
         """Whether the search ended for want of poles, which shows nothing: a machine may have more resonances than that."""
-        return self.order >= MOST_POLES and self.remainder_share > EVERYWHERE
+        return self.order >= MOST_POLES
 
     @property
     def only_outliers(self) -> bool:
@@ -324,7 +321,6 @@ def _fitted(measurement: Measurement) -> CausalModel:
         rms_error_percent=float(100 * np.sqrt(np.mean(np.abs(np.exp(-left) - 1) ** 2))),
         passive=bool(np.all(impedance.real >= -NEGATIVE * uncertainty * np.abs(impedance))),
         remainder_hz=tuple((low, high) for low, high in spans_of(sweep.frequency_hz, smoothed(white) > REMAINDER)),
-        remainder_share=float(np.mean(smoothed(white) > REMAINDER)),
         outliers_hz=tuple(float(f) for f in sweep.frequency_hz[outlying]),
     )
 
