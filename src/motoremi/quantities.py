@@ -69,3 +69,8 @@ def show(value: float, unit: str, digits: int = 4) -> str:
 def show_band(low_hz: float, high_hz: float) -> str:
     """Write a frequency span: `150 kHz - 30 MHz`."""
     return f"{show(low_hz, 'Hz')} - {show(high_hz, 'Hz')}"
+
+
+def error_bar(value: float, sigma: float) -> str:
+    """A standard deviation relative to its value, as text."""
+    return f"± {100 * sigma / abs(value):.2g} % (1 sigma)"

@@ -193,8 +193,7 @@ def fit_(
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.diagnosis.following import next_measurement
-    from motoremi.quantities import show
-    from motoremi.report.words import error_bar
+    from motoremi.quantities import error_bar, show
     from motoremi.workflow import fit_session, model_of, opened
 
     bounds = dict(_bound(text) for text in bound or [])

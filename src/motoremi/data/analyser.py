@@ -17,10 +17,10 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.kernels import Parts, smooth_basis
 from motoremi.errors import BadInput
 
-# Prior of the factor by which the declared sizes must be multiplied. Of the hard board's analysers that were declared truly, one in five
-# erred by twice its specification; eight times less often by four times.
+# Prior of the factor by which the declared sizes must be multiplied: an analyser is as good as its specification three times in four.
+# An assumption; unconfirmed.
 DECLARED: Mapping[float, float] = {1.0: 0.75, 2.0: 0.17, 4.0: 0.08}
-# An analyser that nobody named may be as good as a 4294A and as poor as a bridge of 3 %.
+# An analyser that nobody named may be as good as a 4294A and as poor as a bridge of 3 %. An assumption; unconfirmed.
 UNKNOWN: Mapping[float, float] = {1.0: 0.4, 3.0: 0.3, 10.0: 0.2, 30.0: 0.1}
 # Impedance against which a network analyser measures, in ohm.
 REFERENCE_OHM = 50.0
@@ -89,11 +89,6 @@ class Analyser:
     def by_reflection(self) -> bool:
         """Whether it measures the reflection coefficient."""
         return bool(self.reflection_sigma)
-
-    @property
-    def compensated(self) -> bool:
-        """Whether the fixture was compensated."""
-        return self.fixture is None
 
     def compensated_here(self) -> Analyser:
         """The same analyser with its fixture compensated."""
@@ -166,7 +161,7 @@ ANALYSERS = (
     Analyser(
         name="nanovna",
         title="NanoVNA, impedance from S11, calibrated at its connector, the fixture not compensated",
-        source="residuals of -54, -50 and -46 dB as users report after a careful calibration, a fixture of a few centimetres; unconfirmed",
+        source="residuals of -54, -50 and -46 dB taken for a careful calibration, a fixture of a few centimetres; unconfirmed",
         gain_sigma=_zero,
         conductance_sigma_s=lambda f: np.full_like(f, 1e-6),
         capacitance_sigma_f=0.05e-12,

@@ -15,7 +15,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 
 # Share of the variance, and length in decades.
 Parts = Sequence[tuple[float, float]]
-# Knots per length of the shortest part: between them the columns are straight lines, which miss the process by less than 1 % of it.
+# Knots per length of the shortest part: between them the columns are straight lines (a test holds them against the kernel).
 KNOTS_PER_LENGTH = 4
 # Modes below this share of the largest variance are noise of the arithmetic.
 LEAST_VARIANCE = 1e-6

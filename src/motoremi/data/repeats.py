@@ -52,7 +52,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     vectors, singular, _ = np.linalg.svd(basis, full_matrices=False)
     parts = np.abs((free / sigma) @ vectors) ** 2
     rest = float(np.sum(np.abs(free / sigma) ** 2) - parts.sum())
-    count, directions = len(free), vectors.shape[1]
+    count = len(free)
     total = count * sigma.size
 
     def cost(log_ratio: float) -> tuple[float, float]:
@@ -61,12 +61,11 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
         white = (float(np.sum(parts / own)) + rest) / (2 * total)
         return float(total * np.log(white) + count * np.sum(np.log(own))), white
 
-    none = 1e-12
     scale = float(np.median(sigma)) ** 2
     found = minimize_scalar(lambda value: cost(value)[0], bounds=(np.log(1e-4 * scale), np.log(MOST_CORRELATED**2 * scale)), method="bounded")
-    white_only, factor_only = cost(np.log(none * scale))
+    white_only, factor_only = cost(-np.inf)
     # Chi-squared of one degree of freedom at its boundary: 2.7 is passed by chance once in twenty.
-    if 2 * (white_only - found.fun) < 2.7 or directions == 0:
+    if 2 * (white_only - found.fun) < 2.7:
         return 0.0, factor_only
     factor = cost(float(found.x))[1]
     return float(np.sqrt(np.exp(found.x) * factor)), factor

@@ -2,7 +2,7 @@
 
 Everything rests on one posterior over sets of effects, none among them. A set is named if it is the likeliest, unless the odds against none
 are less than 20 to 1; effects that would do as well in the place of a named one are its family. Whether a named set stands depends on what
-it leaves. How sure that is altogether, blind cases say (`RELIABLE`): the posterior knows which of the models found is meant, not what
+it leaves. How sure that is altogether, `RELIABLE` estimates: the posterior knows which of the models found is meant, not what
 search, catalogue and declaration missed.
 """
 
@@ -23,13 +23,14 @@ Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 LEAST_DOUBT = 0.05
 # Members of a family have at least this share of the best one's posterior.
 FAMILY_SHARE = 0.01
-# A set of three describes almost any curve: of 40 that were found, every second one was wrong.
+# A set of three describes almost any curve, right or wrong.
 MOST_NAMES = 2
 # What is left is slight where it is a small part of what noise and specification leave of a perfect model: it could be either.
 SLIGHT_SHARE = 0.25
 # What is left of what was left before, for a named effect to be most of the truth.
 MOSTLY = 0.25
-# How often each kind of answer was true on the boards of seeds that no figure is taken from (see docs/explanation/evidence.md).
+# How often each kind of answer is true, beyond what the posterior knows: estimates from about a hundred cases of the seeds 5 to 7, which the
+# rules were set by as well. A board of other seeds has yet to confirm them.
 RELIABLE: Mapping[str, float] = {
     "adequate": 0.97,
     "one name": 0.98,

@@ -18,7 +18,7 @@ from motoremi.quantities import show
 
 Effects = tuple[str, ...]
 
-# How many effects a motor that comes to the bench hides: half of them none; the rest as motors of the literature do.
+# How many effects a motor that comes to the bench hides: half of them none, and the more the seldomer. An assumption; unconfirmed.
 PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0

@@ -1,7 +1,7 @@
 """Whether the data are those of the analyser that was declared: they are judged under the others as well.
 
 Only where the declared one leaves something, or has to err beyond its specification, since the others cost a search each. Another one is
-taken if the data prefer it clearly and a model stands under it: a healthy declaration was never denied, a wrong one by 43 to 87 nats.
+taken if the data prefer it clearly and a model stands under it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from motoremi.diagnosis.judgement import Judgement, judge
 from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 
-# Log odds beyond which the data deny the declared analyser. Wrong declarations were denied by 43 to 87; but a network analyser's wide errors
-# can also take up a part of what two effects leave.
+# Log odds beyond which the data deny the declared analyser. In trials before this, wrong declarations were denied by 43 to 87 and true ones never;
+# but a network analyser's wide errors can also take up a part of what two effects leave.
 TAKEN = 20.0
 # A first search under another analyser: if neither none nor one effect comes near, neither will two.
 GLANCE = Budget(most_effects=1)
@@ -53,11 +53,10 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
     """
     if first.standing == "explained" and first.model.fit.analyser_sigma <= BEYOND_SIGMA:
         return Declared(first)
-    others = hypotheses(first.base.measurement.analyser)
+    refitted = [(_refitted(first.base, other), _refitted(first.best.fit, other)) for other in hypotheses(first.base.measurement.analyser)]
     # The bare circuit and the likeliest model each say which analyser they would rather have.
-    tried = sorted(others, key=lambda other: -max(_refitted(fit, other).log_evidence for fit in (first.base, first.best.fit)))
-    for analyser in tried[:MOST_TRIED]:
-        base = _refitted(first.base, analyser)
+    tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
+    for base, _ in tried[:MOST_TRIED]:
         other = judge(base, progress, GLANCE)
         if other.best.score < first.best.score + TAKEN and not other.stands:
             continue
@@ -65,7 +64,7 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
             other = judge(base, progress)
         odds = other.best.score - first.best.score
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
-            return Declared(other, analyser, float(odds))
+            return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
 
 

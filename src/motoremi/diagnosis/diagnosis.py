@@ -244,8 +244,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
 def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None) -> Diagnosis:
     """The diagnosis that a judgement leads to."""
     base, belief = judgement.base, judgement.belief
-    accurate = base.measurement.accuracy_percent is not None and base.explained
-    named = () if accurate or not judgement.stands else judgement.named
+    named = () if judgement.accurate or not judgement.stands else judgement.named
     best = judgement.model if judgement.stands else judgement.closest
     families = tuple((name, *belief.families[name])[:LARGEST_FAMILY] for name in named if belief.families[name])
     verdict = _verdict(judgement, named, families, findings, left)
@@ -286,8 +285,7 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
         about_data = left is not None and left.about_the_data
         return "data" if about_data or serious & {"sweeps-disagree", "interference", "drift", "correlated-noise"} else "unexplained"
     if not named:
-        accurate = judgement.base.measurement.accuracy_percent is not None and judgement.base.explained
-        return "instrument" if judgement.model.fit.analyser_sigma > BEYOND_SIGMA and not accurate else "adequate"
+        return "instrument" if judgement.model.fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate else "adequate"
     groups = [{find_effect(name).effect.group for name in (effect, *judgement.belief.families[effect])} for effect in named]
     if all(group == {"instrument"} for group in groups):
         return "instrument"

@@ -8,6 +8,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
+from motoremi.diagnosis.judgement import ALLOWED_SIGMA
 from motoremi.diagnosis.remainder import Remainder
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.quantities import show
@@ -18,8 +19,6 @@ COULD_PASS = 3.0
 SEEN = 4.0
 # Fewer points than these a sweep cannot carry seven elements and a doubt.
 FEW_POINTS = 30
-# What the analyser's errors need beyond its specification is worth telling from here: three standard deviations are the specification.
-ALLOWED_SIGMA = 4.0
 
 
 @dataclass(frozen=True)

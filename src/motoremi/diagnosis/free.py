@@ -45,7 +45,6 @@ def promise(fit: Fit, element: str) -> float:
     """The objective that a look at the model with one element free to vary smoothly ends at: a few steps on a few points.
 
     Where much is left every point counts alike; else the likelihood tells, without a discrepancy, which would take what the element would.
-    Of 35 hidden effects, 32 lay in the element that is named first so or in one in series with it; the others were as good as level with it.
     """
     task = _free_task(fit, element, False)
     problem = task.thinned(GLANCE_POINTS) if fit.sizes.discrepancy >= MUCH else task.likelihood(GLANCE_POINTS)

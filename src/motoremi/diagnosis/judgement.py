@@ -14,9 +14,11 @@ from motoremi.diagnosis.motors import MotorBoard
 from motoremi.fitting.result import Fit
 
 BUDGET = Budget()
-# What a named effect must take away of what is left, or of how far the analyser's errors had to go beyond four standard deviations; odds of
-# e^60 need no further reason.
-HALF, RELIEF, ALLOWED_SIGMA = 0.5, 0.6, 4.0
+# Three standard deviations are the analyser's specification; from here it is worth telling that more is needed.
+ALLOWED_SIGMA = 4.0
+# What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far; odds of e^60 need
+# no further reason. Below those odds what lies beyond the catalogue's ranges, or beside it, may be meant.
+HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
 
 
@@ -76,6 +78,11 @@ class Judgement:
     def stands(self) -> bool:
         """Whether it stands at all."""
         return self.standing != "not"
+
+    @property
+    def accurate(self) -> bool:
+        """Whether the base is as good as the accuracy that the owner of the data stated."""
+        return self.base.measurement.accuracy_percent is not None and self.base.explained
 
     @cached_property
     def closest(self) -> Candidate:

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
-from motoremi.fitting.fit import told, trail_to
+from motoremi.fitting.fit import task_without, told, trail_to
 from motoremi.fitting.race import LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, race
 from motoremi.fitting.result import Fit
-from motoremi.model.effects import add_effects, find_effect
-from motoremi.model.motor import dc_motor
+from motoremi.model.effects import find_effect
 from motoremi.spread import spread
 
 # Models that end this far behind the best of a race, in log evidence on a few points, are not refitted on all.
@@ -60,18 +59,16 @@ class MotorBoard:
 
     def _without(self, fit: Fit, effect: str) -> Fit:
         """A fit's values with an effect taken out of the model, not refitted: where to look from, and as much left as in the base."""
-        kept = list(fit.effects)
-        del kept[len(kept) - 1 - kept[::-1].index(effect)]
-        motor = add_effects(dc_motor(), kept)
-        names = {parameter.name for parameter in motor.parameters}
+        task = task_without(fit, effect)
+        names = {parameter.name for parameter in task.motor.parameters}
         return dataclasses.replace(
             fit,
-            motor=motor,
+            motor=task.motor,
             sizes=self._base.sizes,
             parameters={name: value for name, value in fit.parameters.items() if name in names},
             search_parameters={name: value for name, value in fit.search_parameters.items() if name in names},
-            held={name: value for name, value in fit.held.items() if name in names},
-            bounds={name: value for name, value in fit.bounds.items() if name in names},
+            held=task.held,
+            bounds=task.bounds,
         )
 
     def _raced(
@@ -87,7 +84,7 @@ class MotorBoard:
         if not solutions:
             return []
         top = max(solution.log_evidence for solution in solutions.values())
-        near = [key for key, solution in solutions.items() if solution.log_evidence >= top - BEHIND or solution is next(iter(solutions.values()))]
+        near = [key for key, solution in solutions.items() if solution.log_evidence >= top - BEHIND]
         fits = spread(lambda key: told(trails[key], solutions[key], before), near)
         return [candidate(fit, self._base) for fit in fits]
 

@@ -215,18 +215,24 @@ def refit_without(before: Fit, effect: str | None = None, thorough: bool = True)
     return followed(trail, before, thorough)
 
 
-def trail_without(before: Fit, gone: str) -> Trail:
-    """Where to look for a fit with one effect less."""
+def task_without(before: Fit, gone: str) -> Task:
+    """What a fit with one effect less has to fit: without the last of that name."""
     kept = list(before.effects)
     del kept[len(kept) - 1 - kept[::-1].index(gone)]
     motor = add_effects(dc_motor(), kept)
     names = {p.name for p in motor.parameters}
-    task = Task(
+    return Task(
         motor,
         before.measurement,
         {name: b for name, b in before.bounds.items() if name in names},
         {name: value for name, value in before.held.items() if name in names},
     )
+
+
+def trail_without(before: Fit, gone: str) -> Trail:
+    """Where to look for a fit with one effect less."""
+    task = task_without(before, gone)
+    names = {p.name for p in task.motor.parameters}
     own = {name: value for name, value in before.parameters.items() if name in names}
     bases = [own, *({**own, **base} for base in base_starts(own, before.measurement, few=False))]
     # With one effect less, more is left than now: how much is not known.

@@ -13,10 +13,12 @@ from scipy.special import logsumexp
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.covariance import Sizes
-from motoremi.fitting.problem import Problem
+from motoremi.fitting.problem import AS_DECLARED, Problem
 
 # Relative size of what no model describes, evenly likely in its logarithm: nothing (far below any noise), then three to a decade.
-DISCREPANCIES: FloatArray = np.concatenate([[3e-8], np.geomspace(3e-5, 1.4, 15)])
+DISCREPANCIES: FloatArray = np.concatenate([[AS_DECLARED.discrepancy], np.geomspace(3e-5, 1.4, 15)])
+# The smallest that is more than nothing, and as good as that for a search.
+SMALLEST = float(DISCREPANCIES[1])
 # Below this, nothing is left to describe that any analyser would show.
 NOTHING_LEFT = float(DISCREPANCIES[2])
 # Sizes that are this many steps of the grid apart are solved alike.

@@ -191,7 +191,7 @@ class Problem:
     def precision_at(self, declared: float) -> FloatArray:
         """Precision of the priors at another scale of the declared errors, shape (k,)."""
         ratio = (self.sizes.declared / declared) ** 2
-        return np.where([_declared(parameter) for parameter in self.unknowns], self.precision * ratio, self.precision)
+        return np.where(self._declared, self.precision * ratio, self.precision)
 
     def _penalty(self, u: FloatArray) -> FloatArray:
         total: FloatArray = (u - self.centre) ** 2 @ self.precision
@@ -360,6 +360,11 @@ class Problem:
         return slopes * np.where(self._log, values[self._varying], self._scale)[:, None]
 
     @cached_property
+    def _declared(self) -> np.ndarray:
+        """Which unknowns are errors whose size the analyser's specification declares; shape (k,), bool."""
+        return np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
+
+    @cached_property
     def own(self) -> np.ndarray:
         """Which unknowns are the motor's, not the analyser's or the fixture's; shape (k,), bool."""
         names = {parameter.name for parameter in self.motor.parameters}
@@ -381,8 +386,7 @@ class Problem:
         """How far the analyser's errors had to go, in standard deviations of what was declared: the farthest of them."""
         if self.measurement.analyser.ideal or self.weights != "likelihood":
             return 0.0
-        declared = np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
-        residuals = float(np.max(np.abs(u[declared]), initial=0.0))
+        residuals = float(np.max(np.abs(u[self._declared]), initial=0.0))
         return max(residuals, self._smooth_sigma(self.smooth_error(u)))
 
     def _smooth_sigma(self, error: ComplexArray) -> float:
@@ -393,8 +397,7 @@ class Problem:
         """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows."""
         if self.measurement.analyser.ideal or self.weights != "likelihood":
             return self.deviation(u)
-        declared = np.array([_declared(parameter) for parameter in self.unknowns], dtype=np.bool_)
-        allowed = np.where(declared, np.clip(u, -ALLOWED, ALLOWED), u)
+        allowed = np.where(self._declared, np.clip(u, -ALLOWED, ALLOWED), u)
         error = self.smooth_error(u)
         sigma = self._smooth_sigma(error)
         return self.deviation(allowed) - error * (min(1.0, ALLOWED / sigma) if sigma else 1.0)

@@ -15,9 +15,10 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, Progress
 from motoremi.data.covariance import Sizes
+from motoremi.fitting.marginal import SMALLEST
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
-from motoremi.fitting.search import CLOSE, PLAIN, ROUGH, SMALL_STEP, Solution, Task, arrive
+from motoremi.fitting.search import CLOSE, PLAIN, ROUGH, Solution, Task, arrive
 from motoremi.spread import Team
 
 Name = TypeVar("Name", bound=Hashable)
@@ -53,8 +54,8 @@ class Rounds(NamedTuple):
 ALL = 10_000
 # Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
 MOST_DECLARED = 2.0
-# A look at thirty effects, of up to thirty starts each. Of 174 trials of true effects, 171 were among the first 12 after the second round,
-# and among the first 5 after the fourth.
+# A look at thirty effects, of up to thirty starts each. Set by trial on the first cases of the blind seeds 5 and 6, where every single effect
+# arrived; by how much it could be less is not measured.
 LOOK = Rounds((Round(40, 2, ALL, ALL), Round(40, 6, 12, 20), Round(40, 12, 6, 12), Round(80, 12, 3, 8)), 5, 80)
 # The same beside an effect that is in the model already: its elements are still bent by what is missing, so starts need more steps.
 LOOK_BESIDE = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 12, 16), Round(40, 15, 6, 10), Round(80, 15, 3, 5)), 3, 80)
@@ -94,7 +95,7 @@ class Trail:
         """What the early rounds solve."""
         if self.by_likelihood:
             # A tenth of what is left: the discrepancy must not take what an effect would.
-            return self.task.likelihood(points, Sizes(max(0.1 * self.left.discrepancy, SMALL_STEP), self.left.declared))
+            return self.task.likelihood(points, Sizes(max(0.1 * self.left.discrepancy, SMALLEST), self.left.declared))
         return self.task.thinned(points)
 
 

@@ -21,7 +21,7 @@ from motoremi.fitting.search import PLAIN, Found, Solution, Task
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import Motor, dc_motor
-from motoremi.quantities import show
+from motoremi.quantities import error_bar, show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +34,7 @@ METHODS: tuple[Method, ...] = ("ant-colony", "paper")
 # The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
 BEYOND_SIGMA = 6.0
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
-LEAST_SHARE = 1e-3
+LEAST_LIKELY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +173,8 @@ class Fit:
         shares = self.marginal.of_scale
         total = np.zeros_like(self.linearised.matrix)
         for scale, share in zip(self.marginal.scales, shares, strict=True):
-            if share > LEAST_SHARE:
-                total += share / shares[shares > LEAST_SHARE].sum() * self._covariance_at(scale)
+            if share > LEAST_LIKELY:
+                total += share / shares[shares > LEAST_LIKELY].sum() * self._covariance_at(scale)
         return total
 
     def _covariance_at(self, declared: float) -> FloatArray:
@@ -304,7 +304,7 @@ class Fit:
             elif not self.determined(name):
                 bar = "not determined by these data"
             else:
-                bar = f"± {100 * self.sigma[name] / abs(value):.2g} % (1 sigma)"
+                bar = error_bar(value, self.sigma[name])
             table.append((name, show(value, units[name]), bar))
         return table + [(name, "-", "not determined: no sweep depends on it") for name in self.unseen()]
 

@@ -37,9 +37,7 @@ ROUGH = Precision(1e-7, 1e-4)
 CLOSE = Precision(0.05, 1e-4)
 # Damping to begin with close to the solution, where the linear model holds.
 WARM = 1e-6
-# A discrepancy this small is as good as none for a search.
-SMALL_STEP = 3e-5
-# Sizes are sought again so many times; nearly all are settled at the second.
+# Sizes are sought again so many times at most.
 MOST_SIZES = 5
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
@@ -186,14 +184,9 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     return dataclasses.replace(solution, values=whole, converged=converged, evaluations=solution.evaluations + ends.evaluations)
 
 
-def moved(u: FloatArray, source: Problem, target: Problem) -> FloatArray:
-    """Unknowns of one problem as those of another, shape (batch, k)."""
-    return np.array([target.vector(source.named(row)) for row in u])
-
-
 def search_base(task: Task, seed: int) -> Found:
     """The paper's circuit: start values from the data first, then rounds of ants until nothing is left or a round brings nothing more."""
-    search = task.thinned(SEARCH_POINTS)
+    search, full = task.thinned(SEARCH_POINTS), task.thinned(None)
     seeds = search.vectors(data_driven_starts(task.measurement))
     colony: Colony | None = None
     best: Solution | None = None
@@ -230,7 +223,6 @@ def search_base(task: Task, seed: int) -> Found:
         evaluations += found.evaluations
         if best is None or found.log_evidence > best.log_evidence:
             best = found
-        full = task.thinned(None)
         mean_square = float(np.mean(np.abs(full.deviation(full.vector(best.values))) ** 2))
         history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
         if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):

@@ -11,7 +11,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
-from motoremi.quantities import show, show_band
+from motoremi.quantities import error_bar, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of
 from motoremi.report.emission import emission_section
@@ -19,7 +19,7 @@ from motoremi.report.headline import spans, tolerance
 from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.parts import Materials, Section, Table, is_result, model_name
 from motoremi.report.svg import picture
-from motoremi.report.words import beside_the_error, described, error_bar, share_of_analyser, would_leave
+from motoremi.report.words import beside_the_error, described, share_of_analyser, would_leave
 
 NOISE_SOURCES = {
     "repeats": "the repeats",

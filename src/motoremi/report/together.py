@@ -13,7 +13,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.compare import bands_over, compare
 from motoremi.errors import BadInput
-from motoremi.quantities import show, show_band
+from motoremi.quantities import error_bar, show, show_band
 from motoremi.report.data import render_json
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import Line, headline
@@ -23,7 +23,7 @@ from motoremi.report.overlay import LOOKS, Change, spectra_overlay, sweeps_overl
 from motoremi.report.parts import Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.pdf import can_render_pdf, render_pdf
 from motoremi.report.svg import picture
-from motoremi.report.words import error_bar, findings_of, in_words, serious_of
+from motoremi.report.words import findings_of, in_words, serious_of
 
 # As in the rest of the report: expanded uncertainty, k = 2.
 CLEAR = 2.0

@@ -88,8 +88,3 @@ def beside_the_error(fit: Fit) -> tuple[str, ...]:
     """What has to stand beside the error of a model."""
     texts = (would_leave(fit.floor_percent, fit.noise_percent), share_of_analyser(fit), f"the circuit {described(fit.unexplained_percent)}")
     return tuple(text for text in texts if text)
-
-
-def error_bar(value: float, sigma: float) -> str:
-    """A standard deviation relative to its value."""
-    return f"± {100 * sigma / abs(value):.2g} % (1 sigma)"
