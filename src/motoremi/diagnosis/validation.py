@@ -19,6 +19,8 @@ from motoremi.fitting.result import Fit
 BLOCKS = 8
 # What is left of a direction that the left-out block alone determines: rounding.
 LEAST = 1e-12
+# Of the largest eigenvalue: what is smaller is rounding.
+ROUNDING = 1e-15
 
 
 @dataclass(frozen=True)
@@ -69,25 +71,34 @@ def _inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
     # A parameter that only the left-out data determine is spread over its range.
     spread = np.where(problem.precision == 0, 12 / (problem.high - problem.low) ** 2, 0.0)
-    covariance: FloatArray = np.linalg.pinv(here.matrix + np.diag(spread), hermitian=True).astype(np.float64)
-    slopes = less_smooth(here.slopes * here.chain[:, None])
-    by_parameters = np.concatenate([slopes.real, slopes.imag], axis=1).T @ _root(covariance)
+    root = _root_of_inverse(here.matrix + np.diag(spread))
+    raw = here.slopes * here.chain[:, None]
+    slopes = less_smooth(raw)
+    by_parameters = np.concatenate([slopes.real, slopes.imag], axis=1).T @ root
     smooth = np.block([[directions.real, -directions.imag], [directions.imag, directions.real]])
-    pulled = less_smooth(here.deviation)
+    # A solution of least relative error is not the likeliest: what is left is that of the linear model at its minimum.
+    step = root @ (root.T @ here.gradient)
+    pulled = less_smooth(here.deviation - step @ raw)
     return np.concatenate([pulled.real, pulled.imag]), np.concatenate([smooth, by_parameters], axis=1)
 
 
 def _left_out(pulled: FloatArray, columns: FloatArray, block: np.ndarray) -> float:
     """Log predictive density of a block, without what is common to all models."""
     own, inside = pulled[block], columns[block]
-    # The inverse of 1 - F F' by way of the fewer columns instead of the many points.
-    values, vectors = np.linalg.eigh(np.eye(columns.shape[1]) - inside.T @ inside)
+    # The left-out block's share of P, 1 - F F', decomposed in its points or, if those are fewer, in its columns.
+    if len(own) <= inside.shape[1]:
+        values, vectors = np.linalg.eigh(np.eye(len(own)) - inside @ inside.T)
+        values = np.maximum(values, LEAST)
+        return float(-0.5 * np.sum((vectors.T @ own) ** 2 / values) + 0.5 * np.sum(np.log(values)))
+    values, vectors = np.linalg.eigh(np.eye(inside.shape[1]) - inside.T @ inside)
     values = np.maximum(values, LEAST)
     pull = vectors.T @ (inside.T @ own)
     return float(-0.5 * (own @ own + np.sum(pull**2 / values)) + 0.5 * np.sum(np.log(values)))
 
 
-def _root(covariance: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(covariance)
-    root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None))
+def _root_of_inverse(matrix: FloatArray) -> FloatArray:
+    """R with R R' the inverse of a positive matrix, shape (k, k); its unknowns may be of very different scales."""
+    scale = np.sqrt(np.diag(matrix))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    root: FloatArray = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1])) / scale[:, None]
     return root
