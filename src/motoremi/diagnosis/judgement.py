@@ -12,12 +12,14 @@ from motoremi.diagnosis.candidates import Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motors import MotorBoard
 from motoremi.fitting.result import Fit
+from motoremi.model.effects import find_effect
 
 BUDGET = Budget()
 # Three standard deviations are the analyser's specification; from here it is worth telling that more is needed.
 ALLOWED_SIGMA = 4.0
-# What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far; odds of e^60 need
-# no further reason. Below those odds what lies beyond the catalogue's ranges, or beside it, may be meant.
+# What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
+# no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
+# a part of the motor of their size.
 HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
 
@@ -50,12 +52,13 @@ class Judgement:
 
     @property
     def _matters(self) -> bool:
-        """Whether the likeliest model is better for a user too: what is left halves, the analyser is asked for much less, or all doubt is gone."""
+        """Whether the likeliest model is better for a user too: it describes what the base leaves, or asks the analyser for much less."""
         before, after = self.base, self.best.fit
         left = before.unexplained_percent["value"]
-        halved = left > 0 and after.unexplained_percent["value"] <= HALF * left
+        clear = self.gain > CLEAR_GAIN
+        described = left > before.measurement.good_enough_percent and (clear or after.unexplained_percent["value"] <= HALF * left)
         relieved = before.analyser_sigma > ALLOWED_SIGMA and after.analyser_sigma <= RELIEF * before.analyser_sigma
-        return halved or relieved or self.gain > CLEAR_GAIN
+        return described or (relieved and (clear or all(find_effect(name).effect.group == "instrument" for name in self.best.added)))
 
     @cached_property
     def model(self) -> Candidate:

@@ -8,13 +8,10 @@ from collections.abc import Mapping, Sequence
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
 from motoremi.fitting.fit import task_without, told, trail_to
-from motoremi.fitting.race import LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, race
+from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.spread import spread
-
-# Models that end this far behind the best of a race, in log evidence on a few points, are not refitted on all.
-BEHIND = 15.0
 
 
 class MotorBoard:

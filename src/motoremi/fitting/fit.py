@@ -170,8 +170,9 @@ def trail_to(
         bases = [{**own, **near}, own]
     else:
         bases = base_starts(own, before.measurement, few=len(tried) > 9)
-        if before.effects:
-            # With effects, the search's best and the likelihood's may lie in different valleys.
+        if before.effects or before.sizes.discrepancy < PLAIN:
+            # With effects, the search's best and the likelihood's may lie in different valleys. Where little is left, the analyser's errors
+            # hold part of what is sought: without them a start would be far above the fit without the effect.
             bases.append({**own, **before.parameters, **before.nuisance})
     starts = [_started(base, start, label) for start in tried for base in bases]
     return Trail(task, starts, len(bases), before.sizes)
