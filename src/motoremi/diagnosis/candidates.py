@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.fitting.result import BEYOND_SIGMA, Fit
+from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.model.parameter import Parameter
 from motoremi.quantities import show
@@ -22,6 +23,10 @@ Effects = tuple[str, ...]
 PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
+# Three standard deviations are the analyser's specification; from here it is worth telling that more is needed.
+ALLOWED_SIGMA = 4.0
+# A law of so many parameters can take the shape of another's.
+BENDING = 3
 # A lead's resistance below a milliohm is none at all.
 _SOFT = frozenset({"resistance_ohm"})
 
@@ -59,7 +64,19 @@ class Candidate:
     @cached_property
     def done(self) -> bool:
         """Whether nothing is left that another effect could describe: neither a discrepancy nor an analyser far beyond what is declared."""
-        return self.fit.marginal.nothing_left >= 0.5 and self.fit.analyser_sigma <= BEYOND_SIGMA
+        return self.fit.marginal.nothing_left >= 0.5 and self.fit.analyser_sigma <= ALLOWED_SIGMA
+
+    @cached_property
+    def unusual(self) -> tuple[str, ...]:
+        """Parameters of the effects whose laws bend (three parameters or more) that lie beyond where most motors have them."""
+        labels = own_labels(self.fit, self.added)
+        own = [p for p in self.fit.motor.parameters if p.name.rpartition(".")[0] in labels]
+        counts = Counter(p.name.rpartition(".")[0] for p in own)
+        return tuple(
+            p.name
+            for p in own
+            if p.usual is not None and counts[p.name.rpartition(".")[0]] >= BENDING and not p.usual[0] <= self.fit.parameters[p.name] <= p.usual[1]
+        )
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""

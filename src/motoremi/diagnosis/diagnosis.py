@@ -204,7 +204,7 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
         first = _without_outliers(fit, first.best.fit, progress) or first
     declared = likeliest(first, progress)
     judgement = declared.judgement
-    left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit)
+    left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described)
     findings = _findings(fit, declared, left)
     return _concluded(judgement, findings, left)
 
@@ -313,9 +313,19 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         tried = len(possible_effects(base))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
         left = closest.fit.unexplained_percent
+        missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %)"
+        if judgement.distributed:
+            return [
+                f"{missing}; two relaxations along the path to the frame describe it, {' and '.join(judgement.best.added)}, and so would one "
+                "layer whose resistance is distributed (a semiconducting or damp coat), which the catalogue does not hold",
+            ]
+        if judgement.best.unusual:
+            return [
+                f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with values that few motors have "
+                f"({', '.join(judgement.best.unusual)}): something that the catalogue does not hold is likelier",
+            ]
         return [
-            f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %) and none of "
-            f"{tried} effects, nor two of them together, explains it",
+            f"{missing} and none of {tried} effects, nor two of them together, explains it",
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over both sweeps'})",
         ]
@@ -344,8 +354,13 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, {floor})"]
     if verdict == "instrument":
         said.append(f"but only if the analyser errs by {base.analyser_sigma / 3:.2g} times its specification")
-    if base.measurement.accuracy_percent is not None:
+    if judgement.accurate:
         said.append(f"that is within the accuracy of {base.measurement.accuracy_percent:g} % that was stated for these data")
+    elif judgement.belief.named:
+        said.append(
+            f"{' and '.join(judgement.belief.named)} would describe what is left, too little to matter or what an analyser may do as well: "
+            "state the accuracy that you need (--accuracy) if it matters"
+        )
     else:
         said.append("an effect too weak to be seen by this analyser over this band cannot be ruled out")
     return said

@@ -57,8 +57,8 @@ class Budget:
     Parameters
     ----------
     beam : tuple of int
-        Models of each size that are added to. Four single effects were enough for the pairs of the blind seeds 5 and 6; two at the size
-        above are for time, since nothing that large is named.
+        Models of each size that are added to. Four single effects were enough for the pairs of the blind seeds 5 and 6; one at the size
+        above is for time, since nothing that large is named.
     swapped : int
         Models of one size in which effects are swapped. The second is for what ends within the gain of the first.
     swaps : int
@@ -69,7 +69,7 @@ class Budget:
         What a further effect, or a swap, must gain in log score: odds of 20 to 1.
     """
 
-    beam: tuple[int, ...] = (4, 2)
+    beam: tuple[int, ...] = (4, 1)
     swapped: int = 2
     swaps: int = 2
     most_effects: int = 3
@@ -128,7 +128,7 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget) -> No
         best = ranked[0].score
         # Beside one that leaves nothing, only its own look-alikes matter.
         count = 1 if ranked[0].done else budget.swapped
-        models = [model for model in ranked[:count] if key_of(model) not in swapped]
+        models = [model for model in ranked[:count] if key_of(model) not in swapped and model.score > best - budget.gain]
         for model in models:
             swapped.add(key_of(model))
             for effect in model.added:

@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
-from motoremi.diagnosis.judgement import ALLOWED_SIGMA
+from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.diagnosis.remainder import Remainder
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.quantities import show

@@ -8,20 +8,20 @@ from functools import cached_property
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import MOST_NAMES, Belief, Standing, believe, stands
-from motoremi.diagnosis.candidates import Candidate, Effects
+from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motors import MotorBoard
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 
 BUDGET = Budget()
-# Three standard deviations are the analyser's specification; from here it is worth telling that more is needed.
-ALLOWED_SIGMA = 4.0
 # What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
 # no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
 # a part of the motor of their size.
 HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
+# A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
+RELAXING_TWICE = ({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr"}, {"dielectric-relaxation@Cf", "bearing-film"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +54,12 @@ class Judgement:
     def _matters(self) -> bool:
         """Whether the likeliest model is better for a user too: it describes what the base leaves, or asks the analyser for much less."""
         before, after = self.base, self.best.fit
-        left = before.unexplained_percent["value"]
         clear = self.gain > CLEAR_GAIN
+        left = before.unexplained_percent["value"]
         described = left > before.measurement.good_enough_percent and (clear or after.unexplained_percent["value"] <= HALF * left)
+        closer = before.rms_error_percent > before.floor_percent and after.rms_error_percent <= HALF * before.rms_error_percent
         relieved = before.analyser_sigma > ALLOWED_SIGMA and after.analyser_sigma <= RELIEF * before.analyser_sigma
-        return described or (relieved and (clear or all(find_effect(name).effect.group == "instrument" for name in self.best.added)))
+        return described or closer or (relieved and (clear or all(find_effect(name).effect.group == "instrument" for name in self.best.added)))
 
     @cached_property
     def model(self) -> Candidate:
@@ -73,9 +74,21 @@ class Judgement:
             return "not"
         stated = self.base.measurement.accuracy_percent is not None
         if len(self.model.added) == MOST_NAMES and standing != "not" and not stated and self.model.fit.marginal.nothing_left < 0.5:
-            # Two effects bend to almost anything: they are believed only where they leave nothing.
+            # Two effects bend to almost anything: they are believed only where they leave nothing, and not with values that few motors have.
+            return "not"
+        if len(self.model.added) == MOST_NAMES and (self.model.unusual or self.distributed):
             return "not"
         return standing
+
+    @property
+    def distributed(self) -> bool:
+        """Whether the likeliest model is of two relaxations along the path to the frame: so is any one layer whose resistance is distributed."""
+        return set(self.best.added) in RELAXING_TWICE
+
+    @property
+    def described(self) -> bool:
+        """Whether one or two effects leave nothing, believed or not: then neither analyser nor sweeps are in question."""
+        return self.best.done and len(self.best.added) <= MOST_NAMES
 
     @property
     def stands(self) -> bool:

@@ -100,7 +100,7 @@ def _parts(spans: list[list[float]]) -> str:
     return f" in {len(spans)} parts" if len(spans) > 1 else ""
 
 
-def remainder(base: Fit, closest: Fit) -> Remainder:
+def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True) -> Remainder:
     """What is left unexplained.
 
     Parameters
@@ -109,6 +109,8 @@ def remainder(base: Fit, closest: Fit) -> Remainder:
         The model that was diagnosed.
     closest : Fit
         The best that the catalogue has.
+    sweeps_in_question : bool
+        Whether the sweeps may be of different motors: not if any one circuit describes them both.
     """
     # What the discrepancy would describe is what is left.
     problem = closest.task.likelihood(None, AS_DECLARED)
@@ -121,7 +123,7 @@ def remainder(base: Fit, closest: Fit) -> Remainder:
         limit = max(LEFT_OVER, SHARE * float(variance.max()))
         spans[sweep.termination] = spans_of(sweep.frequency_hz, variance > limit)
     causality = check_causality(closest.measurement, multiple)
-    together = None if causality.disproved else check_together(base)
+    together = check_together(base) if sweeps_in_question and not causality.disproved else None
     return Remainder(multiple, causality, together, spans, _worth_a_look(closest))
 
 

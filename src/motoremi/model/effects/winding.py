@@ -213,9 +213,9 @@ EFFECTS = (
         title="coupling to the field winding or a damper",
         formula="s * La * (1 - coupling**2 * s**2 / (s**2 + s * w / quality + w**2)), w = 2 * pi * resonance_hz",
         parameters=(
-            Parameter("coupling", "", 0.003, 0.95, "0 - 0.3 with crossed axes, up to 0.9 for series windings"),
+            Parameter("coupling", "", 0.003, 0.95, "0 - 0.3 with crossed axes, up to 0.9 for series windings", usual=(0.02, 0.5)),
             Parameter("resonance_hz", "Hz", 1e4, 60e6, "self-resonance of the other winding"),
-            Parameter("quality", "", 0.05, 200.0, "a shorted damper to a free winding"),
+            Parameter("quality", "", 0.05, 200.0, "a shorted damper to a free winding, which rings", usual=(1.0, 50.0)),
         ),
         limit="coupling -> 0",
         limit_values={"coupling": 0.0, "resonance_hz": 1e6, "quality": 5.0},
