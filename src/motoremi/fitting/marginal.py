@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.covariance import Sizes
 from motoremi.fitting.problem import AS_DECLARED, Problem
 
@@ -74,6 +74,26 @@ class Marginal:
         steps = np.log(DISCREPANCIES)
         edges = np.concatenate([[steps[0]], 0.5 * (steps[1:] + steps[:-1]), [steps[-1]]])
         return float(np.exp(np.interp(share, below / below[-1], edges)))
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        posterior = {str(scale): column.tolist() for scale, column in zip(self.scales, self.probabilities.T, strict=True)}
+        return {"log_evidence": self.log_evidence, "posterior": posterior}
+
+    @classmethod
+    def restored(cls, payload: JsonDict) -> Marginal:
+        """From what `to_dict` wrote.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If it is not such a dictionary.
+        """
+        columns = {float(scale): np.array(column, dtype=np.float64) for scale, column in payload["posterior"].items()}
+        probabilities = np.array(list(columns.values())).T
+        if probabilities.shape != (DISCREPANCIES.size, len(columns)) or not np.isclose(probabilities.sum(), 1.0):
+            raise ValueError("not a posterior of the sizes")
+        return cls(float(payload["log_evidence"]), probabilities, tuple(columns))
 
     def settled(self, sizes: Sizes) -> bool:
         """Whether a solution at these sizes is one at the likeliest as well."""

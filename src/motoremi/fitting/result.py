@@ -15,7 +15,7 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
-from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
+from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
 from motoremi.fitting.search import PLAIN, Found, Solution, Task
 from motoremi.model.circuit import Tape
@@ -273,7 +273,7 @@ class Fit:
             "unexplained_percent": self.unexplained_percent,
             "noise_percent": self.noise_percent,
             "floor_percent": self.floor_percent,
-            "sizes": {"discrepancy": self.sizes.discrepancy, "declared": self.sizes.declared},
+            "sizes": {"discrepancy": self.sizes.discrepancy, "declared": self.sizes.declared, **self.marginal.to_dict()},
             "converged": self.converged,
             "evaluations": self.evaluations,
             "elapsed_s": self.elapsed_s,
@@ -349,7 +349,7 @@ def _finite(value: float) -> float | None:
 
 
 def restore(payload: JsonDict, measurement: Measurement) -> Fit:
-    """A fit from what `Fit.to_dict` wrote: the stored values, with statistics computed afresh from the sweeps.
+    """A fit from what `Fit.to_dict` wrote: the stored values and sizes, with errors and intervals computed afresh from the sweeps.
 
     Raises
     ------
@@ -364,6 +364,7 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
         nuisance = {str(name): float(value) for name, value in payload["nuisance"].items()}
         searched = {str(name): float(value) for name, value in payload["searched"].items()}
         sizes = Sizes(float(payload["sizes"]["discrepancy"]), float(payload["sizes"]["declared"]))
+        found = Marginal.restored(payload["sizes"])
         method, seed, converged = payload["method"], int(payload["seed"]), bool(payload["converged"])
         evaluations, elapsed_s, history = int(payload["evaluations"]), float(payload["elapsed_s"]), tuple(payload["history"])
         warnings = tuple(str(warning) for warning in payload["warnings"])
@@ -372,7 +373,7 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
     task = Task(motor, measurement, bounds, held)
     problem = task.likelihood(None, sizes)
     u = problem.vector({**values, **nuisance})
-    solution = Solution(problem.named(u), sizes, marginal(problem, u), converged, evaluations)
+    solution = Solution(problem.named(u), sizes, found, converged, evaluations)
     result = summarise(task, Found(solution, history, searched), method, seed)
     return dataclasses.replace(result, elapsed_s=elapsed_s, warnings=warnings)
 
