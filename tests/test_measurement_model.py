@@ -90,23 +90,20 @@ def test_whitening_is_the_inverse_of_the_dense_covariance(analyser, points, disc
     # In units in which the covariance is one: directions that hold less than LEAST_SHARE of the noise may be left out, of each of two kinds.
     root = np.linalg.cholesky(covariance)
     assert np.max(np.abs(np.linalg.eigvalsh(root.conj().T @ inverse @ root) - 1)) < 2.5 * LEAST_SHARE
-    determinant = whitening.log_determinants(np.array([discrepancy]))[0]
+    products = columns.apart.products(np.zeros((0, columns.sigma.size), dtype=np.complex128), np.array([discrepancy]))
+    determinant = whitening.log_determinants(np.array([discrepancy]))[0] + whitening.less_analyser(products, 0)[1][0]
     assert determinant == pytest.approx(np.linalg.slogdet(covariance)[1], abs=columns.sigma.size * LEAST_SHARE)
 
 
 @pytest.mark.parametrize(("analyser", "points", "discrepancy", "declared"), CASES)
-def test_half_whitens_noise_and_analyser(analyser, points, discrepancy, declared):
+def test_products_are_those_under_the_inverse_covariance(analyser, points, discrepancy, declared):
     columns = Columns.of(two_sweeps(points), find_analyser(analyser))
-    whitening = columns.whitening(declared)
-    half = whitening.half(np.diag(1 / columns.sigma).astype(np.complex128)).T
-    white = half @ dense(columns, 0.0, declared) @ half.conj().T
-    assert np.max(np.abs(np.linalg.eigvalsh(white) - 1)) < 1.5 * LEAST_SHARE
-    # Squares of the half, less what the discrepancy takes of its components, are squares over the whole covariance.
-    weighted = complex_normal(np.random.default_rng(2), columns.sigma.size)
-    left = np.sum(np.abs(whitening.half(weighted)) ** 2) - whitening.shares(discrepancy) @ np.abs(whitening.along(weighted)) ** 2
+    weighted = complex_normal(np.random.default_rng(2), 2 * columns.sigma.size).reshape(2, -1)
+    products = columns.apart.products(weighted, np.array([discrepancy]))
+    left = columns.whitening(declared).less_analyser(products, 2)[0][0]
     values = weighted * columns.sigma
-    exact = np.vdot(values, np.linalg.solve(dense(columns, discrepancy, declared), values)).real
-    assert left == pytest.approx(exact, rel=2.5 * LEAST_SHARE)
+    exact = values.conj() @ np.linalg.solve(dense(columns, discrepancy, declared), values.T)
+    np.testing.assert_allclose(left, exact, atol=2.5 * LEAST_SHARE * np.abs(exact).max())
 
 
 @pytest.mark.parametrize(("analyser", "declared"), [("4294a", 4.0), ("unknown", 30.0), ("nanovna", 4.0)])

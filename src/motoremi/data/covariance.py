@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,8 +34,6 @@ VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
 # A direction that holds less than this share of the noise's variance tells nothing.
 LEAST_SHARE = 1e-4
-# Kept whitenings: one for each scale of the declared errors (up to four), each grid (four) and each analyser that is tried (three).
-KEPT = 64
 
 
 class Sizes(NamedTuple):
@@ -64,24 +62,22 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The smooth parts of the covariance of some points, shape (n, q) each.
+    """The smooth parts of the covariance of some points: columns B of which each adds B B* to it.
 
     Parameters
     ----------
     sigma : ndarray, shape (n,)
         White noise.
-    known : ndarray
-        Correlated noise and drift.
-    analyser : ndarray
-        At its declared size.
-    discrepancy : ndarray
-        At size one.
+    known_of, discrepancy_of : tuple of ndarray, shape (points of the sweep, q) each
+        Correlated noise and drift, and the discrepancy at size one, of each sweep.
+    analyser : ndarray, shape (n, q)
+        At its declared size; common to all sweeps.
     """
 
     sigma: FloatArray
-    known: ComplexArray
+    known_of: tuple[ComplexArray, ...]
+    discrepancy_of: tuple[ComplexArray, ...]
     analyser: ComplexArray
-    discrepancy: ComplexArray
 
     @classmethod
     def of(cls, parts: Sequence[Part], analyser: Analyser) -> Columns:
@@ -97,32 +93,45 @@ class Columns:
             free.append(np.concatenate([smooth_basis(frequency, VALUE), turning[:, None] * smooth_basis(frequency, PLACE)], axis=1))
             places.append((frequency, quiet[part.chosen]))
         frequency, quiet = (np.concatenate(values) for values in zip(*places, strict=True))
-        return cls(
-            np.concatenate([part.noise.sigma[part.chosen] for part in parts]),
-            _blocks(known),
-            error_basis(analyser, frequency, quiet),
-            _blocks(free),
-        )
+        sigma = np.concatenate([part.noise.sigma[part.chosen] for part in parts])
+        return cls(sigma, tuple(known), tuple(free), error_basis(analyser, frequency, quiet))
+
+    @property
+    def known(self) -> ComplexArray:
+        """Correlated noise and drift of all sweeps, shape (n, q)."""
+        return _blocks(self.known_of)
+
+    @property
+    def discrepancy(self) -> ComplexArray:
+        """The discrepancy at size one of all sweeps, shape (n, q)."""
+        return _blocks(self.discrepancy_of)
+
+    @cached_property
+    def apart(self) -> Apart:
+        """What each sweep's covariance is without the analyser, which all share."""
+        return _apart(self)
 
     def whitening(self, declared: float) -> Whitening:
         """The covariance at one scale of the declared errors, ready for every size of the discrepancy."""
-        return _whitening(self, declared)
+        return Whitening(self.apart, declared)
 
 
 @dataclass(frozen=True, eq=False)
-class Whitening:
-    """W (1 - H V s V* H) W with W = 1/sigma is the inverse covariance: what noise and analyser are, then the discrepancy on top.
+class Apart:
+    """W (1 - F f F* - H V s V* H) W with W = 1/sigma is the inverse covariance without the analyser: noise, then the discrepancy on top.
 
     Parameters
     ----------
     fixed : ndarray, shape (n, p)
-        Orthonormal directions of noise and analyser in weighted residuals.
+        F: orthonormal directions of the noise in weighted residuals.
     fixed_shares : ndarray, shape (p,)
-        What each takes up of its variance, 0 .. 1.
+        f: what each takes up of its variance, 0 .. 1.
     spread : ndarray, shape (n, q)
-        H V: orthonormal directions V of the discrepancy once noise and analyser are white, brought back.
+        H V: orthonormal directions V of the discrepancy once the noise is white (H), brought back.
     strengths : ndarray, shape (q,)
         Variance of each at a discrepancy of one.
+    analyser : ndarray, shape (n, r)
+        Weighted, at its declared size.
     """
 
     sigma: FloatArray
@@ -130,47 +139,96 @@ class Whitening:
     fixed_shares: FloatArray
     spread: ComplexArray
     strengths: FloatArray
+    analyser: ComplexArray
 
-    def shares(self, discrepancy: float) -> FloatArray:
-        """What each direction of the discrepancy takes up, shape (q,)."""
-        variance = discrepancy**2 * self.strengths
+    def shares(self, discrepancy: FloatArray) -> FloatArray:
+        """What each direction of the discrepancy takes up, shape (..., q)."""
+        variance = discrepancy[..., None] ** 2 * self.strengths
         shares: FloatArray = variance / (1 + variance)
         return shares
 
+    def products(self, weighted: ComplexArray, discrepancies: FloatArray) -> ComplexArray:
+        """Inner products of weighted residuals, shape (m, n), and the analyser's columns after them; shape (sizes, m + r, m + r)."""
+        rows = np.concatenate([weighted, self.analyser.T])
+        noise, along = rows @ self.fixed.conj(), rows @ self.spread.conj()
+        quiet = rows.conj() @ rows.T - (noise.conj() * self.fixed_shares) @ noise.T
+        shares = self.shares(discrepancies)[:, None, :]
+        result: ComplexArray = quiet - (along.conj() * shares) @ along.T
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """The inverse covariance at one scale of the declared errors: W (1 - D D*) W."""
+
+    apart: Apart
+    declared: float
+
     def directions(self, discrepancy: float) -> ComplexArray:
         """D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
-        shares = self.shares(discrepancy)
+        apart = self.apart
+        shares = apart.shares(np.asarray(discrepancy))
         used = shares > LEAST_SHARE
-        return np.concatenate([self.fixed * np.sqrt(self.fixed_shares), self.spread[:, used] * np.sqrt(shares[used])], axis=1)
+        alone = np.concatenate([apart.fixed * np.sqrt(apart.fixed_shares), apart.spread[:, used] * np.sqrt(shares[used])], axis=1)
+        if not apart.analyser.shape[1]:
+            return alone
+        columns = self.declared * apart.analyser
+        columns = columns - alone @ (alone.conj().T @ columns)
+        factor = np.linalg.cholesky(np.eye(columns.shape[1]) + self.declared * (apart.analyser.conj().T @ columns))
+        return np.concatenate([alone, np.linalg.solve(factor, columns.conj().T).conj().T], axis=1)
 
-    def half(self, weighted: ComplexArray) -> ComplexArray:
-        """Weighted residuals, shape (..., n), with noise and analyser white."""
-        taken = 1 - np.sqrt(1 - self.fixed_shares)
-        white: ComplexArray = weighted - ((weighted @ self.fixed.conj()) * taken) @ self.fixed.T
-        return white
+    def less_analyser(self, products: ComplexArray, count: int) -> tuple[ComplexArray, FloatArray]:
+        """Of `Apart.products`, those of the first `count` under the whole covariance, and ln det of what the analyser adds to it.
 
-    def along(self, weighted: ComplexArray) -> ComplexArray:
-        """Components of weighted residuals, shape (..., n), along the directions of the discrepancy, shape (..., q)."""
-        found: ComplexArray = weighted @ self.spread.conj()
-        return found
+        Returns
+        -------
+        products : ndarray, shape (sizes, count, count)
+        log_determinants : ndarray, shape (sizes,)
+        """
+        own, mixed = products[:, :count, :count], products[:, count:, :count]
+        added = self.declared**2 * products[:, count:, count:] + np.eye(products.shape[-1] - count)
+        taken = np.swapaxes(mixed.conj(), -1, -2) @ np.linalg.solve(added, self.declared**2 * mixed)
+        return own - taken, np.linalg.slogdet(added)[1]
 
     def log_determinants(self, discrepancies: FloatArray) -> FloatArray:
-        """ln det of the covariance at each size of the discrepancy, up to what is common to all."""
-        fixed = -np.sum(np.log1p(-self.fixed_shares)) + 2 * np.sum(np.log(self.sigma))
-        extra: FloatArray = fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * self.strengths), axis=1)
+        """ln det of the covariance at each size of the discrepancy, without what the analyser adds to it."""
+        apart = self.apart
+        fixed = -np.sum(np.log1p(-apart.fixed_shares)) + 2 * np.sum(np.log(apart.sigma))
+        extra: FloatArray = fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * apart.strengths), axis=1)
         return extra
 
 
-@lru_cache(maxsize=KEPT)
-def _whitening(columns: Columns, declared: float) -> Whitening:
+def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Orthonormal directions, shape (n, p), and what each takes up, 0 .. 1, for D of an inverse covariance 1 - D D*."""
+    variances, vectors = np.linalg.eigh(directions.conj().T @ directions)
+    used = variances > 1e-10
+    return directions @ vectors[:, used] / np.sqrt(variances[used]), variances[used]
+
+
+def _apart(columns: Columns) -> Apart:
     weight = 1 / columns.sigma
-    known: ComplexArray = np.concatenate([columns.known, declared * columns.analyser], axis=1)
-    fixed, variances = _directions(known * weight[:, None], LEAST_SHARE)
-    shares = variances / (1 + variances)
-    first = Whitening(columns.sigma, fixed, shares, np.zeros((weight.size, 0), dtype=np.complex128), np.zeros(0))
-    free = first.half((columns.discrepancy * weight[:, None]).T).T
-    spread, strengths = _directions(free, 1e-12 * float(np.max(np.sum(np.abs(free) ** 2, axis=0), initial=0.0)))
-    return Whitening(columns.sigma, fixed, shares, first.half(spread.T).T, strengths)
+    fixed, shares, spread, strengths = [], [], [], []
+    first = 0
+    for known, free in zip(columns.known_of, columns.discrepancy_of, strict=True):
+        own = weight[first : first + len(known), None]
+        first += len(known)
+        directions, variances = _directions(known * own, LEAST_SHARE)
+        taken = 1 - 1 / np.sqrt(1 + variances)
+        quiet = free * own
+        quiet = quiet - directions @ (taken[:, None] * (directions.conj().T @ quiet))
+        along, strength = _directions(quiet, 1e-12 * float(np.max(np.sum(np.abs(quiet) ** 2, axis=0), initial=0.0)))
+        fixed.append(directions)
+        shares.append(variances / (1 + variances))
+        spread.append(along - directions @ (taken[:, None] * (directions.conj().T @ along)))
+        strengths.append(strength)
+    return Apart(
+        columns.sigma,
+        _blocks(fixed),
+        np.concatenate(shares),
+        _blocks(spread),
+        np.concatenate(strengths),
+        columns.analyser * weight[:, None],
+    )
 
 
 def _directions(columns: ComplexArray, least: float) -> tuple[ComplexArray, FloatArray]:

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
+from motoremi.data.covariance import orthonormal
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.compare import spans_of
 from motoremi.fitting.observed import observed
@@ -281,11 +282,11 @@ def _fitted(measurement: Measurement) -> CausalModel:
     reference = float(np.exp(np.mean(np.log(np.abs(measured)))))
     unit = float(2 * np.pi * np.exp(np.mean(np.log(sweep.frequency_hz))))
     reflection: ComplexArray = np.asarray((measured - reference) / (measured + reference), dtype=np.complex128)
-    whitening = seen.columns.whitening(AS_DECLARED.declared)
+    directions, shares = orthonormal(seen.columns.whitening(AS_DECLARED.declared).directions(0.0))
     # To first order the deviation of ln Z is that of S times 2 / (1 - S^2).
     s: ComplexArray = sweep.s / unit
     weight: ComplexArray = 2 / (1 - reflection**2) / sweep.sigma
-    task = _Task(s, reflection, weight, whitening.fixed, 1 - np.sqrt(1 - whitening.fixed_shares))
+    task = _Task(s, reflection, weight, directions, 1 - np.sqrt(np.maximum(1 - shares, 0.0)))
     score, poles, coefficients = _best_order(task, unit, reference)
     suspects = _narrow(task, poles)
     if suspects.any():
@@ -301,7 +302,7 @@ def _fitted(measurement: Measurement) -> CausalModel:
     # What the analyser most likely contributes is no error of the model.
     errors = seen.columns.analyser * AS_DECLARED.declared
     weighted = deviation / sweep.sigma
-    pulled = weighted - whitening.fixed @ (whitening.fixed_shares * (whitening.fixed.conj().T @ weighted))
+    pulled = weighted - directions @ (shares * (directions.conj().T @ weighted))
     left = deviation - errors @ (errors.conj().T @ (pulled / sweep.sigma))
     order = _order(poles)
     impedance = reference * (1 + modelled) / (1 - modelled)

@@ -117,8 +117,8 @@ def marginal(problem: Problem, u: FloatArray) -> Marginal:
     """
     scales = dict(problem.measurement.analyser.scales) if not problem.measurement.analyser.ideal else {1.0: 1.0}
     here = problem.linearised(u[None])
-    residual, slopes = here.deviation[0], here.slopes[0] * here.chain[0][:, None]
-    rows = np.array([log_evidences(problem, u, residual, slopes, scale) + np.log(prior) for scale, prior in scales.items()]).T
+    products = _products(problem, here.deviation[0], here.slopes[0] * here.chain[0][:, None])
+    rows = np.array([_log_evidences(problem, u, products, scale) + np.log(prior) for scale, prior in scales.items()]).T
     rows -= np.log(len(DISCREPANCIES))
     total = float(logsumexp(rows))
     return Marginal(total, np.exp(rows - total), tuple(scales))
@@ -132,15 +132,18 @@ def log_evidences(problem: Problem, u: FloatArray, residual: ComplexArray, slope
     residual, slopes : ndarray, shapes (n,), (k, n)
         Weighted, and derivatives for the unknowns.
     """
+    return _log_evidences(problem, u, _products(problem, residual, slopes), declared)
+
+
+def _products(problem: Problem, residual: ComplexArray, slopes: ComplexArray) -> ComplexArray:
+    return problem.observed.columns.apart.products(np.concatenate([residual[None], slopes]), DISCREPANCIES)
+
+
+def _log_evidences(problem: Problem, u: FloatArray, products: ComplexArray, declared: float) -> FloatArray:
     whitening = problem.observed.columns.whitening(declared)
-    white, white_slopes = whitening.half(residual), whitening.half(slopes)
-    along, along_slopes = whitening.along(residual), whitening.along(slopes)
+    inner, analyser = whitening.less_analyser(products, u.size + 1)
+    squares, gradients, matrices = inner[:, 0, 0].real, inner[:, 1:, 0].real, inner[:, 1:, 1:].real.copy()
     precision = problem.precision_at(declared)
-    # Every size at once: each takes its shares of the components along the discrepancy's directions away.
-    shares = np.array([whitening.shares(size) for size in DISCREPANCIES])
-    squares = float(np.vdot(white, white).real) - shares @ np.abs(along) ** 2
-    gradients = (white_slopes.conj() @ white - (shares * along) @ along_slopes.conj().T).real
-    matrices = (white_slopes @ white_slopes.conj().T).real - ((along_slopes[None] * shares[:, None, :]) @ along_slopes.conj().T).real
     away = u - problem.centre
     gradients = gradients + precision * away
     flat = precision == 0
@@ -162,5 +165,5 @@ def log_evidences(problem: Problem, u: FloatArray, residual: ComplexArray, slope
     objective = squares + float(away**2 @ precision) - gained
     determinants = np.linalg.slogdet(scaled)[1] + 2 * np.sum(np.log(scale), axis=1)
     prior = np.sum(np.where(flat, 0.5 * np.log(2 * np.pi) - np.log(width), 0.5 * np.log(np.maximum(precision, 1e-300))))
-    found: FloatArray = -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - 0.5 * determinants + prior
+    found: FloatArray = -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - analyser - 0.5 * determinants + prior
     return found

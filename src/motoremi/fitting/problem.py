@@ -21,7 +21,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of
-from motoremi.data.covariance import Sizes, Whitening
+from motoremi.data.covariance import Sizes, Whitening, orthonormal
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import ObservedSweep, Weights, observed
@@ -404,11 +404,8 @@ class Problem:
 
     def whiten(self, weighted: ComplexArray) -> ComplexArray:
         """Weighted residuals, shape (..., n), with unit covariance."""
-        directions = self._directions
-        variances, vectors = np.linalg.eigh(directions.conj().T @ directions)
-        used = variances > 1e-10
-        unit = directions @ vectors[:, used] / np.sqrt(variances[used])
-        taken = 1 - np.sqrt(np.maximum(1 - variances[used], 0.0))
+        unit, shares = orthonormal(self._directions)
+        taken = 1 - np.sqrt(np.maximum(1 - shares, 0.0))
         white: ComplexArray = weighted - ((weighted @ unit.conj()) * taken) @ unit.T
         return white
 
