@@ -21,8 +21,8 @@ Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 
 # Nothing is named unless the odds against nothing are so good.
 LEAST_DOUBT = 0.05
-# Members of a family have at least this share of the best one's posterior.
-FAMILY_SHARE = 0.01
+# The likeliest members of a family together have so much of its posterior, and each at least this share of the best one's.
+FAMILY_TOGETHER, FAMILY_SHARE = 0.97, 0.01
 # A set of three describes almost any curve, right or wrong.
 MOST_NAMES = 2
 # What is left is slight where it is a small part of what noise and specification leave of a perfect model: it could be either.
@@ -104,7 +104,10 @@ def _rivals(best: Key, effect: str, posterior: Mapping[Key, float]) -> Key:
                 others.remove(name)
         if len(key) == len(best) and len(others) == 1 and others[0] != effect and probability >= FAMILY_SHARE * posterior[best]:
             shares[others[0]] = probability
-    return tuple(sorted(shares, key=lambda name: -shares[name]))
+    ranked = sorted(shares, key=lambda name: -shares[name])
+    total = posterior[best] + sum(shares.values())
+    before = posterior[best] + np.cumsum([0.0, *(shares[name] for name in ranked)])
+    return tuple(name for name, sum_before in zip(ranked, before, strict=False) if sum_before < FAMILY_TOGETHER * total)
 
 
 def _agrees(key: list[str], places: list[set[str]]) -> bool:

@@ -300,7 +300,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     reliable = RELIABLE[kind]
     if judgement.standing in ("mostly", "slight"):
         reliable = min(reliable, RELIABLE[judgement.standing])
-    if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
+    if (named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN)) or (verdict == "adequate" and judgement.belief.named):
         reliable = min(reliable, RELIABLE["weak"])
     if any(finding.serious and finding.id != "not-compensated" for finding in findings):
         reliable = min(reliable, RELIABLE["with a serious finding"])
@@ -314,12 +314,12 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
         left = closest.fit.unexplained_percent
         missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %)"
-        if judgement.distributed:
+        if judgement.described and judgement.distributed:
             return [
                 f"{missing}; two relaxations along the path to the frame describe it, {' and '.join(judgement.best.added)}, and so would one "
                 "layer whose resistance is distributed (a semiconducting or damp coat), which the catalogue does not hold",
             ]
-        if judgement.best.unusual:
+        if judgement.described and judgement.best.unusual:
             return [
                 f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with values that few motors have "
                 f"({', '.join(judgement.best.unusual)}): something that the catalogue does not hold is likelier",

@@ -56,7 +56,9 @@ class Judgement:
         before, after = self.base, self.best.fit
         clear = self.gain > CLEAR_GAIN
         left = before.unexplained_percent["value"]
-        described = left > before.measurement.good_enough_percent and (clear or after.unexplained_percent["value"] <= HALF * left)
+        # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
+        seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
+        described = seen and (clear or after.unexplained_percent["value"] <= HALF * left)
         closer = before.rms_error_percent > before.floor_percent and after.rms_error_percent <= HALF * before.rms_error_percent
         relieved = before.analyser_sigma > ALLOWED_SIGMA and after.analyser_sigma <= RELIEF * before.analyser_sigma
         return described or closer or (relieved and (clear or all(find_effect(name).effect.group == "instrument" for name in self.best.added)))

@@ -6,6 +6,7 @@ All that a race is governed by stands in its rounds.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +19,7 @@ from motoremi.data.covariance import Sizes
 from motoremi.fitting.marginal import SMALLEST
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
-from motoremi.fitting.search import CLOSE, PLAIN, ROUGH, Solution, Task, arrive
+from motoremi.fitting.search import CLOSE, PLAIN, ROUGH, Solution, Task, arrive, rough
 from motoremi.spread import Team
 
 Name = TypeVar("Name", bound=Hashable)
@@ -193,9 +194,15 @@ def _leaders(objective: FloatArray, group: int, most: int) -> np.ndarray:
 def _arrive(trail: Trail, given: tuple[Standing, int]) -> Solution:
     standing, points = given
     problem = trail.problem(points)
-    ends = problem.vectors(standing.starts)
-    order = np.argsort(problem.objective(ends))[:3]
-    return arrive(trail.task, [standing.starts[i] for i in order], points, most=1, steps=15)
+    objective = problem.objective(problem.vectors(standing.starts))
+    order = np.argsort(objective)[:3]
+    solution = arrive(trail.task, [standing.starts[i] for i in order], points, most=1, steps=15)
+    if trail.by_likelihood or solution.sizes.discrepancy < PLAIN:
+        return solution
+    found = rough(solution.marginal, float(objective[order[0]]), problem.size, len(problem.unknowns))
+    if found.log_evidence == solution.log_evidence:
+        return solution
+    return dataclasses.replace(solution, values={**solution.values, **standing.starts[order[0]]}, marginal=found)
 
 
 def _finish(trail: Trail, given: tuple[Solution, int]) -> Solution:

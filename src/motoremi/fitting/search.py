@@ -182,6 +182,21 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
     return dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
 
 
+def rough(found: Marginal, sum_of_squares: float, points: int, unknowns: int) -> Marginal:
+    """The same, if that is likelier, for an error that is no smooth one: white, of unknown size, every point alike.
+
+    Where a circuit misses a sharp resonance, it errs by a lot from one point to the next, which no smooth discrepancy describes.
+
+    Parameters
+    ----------
+    sum_of_squares : float
+        Of the relative errors of `points` complex values, at their least.
+    """
+    variance = max(sum_of_squares, 1e-300) / (2 * points)
+    evidence = -points * (np.log(variance) + 1) - 0.5 * unknowns * np.log(2 * points)
+    return dataclasses.replace(found, log_evidence=max(found.log_evidence, float(evidence)))
+
+
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
     """The same with the circuit that has the least relative error over all points, an ideal analyser taken for granted."""
     logarithmic, problem = task.thinned(None), task.relative()
@@ -190,8 +205,13 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     values = problem.named(ends.u[ends.best])
     converged = bool(ends.converged[ends.best])
     likelihood = task.likelihood(None, solution.sizes)
-    whole = likelihood.named(likelihood.vector(values))
-    return dataclasses.replace(solution, values=whole, converged=converged, evaluations=solution.evaluations + ends.evaluations)
+    return Solution(
+        likelihood.named(likelihood.vector(values)),
+        solution.sizes,
+        rough(solution.marginal, float(ends.objective[ends.best]), problem.size, len(problem.unknowns)),
+        converged,
+        solution.evaluations + ends.evaluations,
+    )
 
 
 def search_base(task: Task, seed: int) -> Found:
