@@ -58,10 +58,12 @@ class Judgement:
         left = before.unexplained_percent["value"]
         # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
         seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
-        described = seen and (clear or after.unexplained_percent["value"] <= HALF * left)
+        halved = after.unexplained_percent["value"] <= HALF * left
+        described = before.marginal.nothing_left < 0.5 and seen and (clear or halved)
         closer = before.rms_error_percent > before.floor_percent and after.rms_error_percent <= HALF * before.rms_error_percent
         relieved = before.analyser_sigma > ALLOWED_SIGMA and after.analyser_sigma <= RELIEF * before.analyser_sigma
-        return described or closer or (relieved and (clear or all(find_effect(name).effect.group == "instrument" for name in self.best.added)))
+        of_the_instrument = all(find_effect(name).effect.group == "instrument" for name in self.best.added)
+        return described or closer or (relieved and clear) or (of_the_instrument and (relieved or clear))
 
     @cached_property
     def model(self) -> Candidate:

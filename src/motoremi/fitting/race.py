@@ -53,8 +53,9 @@ class Rounds(NamedTuple):
 
 
 ALL = 10_000
-# Of those that arrive, so many, and all that are so near the best in log evidence, are followed until their sizes are the likeliest.
-FINISHING, BEHIND = 3, 15.0
+# Of those that arrive, so many, and all that are so near the best in log evidence, are followed until their sizes are the likeliest; those whose
+# sizes have further to go may gain more by it.
+FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
 # Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
 MOST_DECLARED = 2.0
 # A look at thirty effects, of up to thirty starts each. Set by trial on the first cases of the blind seeds 5 and 6, where every single effect
@@ -146,7 +147,8 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
         told = _Told(progress, len(rounds.rounds), len(rounds.rounds) + 1)
         found = team.each(_arrive, {name: (standing[name], rounds.points) for name in chosen}, told)
         leading = sorted(found, key=lambda name: -found[name].log_evidence)
-        near = [name for name in leading if name in leading[:FINISHING] or found[name].log_evidence >= found[leading[0]].log_evidence - BEHIND]
+        best = found[leading[0]].log_evidence if leading else 0.0
+        near = [name for name in leading if name in leading[:FINISHING] or found[name].log_evidence >= best - _reach(found[name])]
         found |= team.each(_finish, {name: (found[name], rounds.points) for name in near}, told)
     return dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence))
 
@@ -203,6 +205,10 @@ def _arrive(trail: Trail, given: tuple[Standing, int]) -> Solution:
     if found.log_evidence == solution.log_evidence:
         return solution
     return dataclasses.replace(solution, values={**solution.values, **standing.starts[order[0]]}, marginal=found)
+
+
+def _reach(solution: Solution) -> float:
+    return BEHIND if solution.marginal.settled(solution.sizes) else BEHIND_UNSETTLED
 
 
 def _finish(trail: Trail, given: tuple[Solution, int]) -> Solution:
