@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import tempfile
+from functools import lru_cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,6 +19,8 @@ from motoremi.simulate.emission import measure as measure_spectra
 from motoremi.workflow import add_to_session, compare_session, diagnose_session, fit_session, ladder_of, opened
 from motoremi.workflow_emission import diagnose_emission_session, predict_session
 
+# Folders that live as long as the process.
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
 HOSTILE = [
     "<script>alert(1)</script>",
     '"><img src=x onerror=alert(1)>',
@@ -86,12 +92,22 @@ def diagnosed_session(path: Path, measure, seed: int = 2) -> Path:
 
 
 def whole_session(path: Path, measure, seed: int = 3, effects: tuple[str, ...] = ("dielectric-loss@Cf",), **start: object) -> Path:
-    """Sweeps, spectra with an arc, and every analysis that a session can hold."""
+    """Sweeps, spectra with an arc, and every analysis that a session can hold; made once in a process, then copied."""
+    made = _whole_session(measure, seed, effects, json.dumps(start))
+    shutil.copytree(made, path)
+    return path
+
+
+@lru_cache
+def _whole_session(measure, seed: int, effects: tuple[str, ...], start: str) -> Path:
+    folder = tempfile.TemporaryDirectory()
+    _KEPT.append(folder)
+    path = Path(folder.name) / "session"
     sweeps, motor = measure(seed, effects)
     frequency_hz = scan_frequencies()
     stand = Stand.random(seed, ("arc-breakdown",))
     read = measure_spectra(motor, stand, frequency_hz, seed, quasi_peak=False)
-    with SessionWriter.create(path, {"title": "All of it", "motor": f"motor {seed}", **start}) as writer:
+    with SessionWriter.create(path, {"title": "All of it", "motor": f"motor {seed}", **json.loads(start)}) as writer:
         identity = {"vendor": "HP", "model": "4294A", "serial": "JP1KG00123", "firmware": "REV1.11"}
         writer.emit("instrument", role="analyser", driver="4294a", resource="GPIB0::17::INSTR", identity=identity, settings={"points": 401})
         for sweep in sweeps:

@@ -12,7 +12,7 @@ from test_measurement_model import complex_normal
 
 import motoremi as me
 from motoremi import spread as spreading
-from motoremi.diagnosis.belief import FAMILY_SHARE, LEAST_DOUBT, believe
+from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import Round, Rounds, race
@@ -162,12 +162,16 @@ def test_none_may_be_the_likeliest_by_far():
     assert belief.probability == pytest.approx(1 / (1 + np.exp(-5) + np.exp(-6)))
 
 
-def test_a_family_is_what_is_within_one_per_cent():
-    belief = believe(models(none=-100.0, a=0.0, b=np.log(0.3), c=np.log(0.011), d=np.log(0.009)))
+def test_a_family_holds_97_per_cent_and_nobody_below_one():
+    belief = believe(models(none=-100.0, a=0.0, b=np.log(0.3), c=np.log(0.1), d=np.log(0.011), e=np.log(0.009)))
     assert belief.named == ("a",)
+    # With d it would hold more than it must, and e has less than a hundredth of the best one's.
+    assert (FAMILY_TOGETHER, FAMILY_SHARE) == (0.97, 0.01)
     assert belief.families == {"a": ("b", "c")}
-    assert FAMILY_SHARE == 0.01
-    assert belief.probability == pytest.approx(1.311 / 1.32)
+    assert belief.probability == pytest.approx(1.4 / 1.42)
+    assert believe(models(none=-100.0, a=0.0, b=np.log(0.04), c=np.log(0.03))).families == {"a": ("b",)}
+    assert believe(models(none=-100.0, a=0.0, b=np.log(0.02), c=np.log(0.011))).families == {"a": ("b",)}
+    assert believe(models(none=-100.0, a=0.0, b=np.log(0.015))).families == {"a": ()}
 
 
 def test_each_place_of_a_pair_has_its_own_family():
