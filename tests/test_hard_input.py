@@ -17,6 +17,7 @@ from motoremi.data.analyser import error_basis, find_analyser
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.errors import BadInput
+from motoremi.model.effects import find_effect
 from motoremi.simulate.analyser import SimulatedAnalyser
 from motoremi.simulate.motor import SimulatedMotor
 
@@ -188,3 +189,35 @@ def test_hold_on_the_command_line_is_held(tmp_path):
     for bad in ("Ra=-1", "Rx=3"):
         refused = run(app, ["fit", str(tmp_path / "s"), "--hold", bad])
         assert isinstance(refused.exception, BadInput)
+
+
+@pytest.mark.parametrize(("longer", "seed"), [("open", 5), ("open", 6), ("short", 5)])
+def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, seed):
+    """Two or three centimetres more in one sweep look like a short frame strap; what is blamed is the analyser and its connection."""
+    sweeps = [
+        me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (2j * np.pi * s.frequency_hz * 22e-9 if s.termination == longer else 0))
+        for s in swept(seed, both(grid(401)))
+    ]
+    found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
+    assert found.verdict in ("adequate", "instrument")
+    assert {find_effect(name).effect.group for name in found.effects} <= {"instrument"}
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_layer_of_distributed_resistance_is_not_two_relaxations(seed):
+    found = answer(swept(seed, both(grid(401)), ("outside-charge-diffusion",)), ("outside-charge-diffusion",))
+    assert found is not None
+    assert found.verdict == "unexplained"
+    assert not found.effects
+
+
+def test_a_contact_of_an_ohm_is_named_though_little_is_left():
+    sweeps = [
+        me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (1.0 if s.termination == "open" else 0))
+        for s in swept(3, both(grid(401)))
+    ]
+    found = answer(sweeps, ("contact-resistance",))
+    assert found is not None
+    # A frame strap of an ohm and next to no inductance is the same.
+    assert found.effects == ("contact-resistance",)
+    assert found.verdict in ("instrument", "family")

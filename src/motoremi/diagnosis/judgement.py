@@ -52,18 +52,33 @@ class Judgement:
 
     @property
     def _matters(self) -> bool:
-        """Whether the likeliest model is better for a user too: it describes what the base leaves, or asks the analyser for much less."""
-        before, after = self.base, self.best.fit
-        clear = self.gain > CLEAR_GAIN
+        """Whether the likeliest model is better for a user too."""
+        return self._describes or self._comes_closer or self._relieves
+
+    @property
+    def _describes(self) -> bool:
+        """Whether it describes what the base leaves, and that is worth a name."""
+        before = self.base
         left = before.unexplained_percent["value"]
+        if before.marginal.nothing_left >= 0.5:
+            return False
         # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
         seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
-        halved = after.unexplained_percent["value"] <= HALF * left
-        described = before.marginal.nothing_left < 0.5 and seen and (clear or halved)
-        closer = before.rms_error_percent > before.floor_percent and after.rms_error_percent <= HALF * before.rms_error_percent
-        relieved = before.analyser_sigma > ALLOWED_SIGMA and after.analyser_sigma <= RELIEF * before.analyser_sigma
-        of_the_instrument = all(find_effect(name).effect.group == "instrument" for name in self.best.added)
-        return described or closer or (relieved and clear) or (of_the_instrument and (relieved or clear))
+        return seen and (self.gain > CLEAR_GAIN or self.best.fit.unexplained_percent["value"] <= HALF * left)
+
+    @property
+    def _comes_closer(self) -> bool:
+        """Whether it halves an error that noise and specification do not account for."""
+        return self.base.rms_error_percent > self.base.floor_percent and self.best.fit.rms_error_percent <= HALF * self.base.rms_error_percent
+
+    @property
+    def _relieves(self) -> bool:
+        """Whether the analyser has to err much less. Of one of its own errors either that or clear odds are enough, of a part of the motor not."""
+        relieved = self.base.analyser_sigma > ALLOWED_SIGMA and self.best.fit.analyser_sigma <= RELIEF * self.base.analyser_sigma
+        clear = self.gain > CLEAR_GAIN
+        if all(find_effect(name).effect.group == "instrument" for name in self.best.added):
+            return relieved or clear
+        return relieved and clear
 
     @cached_property
     def model(self) -> Candidate:
@@ -74,15 +89,15 @@ class Judgement:
     def standing(self) -> Standing:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
-        if len(self.model.added) > MOST_NAMES:
-            return "not"
-        stated = self.base.measurement.accuracy_percent is not None
-        if len(self.model.added) == MOST_NAMES and standing != "not" and not stated and self.model.fit.marginal.nothing_left < 0.5:
-            # Two effects bend to almost anything: they are believed only where they leave nothing, and not with values that few motors have.
-            return "not"
-        if len(self.model.added) == MOST_NAMES and (self.model.unusual or self.distributed):
-            return "not"
-        return standing
+        if len(self.model.added) < MOST_NAMES:
+            return standing
+        return standing if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
+
+    @property
+    def _pair_is_credible(self) -> bool:
+        """Two effects bend to almost anything: they are believed only where they leave nothing, and not with values that few motors have."""
+        nothing_left = self.model.fit.marginal.nothing_left >= 0.5 or self.base.measurement.accuracy_percent is not None
+        return nothing_left and not self.model.unusual and not self.distributed
 
     @property
     def distributed(self) -> bool:
