@@ -296,14 +296,18 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     """How often such an answer is true: what the posterior says, times what goes wrong beyond it."""
     if verdict in ("unexplained", "data"):
         return RELIABLE[verdict]
-    kind = verdict if verdict in ("adequate", "instrument") else "family" if families else "one name" if len(named) == 1 else "two names"
-    reliable = RELIABLE[kind]
+    kinds: list[str] = [
+        verdict if verdict in ("adequate", "instrument") else "family" if families else "one name" if len(named) == 1 else "two names"
+    ]
     if judgement.standing in ("mostly", "slight"):
-        reliable = min(reliable, RELIABLE[judgement.standing])
-    if (named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN)) or (verdict == "adequate" and judgement.belief.named):
-        reliable = min(reliable, RELIABLE["weak"])
+        kinds.append(judgement.standing)
+    if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
+        kinds.append("weak")
+    if verdict == "adequate" and judgement.belief.named and not judgement.accurate:
+        kinds.append("adequate, a weak effect unnamed")
     if any(finding.serious and finding.id != "not-compensated" for finding in findings):
-        reliable = min(reliable, RELIABLE["with a serious finding"])
+        kinds.append("adequate, with a serious finding" if verdict == "adequate" else "with a serious finding")
+    reliable = min(RELIABLE[kind] for kind in kinds)
     return reliable * (judgement.belief.probability if named or verdict == "adequate" else 1.0)
 
 
