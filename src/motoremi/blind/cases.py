@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
@@ -66,7 +67,7 @@ class Case:
 
 def visible(base: Fit) -> bool:
     """Whether the data show that the seven elements alone are not enough, above noise and specification."""
-    return base.marginal.nothing_left < 0.5
+    return base.marginal.nothing_left < 0.5 or base.analyser_sigma > ALLOWED_SIGMA
 
 
 def catalogue_kinds() -> dict[str, list[str]]:
