@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import MOST_NAMES, Belief, Standing, believe, stands
@@ -42,18 +43,26 @@ class Judgement:
 
     @cached_property
     def best(self) -> Candidate:
-        """The likeliest model."""
-        return best_of(self.found.values())
+        """The likeliest model, without effects that only take strain off the analyser, and that by no clear odds."""
+        best = best_of(self.found.values())
+        while len(best.added) > 1:
+            fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
+            under = max(fewer, key=lambda one: one.score, default=None)
+            if under is None or under.fit.marginal.nothing_left < 0.5 or _comes_closer(under, best) or _relieves(under, best):
+                break
+            best = under
+        return best
 
     @cached_property
     def named(self) -> Effects:
         """The effects that are believed: those of the likeliest model, if they matter."""
-        return self.belief.named if self.belief.named and self._matters else ()
+        return self.best.added if self.belief.named and self._matters else ()
 
     @property
     def _matters(self) -> bool:
         """Whether the likeliest model is better for a user too."""
-        return self._describes or self._comes_closer or self._relieves
+        base = self.found[()]
+        return self._describes or _comes_closer(base, self.best) or _relieves(base, self.best)
 
     @property
     def _describes(self) -> bool:
@@ -65,20 +74,6 @@ class Judgement:
         # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
         seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
         return seen and (self.gain > CLEAR_GAIN or self.best.fit.unexplained_percent["value"] <= HALF * left)
-
-    @property
-    def _comes_closer(self) -> bool:
-        """Whether it halves an error that noise and specification do not account for."""
-        return self.base.rms_error_percent > self.base.floor_percent and self.best.fit.rms_error_percent <= HALF * self.base.rms_error_percent
-
-    @property
-    def _relieves(self) -> bool:
-        """Whether the analyser has to err much less. Of one of its own errors either that or clear odds are enough, of a part of the motor not."""
-        relieved = self.base.analyser_sigma > ALLOWED_SIGMA and self.best.fit.analyser_sigma <= RELIEF * self.base.analyser_sigma
-        clear = self.gain > CLEAR_GAIN
-        if all(find_effect(name).effect.group == "instrument" for name in self.best.added):
-            return relieved or clear
-        return relieved and clear
 
     @cached_property
     def model(self) -> Candidate:
@@ -132,9 +127,10 @@ class Judgement:
     def rivals(self) -> list[Fit]:
         """The fits that these data cannot tell from the believed one, it first; empty where there are none."""
         fits = [self.model.fit]
-        for effect, family in self.belief.families.items():
+        for effect in dict.fromkeys(self.model.added):
             rest = list(self.model.added)
             rest.remove(effect)
+            family = self.belief.families[effect]
             fits += [self.found[key].fit for name in family if (key := tuple(sorted((*rest, name)))) in self.found]
         return fits if len(fits) > 1 else []
 
@@ -152,6 +148,23 @@ class Judgement:
             left.remove(name)
             path.append(self.found[tuple(sorted(taken))].fit)
         return (*path, last.fit) if last.added else (self.base,)
+
+
+def _comes_closer(before: Candidate, after: Candidate) -> bool:
+    """Whether it halves an error that noise and specification do not account for."""
+    return before.fit.rms_error_percent > before.fit.floor_percent and after.fit.rms_error_percent <= HALF * before.fit.rms_error_percent
+
+
+def _relieves(before: Candidate, after: Candidate) -> bool:
+    """Whether the analyser has to err much less. Of one of its own errors either that or clear odds are enough, of a part of the motor not."""
+    relieved = before.fit.analyser_sigma > ALLOWED_SIGMA and after.fit.analyser_sigma <= RELIEF * before.fit.analyser_sigma
+    clear = after.score - before.score > CLEAR_GAIN
+    added = list(after.added)
+    for name in before.added:
+        added.remove(name)
+    if all(find_effect(name).effect.group == "instrument" for name in added):
+        return relieved or clear
+    return relieved and clear
 
 
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:
