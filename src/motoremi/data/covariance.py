@@ -213,13 +213,14 @@ def _apart(columns: Columns) -> Apart:
         own = weight[first : first + len(known), None]
         first += len(known)
         directions, variances = _directions(known * own, LEAST_SHARE)
-        taken = 1 - 1 / np.sqrt(1 + variances)
+        # H = 1 - back F*, the inverse root of the noise's covariance.
+        back = directions * (1 - 1 / np.sqrt(1 + variances))
         quiet = free * own
-        quiet = quiet - directions @ (taken[:, None] * (directions.conj().T @ quiet))
+        quiet = quiet - back @ (directions.conj().T @ quiet)
         along, strength = _directions(quiet, 1e-12 * float(np.max(np.sum(np.abs(quiet) ** 2, axis=0), initial=0.0)))
         fixed.append(directions)
         shares.append(variances / (1 + variances))
-        spread.append(along - directions @ (taken[:, None] * (directions.conj().T @ along)))
+        spread.append(along - back @ (directions.conj().T @ along))
         strengths.append(strength)
     return Apart(
         columns.sigma,

@@ -21,7 +21,8 @@ Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 
 # Nothing is named unless the odds against nothing are so good.
 LEAST_DOUBT = 0.05
-# The likeliest members of a family together have so much of its posterior, and each at least this share of the best one's.
+# The likeliest members of a family together have so much of its posterior (as much as an answer that names a family is sure), and each at least
+# this share of the best one's.
 FAMILY_TOGETHER, FAMILY_SHARE = 0.97, 0.01
 # A set of three describes almost any curve, right or wrong.
 MOST_NAMES = 2
