@@ -33,7 +33,7 @@ class RohdeSchwarzESR(EmiReceiver):
     preamplifier = switch("SCAN1:INP:GAIN:STAT", "Control the 20 dB preamplifier.")
     detector = choice(
         "DET1:REC",
-        {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "rms-average": "CRMS"},
+        {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "cispr-average": "CAV", "rms-average": "CRMS"},
         "Control the detector of trace 1.",
     )
 

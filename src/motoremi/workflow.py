@@ -54,7 +54,7 @@ def measurement_of(session: Session) -> Measurement:
     """The session's sweeps, ready to be fitted."""
     if not session.sweeps:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to fit")
-    return Measurement.of(session.sweeps)
+    return Measurement.of(session.corrected_sweeps)
 
 
 def ladder_of(session: Session) -> list[Fit]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict, Progress
+from motoremi.data.corrections import Corrections
 from motoremi.data.session import Session, load
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.background import ambient_of, split
@@ -25,7 +26,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.workflow import Store, current_steps
 
-STATE, PREDICTION, DIAGNOSIS = "emission", "prediction", "emission-diagnosis"
+STATE, PREDICTION, DIAGNOSIS, CORRECTIONS = "emission", "prediction", "emission-diagnosis", "corrections"
 
 
 def _state(session: Session) -> JsonDict:
@@ -43,7 +44,7 @@ def setup_of(session: Session) -> Setup:
     stored = _state(session)["setup"]
     if stored is not None:
         return Setup.from_dict(stored)
-    running, _ = split(session.spectra)
+    running, _ = split(session.corrected_spectra)
     made = Setup()
     if not running:
         return made
@@ -66,18 +67,23 @@ def _rate(running: Sequence[Spectrum]) -> float | None:
 
 def _motor(store: Store) -> Fit:
     """The model at the top of the ladder."""
-    top = current_steps(store)[-1]
-    if "open" not in top.measurement.terminations:
+    if not _has_motor(load(store.path)):
         raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
-    return top
+    return current_steps(store)[-1]
+
+
+def _has_motor(session: Session) -> bool:
+    return any(sweep.termination == "open" for sweep in session.sweeps)
 
 
 def _problem(store: Store) -> Problem:
     session = load(store.path)
-    running, background = split(session.spectra)
+    running, background = split(session.corrected_spectra)
     if not running:
         raise BadInput(f"{session.path.name} holds no spectrum of the running motor")
-    setup = setup_of(session)
+    if session.corrections.level_unit != "dBuV":
+        raise BadInput(f"the model of the spectra is of voltages, but the corrected levels are in {session.corrections.level_unit}")
+    setup = replace(setup_of(session), corrections=session.corrections)
     return Problem(running, motor_function(_motor(store), setup), setup, ambient_of(background))
 
 
@@ -93,21 +99,46 @@ def emission_steps(store: Store) -> list[EmissionFit]:
 
 
 def predict_session(
-    store: Store, setup: Path | None = None, limit: str | None = None, expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
+    store: Store,
+    setup: Path | None = None,
+    limit: str | None = None,
+    expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
+    corrections: Corrections | None = None,
+    with_model: bool = True,
 ) -> Prediction:
-    """The spectrum that the source and the fitted motor should produce; a set-up or limit given here is kept for the next time."""
+    """The spectrum that the source and the fitted motor should produce, and the verdict on what was measured.
+
+    A set-up, a limit or corrections given here are kept for the next time; the corrections stand in place of those that the session was
+    made with. Without an open-circuit sweep, or with `with_model` off, the measured levels alone are judged.
+    """
     session = load(store.path)
     state = _state(session)
     if setup is not None:
         state = {**state, "setup": read_setup(setup).to_dict(), "steps": []}
+    if corrections is not None:
+        for spectrum in (*session.spectra, *session.finals):
+            corrections.corrected_spectrum(spectrum)
+        store.save_analysis(CORRECTIONS, {"schema": "motoremi.corrections/1", "corrections": corrections.to_list()})
+        state = {**state, "steps": []}
     chosen_limit = find_limit(limit if limit is not None else state["limit"])
     state = _save(store, state, limit=limit if limit is not None else state["limit"])
-    motor, stated = _motor(store), setup_of(load(store.path))
+    session = load(store.path)
+    alone = bool(session.spectra) and not (with_model and _has_motor(session))
+    motor, stated = None if alone else _motor(store), setup_of(session)
     effects: tuple[str, ...] = ()
-    if state["steps"]:
+    if state["steps"] and not alone:
         top = emission_steps(store)[-1]
         stated, effects = top.setup(), top.effects
-    result = predict(motor, stated, session.spectra, chosen_limit, expanded_uncertainty_db=expanded_uncertainty_db, effects=effects)
+    result = predict(
+        motor,
+        stated,
+        session.spectra,
+        chosen_limit,
+        expanded_uncertainty_db=expanded_uncertainty_db,
+        effects=effects,
+        corrections=session.corrections,
+        finals=session.finals,
+    )
     store.save_analysis(PREDICTION, result.to_dict())
     return result
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from importlib import resources
@@ -16,6 +16,7 @@ from motoremi.arrays import JsonDict
 from motoremi.bench.connect import driver_class, driver_names, refuse_unless_allowed
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.steps import Check, Compensate, Identify, PlainStep, Repeat, Scan, Step, Strict, Sweep
+from motoremi.data.corrections import Correction, Corrections, with_tables
 from motoremi.data.sweep import MINIMUM_POINTS
 from motoremi.errors import BadInput
 from motoremi.quantities import show
@@ -183,8 +184,21 @@ class BenchFile(Strict):
     serial: str = Field(default="", max_length=200, description="its serial number")
     ambient: str = Field(default="", max_length=200, description="temperature and humidity as read, such as 23 degC, 45 %")
     calibrated: dict[Role, date] = Field(default_factory=dict, description="date of the last calibration")
+    correction: tuple[Correction, ...] = Field(default=(), description="pads, cables, transducers, fixtures: [[correction]] tables")
     seed: int = Field(default=1, ge=0, description="simulated bench: which motor")
     effects: tuple[str, ...] = Field(default=(), description="simulated bench: what it hides")
+
+    @property
+    def corrections(self) -> Corrections:
+        """What stands between the motor and the instruments."""
+        return Corrections(self.correction)
+
+    def refuse_uncovered(self, procedure: Procedure) -> None:
+        """Raise `BadInput` if a correction is not known over the span that the procedure measures."""
+        spans: dict[Role, _Band | None] = {"receiver": procedure.spectrum, "analyser": procedure.sweep}
+        for role, band in spans.items():
+            if band is not None and role in procedure.instruments:
+                self.corrections.refuse_outside(role, band.start, band.stop)
 
     def refuse_unless_allowed(self, procedure: Procedure) -> None:
         """Raise `BadInput` if a resource, the bench's own or what the procedure names, is not on the allow-list."""
@@ -221,11 +235,19 @@ def parse_procedure(data: Mapping[str, Any], where: str) -> Procedure:
     return procedure
 
 
-def load_bench_file(path: str | Path) -> BenchFile:
-    """Read a bench file; `sim` stands for the embedded simulated bench."""
+def load_bench_file(path: str | Path, confirm: Callable[[str], bool] | None = None) -> BenchFile:
+    """Read a bench file with the tables that its corrections name; `sim` stands for the embedded simulated bench.
+
+    Parameters
+    ----------
+    path : path-like
+    confirm : callable, optional
+        Asked whether a correction with a negative value is meant; without it that is an error.
+    """
     if str(path) == "sim":
         return BenchFile(backend="sim")
-    return _checked(BenchFile, _toml(_read(Path(path)), str(path)), str(path))
+    bench_file = _checked(BenchFile, _toml(_read(Path(path)), str(path)), str(path))
+    return bench_file.model_copy(update={"correction": with_tables(bench_file.corrections, Path(path).parent, confirm).entries})
 
 
 def _read(path: Path) -> str:

@@ -54,7 +54,7 @@ class EmiReceiver(Driver):
 
         Parameters
         ----------
-        detector : {"peak", "quasi-peak", "average", "rms-average"}
+        detector : {"peak", "quasi-peak", "average", "cispr-average", "rms-average"}
         """
 
     def run_scan(self, longest_s: float) -> None:

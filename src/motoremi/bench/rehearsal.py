@@ -66,6 +66,7 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
         If a resource is not on the bench's allow-list, or a driver has no simulated instrument.
     """
     bench_file.refuse_unless_allowed(procedure)
+    bench_file.refuse_uncovered(procedure)
     bench = SimulatedBench(bench_file.seed)
     notes = _Notes(procedure, bench)
     try:

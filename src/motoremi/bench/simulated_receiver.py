@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from motoremi.arrays import FloatArray
@@ -9,7 +11,16 @@ from motoremi.bench.clock import Clock
 from motoremi.bench.simulated_device import Wiring
 from motoremi.bench.simulated_scpi import SimulatedScpi
 
-DETECTORS = {"POS": "peak", "QPE": "quasi-peak", "AVER": "average", "EAV": "average"}
+DETECTORS = {
+    "POS": "peak",
+    "QPE": "quasi-peak",
+    "AVER": "average",
+    "CAV": "cispr-average",
+    "EAV": "cispr-average",
+    "CRMS": "rms-average",
+    "RAV": "rms-average",
+}
+METER_S = 0.160
 # Level at the mixer, in dBuV, above which it compresses.
 MIXER_LIMIT_DBUV = 97.0
 PREAMPLIFIER_DB = 20.0
@@ -47,7 +58,7 @@ class SimulatedReceiver(SimulatedScpi):
         if np.any(arriving > limit_dbuv):
             self._overload_event |= RF_OVERLOAD
         self._frequency_hz = frequency_hz
-        self._levels_dbuv = np.minimum(arriving, limit_dbuv)
+        self._levels_dbuv = np.minimum(arriving, limit_dbuv) + settling_db(DETECTORS[detector], duration_s / frequency_hz.size)
         self._ends_s = self.clock.now() + duration_s
 
     def stop(self) -> None:
@@ -66,6 +77,17 @@ class SimulatedReceiver(SimulatedScpi):
     def _clear_status(self, argument: str) -> None:
         super()._clear_status(argument)
         self._overload_event = 0
+
+
+def settling_db(detector: str, dwell_s: float) -> float:
+    """How far a meter has come in its dwell, in dB: two equal poles of 160 ms (CISPR 16-1-1, band B) that start from zero.
+
+    Peak and the linear average have no meter.
+    """
+    if detector in ("peak", "average"):
+        return 0.0
+    x = dwell_s / METER_S
+    return 20 * math.log10(max(1 - (1 + x) * math.exp(-x), 1e-5))
 
 
 def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.options import AsJson, Out, SessionPath, command
+from motoremi.cli.options import AsJson, Out, SessionPath, ask_once, command
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def run_(
     from motoremi.bench.runner import resumable, start_document
     from motoremi.data.session import SessionWriter, load, reopen
 
-    bench_file = load_bench_file(bench) if bench is not None else BenchFile()
+    bench_file = load_bench_file(bench, ask_once()) if bench is not None else BenchFile()
     if (procedure is None) == (resume is None):
         raise BadInput("name a procedure, or a session with --resume SESSION; not both")
     if resume is not None:

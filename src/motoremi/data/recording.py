@@ -140,6 +140,13 @@ class SessionWriter:
         stem = f"spectra/{spectrum.detector}{'-motor-off' if spectrum.is_background else ''}"
         return self._add_numbered("spectrum", stem, spectrum_csv(spectrum), content)
 
+    def add_final(self, spectrum: Spectrum) -> Path:
+        """Store a short scan around a maximum as `spectra/final-<detector>-<n>.csv` and emit a "final" document."""
+        low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
+        told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "state") if key in spectrum.metadata}
+        content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high]}
+        return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum), content)
+
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Store what was measured with a standard in the fixture, as `standards/<standard>-<n>.csv`; it is no sweep of the motor."""
         low, high = sweep.span_hz
