@@ -80,7 +80,8 @@ def test_a_motor_over_the_limit_behind_a_pad_fails(tmp_path: Path) -> None:
     assert command("import", tmp_path / "told", "--spectrum", *files, "--corrections", chain)[0] == 0
     status, out, _ = command("predict", tmp_path / "told", "--json")
     told = json.loads(out)
-    assert status == 1 and told["verdict"] == "fail"
+    assert status == 1
+    assert told["verdict"] == "fail"
     assert [entry["name"] for entry in told["corrections"]] == ["pad"]
     raw, level = (np.array(told[key]["quasi-peak"]) for key in ("readings_dbuv", "measured_dbuv"))
     assert level - raw == pytest.approx(np.full(AXIS.size, 10.0), abs=1e-9)
@@ -109,7 +110,8 @@ def test_uncertainty_of_a_correction_widens_the_guard_band(tmp_path: Path) -> No
     wide = corrections_file(tmp_path, PAD + "uncertainty_db = 3.0\n")
     told = json.loads(command("predict", tmp_path / "s", "--json", "--corrections", wide)[1])
     # 4 dB below the limit, with 3.4 dB and 3 dB in quadrature.
-    assert told["expanded_uncertainty_db"] == pytest.approx(math.hypot(3.4, 3.0)) and told["verdict"] == "marginal"
+    assert told["expanded_uncertainty_db"] == pytest.approx(math.hypot(3.4, 3.0))
+    assert told["verdict"] == "marginal"
 
 
 @pytest.mark.parametrize(
@@ -132,7 +134,9 @@ def test_a_table_that_cannot_be_used_is_one_line(tmp_path: Path, table: str, say
     (tmp_path / "cable.csv").write_text(table)
     chain = corrections_file(tmp_path, '[[correction]]\nname = "cable"\nkind = "loss"\nfile = "cable.csv"\n')
     status, _, told = command("import", tmp_path / "s", "--spectrum", spectrum_file(tmp_path, 6.0), "--corrections", chain)
-    assert status != 0 and says in told and "\n" not in told
+    assert status != 0
+    assert says in told
+    assert "\n" not in told
     assert not (tmp_path / "s").exists()
 
 
@@ -154,14 +158,16 @@ def test_a_table_that_cannot_be_used_is_one_line(tmp_path: Path, table: str, say
 def test_a_correction_that_cannot_be_used_is_one_line(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(BadInput) as told:
         read_corrections(corrections_file(tmp_path, text))
-    assert says in str(told.value) and "\n" not in str(told.value)
+    assert says in str(told.value)
+    assert "\n" not in str(told.value)
 
 
 def test_a_wrong_sign_is_asked_about_once(tmp_path: Path) -> None:
     asked: list[str] = []
     path = corrections_file(tmp_path, PAD.replace("10.0", "-10.0"))
     chain = read_corrections(path, lambda question: not asked.append(question))
-    assert len(asked) == 1 and "gain" in asked[0]
+    assert len(asked) == 1
+    assert "gain" in asked[0]
     assert (chain.entries[0].kind, chain.entries[0].db) == ("gain", 10.0)
     assert chain.added_db("receiver", AXIS)[0] == -10.0
 
@@ -173,7 +179,9 @@ def test_levels_behind_a_current_probe_are_held_against_a_limit_of_currents(tmp_
     files = [spectrum_file(tmp_path, 6.0)]
     command("import", tmp_path / "s", "--spectrum", *files, "--corrections", tmp_path / "corrections.toml")
     status, _, told = command("predict", tmp_path / "s")
-    assert status != 0 and "dBuA" in told and "limit" in told
+    assert status != 0
+    assert "dBuA" in told
+    assert "limit" in told
     own = tmp_path / "own.toml"
     own.write_text('title = "currents"\nunit = "dBuA"\n[[line]]\ndetector = "quasi-peak"\nsegments = [[150e3, 30e6, 20, 20]]\n')
     assert command("predict", tmp_path / "s", "--limit", own)[0] == 1

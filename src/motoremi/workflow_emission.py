@@ -15,6 +15,7 @@ from motoremi.emission.background import ambient_of, split
 from motoremi.emission.band import band_of
 from motoremi.emission.diagnose import EmissionDiagnosis, add_effect, diagnose_emission, fit_base
 from motoremi.emission.effects import find_source_effect
+from motoremi.emission.finals import Rules, choose_maxima
 from motoremi.emission.fit import EmissionFit, restored
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
 from motoremi.emission.limit import find_limit
@@ -141,6 +142,24 @@ def predict_session(
     )
     store.save_analysis(PREDICTION, result.to_dict())
     return result
+
+
+def choose_finals(
+    store: Store, limit: str, margin: float, maxima: int, apart: float, subranges: int, detectors: Sequence[str] = (), dwell: float = 0.0
+) -> JsonDict:
+    """The maxima of the session's scans that a final measurement has to read: what a procedure's step `final` asks for."""
+    session = load(store.path)
+    chosen, more = choose_maxima(session.corrected_spectra, find_limit(limit), Rules(margin, maxima, apart, subranges))
+    return {"maxima": [one.to_dict() for one in chosen], "more": more, "limit": limit}
+
+
+def judged(store: Store, limit: str, uncertainty: float) -> JsonDict:
+    """The verdict on what was measured; the prediction stands beside it where the motor's model has been fitted."""
+    result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=bool(load(store.path).ladder))
+    told = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
+    worst = min(told, key=lambda one: one.worst_margin_db or 0.0, default=None)
+    why = f"{worst.detector} {worst.why}" if worst is not None else "no level can be held against it"
+    return {"verdict": result.verdict, "says": f"{result.verdict}, {result.limit.title}: {why}"}
 
 
 def diagnose_emission_session(store: Store, from_base: bool = False, progress: Progress | None = None) -> EmissionDiagnosis:

@@ -131,6 +131,10 @@ class _Notes:
         """Nothing is stored."""
         return self.path
 
+    def add_final(self, spectrum: Spectrum) -> Path:
+        """Nothing is stored."""
+        return self.path
+
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Nothing is stored."""
         return self.path

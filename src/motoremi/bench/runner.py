@@ -68,6 +68,7 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
         "ambient": bench_file.ambient,
         "backend": bench_file.backend or "visa",
         **_simulated(bench_file),
+        "remarks": list(procedure.remarks()),
         "corrections": bench_file.corrections.to_list(),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
         "calibration_age_days": {role: (date.today() - day).days for role, day in bench_file.calibrated.items()},

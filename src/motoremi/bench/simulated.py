@@ -31,6 +31,8 @@ from motoremi.simulate.motor import SimulatedMotor
 
 OPEN_STANDARD_OHM = 1e12
 STANDARDS_OHM = {"short-standard": 0.0, "load-standard": 100.0}
+# The stand is not symmetric: the return line reads a little less.
+OTHER_LINE_DB = -1.5
 _library_numbers = itertools.count(1)
 
 
@@ -177,6 +179,7 @@ class SimulatedBench:
         self._standards: set[str] = set()
         self._is_reference = True
         self._connection = 0
+        self._line = ""
         self.devices: dict[str, SimulatedDevice] = {}
         self.resources: dict[str, str] = {}
         self._library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
@@ -202,6 +205,9 @@ class SimulatedBench:
         self.devices[role] = instrument.make(self, self.clock)
         self.resources[role] = instrument.resource
         self._library.devices.add_device(instrument.resource, self.devices[role])
+
+    def _other_line_db(self) -> float:
+        return OTHER_LINE_DB if self._line in ("N", "-") else 0.0
 
     def connect(self, what: ConnectionName) -> int:
         """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
@@ -242,10 +248,14 @@ class SimulatedBench:
             return self.motor.impedance(self._connected, frequency_hz)
         return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
 
+    def at_line(self, line: str) -> None:
+        """Switch the LISN to another line; a new connection is to the first."""
+        self._line = line
+
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""
         if self._connected == "lisn-motor-on":
-            return emission.spectrum(self.motor, frequency_hz, detector, self.seed)
+            return self._other_line_db() + emission.spectrum(self.motor, frequency_hz, detector, self.seed)
         if self._connected == "lisn-motor-off":
             return emission.background(frequency_hz, detector, self.seed)
         return np.full(frequency_hz.shape, -200.0)

@@ -55,6 +55,10 @@ class Wiring(Protocol):
         """What an analyser without fixture would read now, in ohm."""
         ...
 
+    def at_line(self, line: str) -> None:
+        """Switch the LISN to another line."""
+        ...
+
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """What reaches the receiver, in dBuV."""
         ...

@@ -26,6 +26,10 @@ class Writer(Protocol):
         """Store a spectrum."""
         ...
 
+    def add_final(self, spectrum: Spectrum) -> Path:
+        """Store a short scan around a maximum."""
+        ...
+
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Store what was measured with a standard."""
         ...

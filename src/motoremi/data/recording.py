@@ -144,6 +144,7 @@ class SessionWriter:
         """Store a short scan around a maximum as `spectra/final-<detector>-<n>.csv` and emit a "final" document."""
         low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
         told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "state") if key in spectrum.metadata}
+        told["highest_dbuv"] = float(spectrum.level_dbuv.max())
         content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high]}
         return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum), content)
 
