@@ -70,6 +70,7 @@ class Agilent4294A(BridgeAnalyser):
     SWEEP_COMPLETE: ClassVar[int] = 1
     COMPENSATION_COMPLETE: ClassVar[int] = 256
     REQUEST_AT_COMPLETION: ClassVar[tuple[str, ...]] = ("*SRE 4",)
+    RESTART_AVERAGE = "AVERREST"
     PARTS = ("trace A", "trace B")
     STANDARDS: ClassVar[dict[Standard, str]] = {"open": "A", "short": "B", "load": "C"}
     BIAS_RANGES_A: ClassVar[dict[str, float]] = {"100 mA": 0.1, "10 mA": 0.01, "1 mA": 1e-3}
@@ -135,17 +136,13 @@ class Agilent4294A(BridgeAnalyser):
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.kept(standard, self.read_axis(), np.reciprocal(values) if standard == "open" else values)
 
-    def trigger(self) -> None:
-        """Start a single sweep, or as many as are averaged."""
-        self._complete = False
-        if self.options.sweep_averages > 1:
-            self.tell("AVERREST")
-        self._begin(self._sweep_command(), self.SWEEP_COMPLETE)
+    def begin(self, sweeps: int) -> None:
+        """Start that many sweeps."""
+        self._begin(self._sweep_command(sweeps), self.SWEEP_COMPLETE)
 
-    def wait_until_complete(self) -> None:
-        """Wait for the end of the sweep."""
-        self._wait_for(self.SWEEP_COMPLETE, self._sweep_command(), self.options.sweep_averages)
-        self._complete = True
+    def end(self, sweeps: int) -> None:
+        """Wait until that many sweeps are complete."""
+        self._wait_for(self.SWEEP_COMPLETE, self._sweep_command(sweeps), sweeps)
 
     def read_axis(self) -> FloatArray:
         """Frequencies of the sweep in hertz."""
@@ -156,8 +153,8 @@ class Agilent4294A(BridgeAnalyser):
         self.tell(f"TRAC {'AB'[index]}")
         return self._read_array("OUTPDTRC?")
 
-    def _sweep_command(self) -> str:
-        return "SING" if self.options.sweep_averages == 1 else f"NUMG {self.options.sweep_averages}"
+    def _sweep_command(self, sweeps: int) -> str:
+        return "SING" if sweeps == 1 else f"NUMG {sweeps}"
 
     def _begin(self, command: str, event: int) -> None:
         # *CLS clears the event register. After the trigger it could clear the very bit that is waited for.

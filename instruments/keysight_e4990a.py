@@ -61,6 +61,7 @@ class KeysightE4990A(BridgeAnalyser):
     load_ohm = number(":SENS1:CORR2:CKIT:LOAD:R", "", (1e-3, 1e6), "Control what resistance the load standard has, in ohm.")
     load_henry = number(":SENS1:CORR2:CKIT:LOAD:L", "", (-1e-3, 1e-3), "Control what inductance the load standard has, in henry.")
 
+    RESTART_AVERAGE = ":CALC1:AVER:CLE"
     PARTS = ("parameter 1", "parameter 2")
     STANDARDS: ClassVar[dict[Standard, str]] = {"open": "OPEN", "short": "SHOR", "load": "LOAD"}
 
@@ -131,17 +132,13 @@ class KeysightE4990A(BridgeAnalyser):
         if not self._is_compensated(standard):
             raise InstrumentError(f"{self}: the {standard} compensation is not on after {measure!r}; check the standard")
 
-    def trigger(self) -> None:
-        """Start a single sweep, or as many as are averaged."""
-        self._complete = False
-        if self.options.sweep_averages > 1:
-            self.tell(":CALC1:AVER:CLE")
+    def begin(self, sweeps: int) -> None:
+        """Start a sweep, and with averaging all of them."""
         self._begin(":TRIG:SING")
 
-    def wait_until_complete(self) -> None:
-        """Wait for the end of the sweep."""
-        self._wait_for(":TRIG:SING", self.options.sweep_averages)
-        self._complete = True
+    def end(self, sweeps: int) -> None:
+        """Wait until that many sweeps are complete."""
+        self._wait_for(":TRIG:SING", sweeps)
 
     def read_axis(self) -> FloatArray:
         """Frequencies of the sweep in hertz."""

@@ -42,6 +42,7 @@ class BridgeAnalyser(ImpedanceAnalyser):
     OPTIONS = frozenset({"adapter", "sweep_averages", "point_averages", "bias", "segments"})
     # Rows of the table that a step changes by itself; they are told with what they were changed for.
     PASSING: ClassVar[frozenset[str]] = frozenset({"bias_on", "bias_volt", "bias_range", "bias_monitor", "load_ohm", "load_henry"})
+    RESTART_AVERAGE: ClassVar[str]
     # What the instrument calls the traces of R and X.
     PARTS: ClassVar[tuple[str, str]]
     # Generous seconds per point for measuring time 1 to 5; only deadlines depend on them.
@@ -74,6 +75,14 @@ class BridgeAnalyser(ImpedanceAnalyser):
     @abc.abstractmethod
     def read_part(self, index: int) -> FloatArray:
         """The trace of R (0) or X (1) as the instrument sends it: two values for each point."""
+
+    @abc.abstractmethod
+    def begin(self, sweeps: int) -> None:
+        """Start that many sweeps."""
+
+    @abc.abstractmethod
+    def end(self, sweeps: int) -> None:
+        """Wait until that many sweeps are complete."""
 
     def limit_bias(self, bias: Bias) -> None:
         """Have the instrument keep to the largest current of a bias, before it is switched on."""
@@ -110,6 +119,18 @@ class BridgeAnalyser(ImpedanceAnalyser):
         """The load standard that the compensation rests on, and the bias of the sweep."""
         bias, self._bias = self._bias, {}
         return {**self._load, **bias}
+
+    def trigger(self) -> None:
+        """Start a single sweep, or as many as are averaged."""
+        self._complete = False
+        if self.options.sweep_averages > 1:
+            self.tell(self.RESTART_AVERAGE)
+        self.begin(self.options.sweep_averages)
+
+    def wait_until_complete(self) -> None:
+        """Wait for the end of the sweep."""
+        self.end(self.options.sweep_averages)
+        self._complete = True
 
     def read_impedance(self) -> ComplexArray:
         """Impedance in ohm of the last complete sweep."""
