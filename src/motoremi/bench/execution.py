@@ -108,7 +108,7 @@ class Execution:
             self._wait(step.time)
         elif isinstance(step, Compensate):
             self.connect(STANDARDS[step.standard])
-            self._analyser().compensate(step.standard)
+            self._compensate(step)
         elif isinstance(step, Sweep):
             connection = self.connect(step.termination)
             for _ in range(stored, step.repeat):
@@ -121,17 +121,27 @@ class Execution:
         elif isinstance(step, Final):
             self._emission.final(planned, step, stored)
 
+    def _compensate(self, step: Compensate) -> None:
+        analyser = self._analyser()
+        if step.nominal is not None:
+            analyser.define_load(step.nominal, step.inductance)
+        analyser.compensate(step.standard)
+        with _bad_data_is_trouble(analyser):
+            kept = analyser.read_compensation(step.standard)
+        if kept is not None:
+            self.writer.add_compensation(step.standard, kept)
+
     def _check(self, planned: Planned, step: Check) -> None:
         connection = self.connect(STANDARDS[step.standard])
         # To the analyser a standard is one of its two terminations; that it is no motor is said by where it is stored.
-        sweep = self._swept("short" if step.standard == "short" else "open")
+        sweep = self._swept("short" if step.standard == "short" else "open", of_a_standard=True)
         self.writer.add_standard(step.standard, sweep.with_metadata(connection=connection))
         self._tell_verdict(planned, judge_standard(step, sweep))
 
-    def _swept(self, termination: Termination) -> ImpedanceSweep:
+    def _swept(self, termination: Termination, *, of_a_standard: bool = False) -> ImpedanceSweep:
         analyser = self._analyser()
         with _bad_data_is_trouble(analyser):
-            sweep = analyser.sweep(termination)
+            sweep = analyser.sweep(termination, of_a_standard=of_a_standard)
         self._refuse_changed("analyser", sweep.metadata.get("settings"))
         if (asked := self.procedure.sweep) is not None:
             _refuse_other_span(analyser, sweep.span_hz, (asked.start, asked.stop), 0.0)
@@ -230,7 +240,9 @@ class Execution:
     def _configure(self, driver: Driver) -> JsonDict:
         sweep, spectrum = self.procedure.sweep, self.procedure.spectrum
         if isinstance(driver, ImpedanceAnalyser) and sweep is not None:
-            settings = driver.configure(sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator)
+            spacing = "linear" if sweep.spacing == "list" else sweep.spacing
+            settings = driver.configure(sweep.start, sweep.stop, sweep.points, spacing, sweep.bandwidth, sweep.oscillator)
+            settings = driver.prepare(sweep.options()) or settings
             _refuse_other_than_asked(driver, settings, sweep.model_dump(), "sweep")
             return settings
         if isinstance(driver, EmiReceiver) and spectrum is not None:

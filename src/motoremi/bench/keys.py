@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SpectrumSpec, SweepSpec
+from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SegmentSpec, SpectrumSpec, SweepSpec
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.steps import STEPS
 from motoremi.data.corrections import Correction
@@ -21,6 +21,7 @@ TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("procedure", Procedure),
     ("[instruments] analyser, receiver", InstrumentSpec),
     ("[sweep]", SweepSpec),
+    ("[[sweep.segments]]", SegmentSpec),
     ("[spectrum]", SpectrumSpec),
 )
 

@@ -7,16 +7,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.connect import driver_class, driver_names, refuse_unless_allowed
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.steps import Check, Compensate, Final, Identify, JudgeStep, MeasuringStep, PlainStep, Repeat, Scan, Step, Strict, Sweep
+from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.data.corrections import Correction, Corrections, with_tables
 from motoremi.data.sweep import MINIMUM_POINTS
 from motoremi.emission.limit import find_limit
@@ -59,15 +62,64 @@ class _Band(Strict):
         return self
 
 
+class SegmentSpec(_Band):
+    """One part of a list sweep, spaced linearly."""
+
+    start: Annotated[float, Quantity("Hz", 20, 3e9)] = Field(description="first frequency")
+    stop: Annotated[float, Quantity("Hz", 20, 3e9)] = Field(description="last frequency")
+    points: int = Field(ge=2, le=1601, description="number of frequencies")
+
+
 class SweepSpec(_Band):
-    """The impedance sweep. The driver's own limits hold too."""
+    """The impedance sweep. The driver's own limits hold too. With segments, start, stop and points follow from them."""
 
     start: Annotated[float, Quantity("Hz", 20, 3e9)] = Field(description="first frequency")
     stop: Annotated[float, Quantity("Hz", 20, 3e9)] = Field(description="last frequency")
     points: int = Field(ge=MINIMUM_POINTS, le=1601, description="number of frequencies")
-    spacing: Literal["log", "linear"] = Field(default="log", description="how the frequencies are spaced")
+    spacing: Literal["log", "linear", "list"] = Field(default="log", description="how the frequencies are spaced; list: by segments")
     bandwidth: int = Field(default=3, ge=1, le=5, description="1 is fastest, 5 most accurate")
     oscillator: Annotated[float, Quantity("V", 0.005, 1.0)] = Field(default=0.5, description="level of the test signal")
+    adapter: Literal["none", "1m", "2m", "42942A", "42941A"] = Field(default="none", description="extension cable, terminal adapter or probe")
+    fixture: Literal["none", "16047E", "16034G", "16089", "leads"] = Field(default="none", description="what holds the motor; leads: one's own")
+    sweep_averages: int = Field(default=1, ge=1, le=999, description="of how many sweeps a result is the mean")
+    point_averages: int = Field(default=1, ge=1, le=999, description="of how many readings at each point a result is the mean")
+    bias: Annotated[float, Quantity("V", -40, 40)] = Field(default=0.0, description="direct voltage across the motor during a sweep")
+    bias_limit: Annotated[float, Quantity("A", 1e-3, 0.1)] = Field(default=1e-3, description="largest current of the bias")
+    bias_ramp: Annotated[float, Quantity("s", 0, 600)] = Field(default=1.0, description="time in which the bias is raised, and taken away")
+    segments: tuple[SegmentSpec, ...] = Field(default=(), max_length=100, description="tables with start, stop, points; for spacing list")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _span_of_segments(cls, data: Any) -> Any:
+        """A list sweep is from its first to its last frequency; what is wrong with a segment is said of the segment."""
+        parts = data.get("segments") if isinstance(data, Mapping) else None
+        if not isinstance(parts, list | tuple) or not parts or not all(isinstance(part, Mapping) for part in parts):
+            return data
+        if {"start", "stop", "points"} & set(data):
+            raise BadInput("segments: start, stop and points of the sweep follow from them; leave those out")
+        points = [part.get("points") for part in parts]
+        total = sum(points) if all(type(count) is int for count in points) else None
+        edges = {"start": parts[0].get("start"), "stop": parts[-1].get("stop"), "points": total}
+        return {**data, **{name: value for name, value in edges.items() if value is not None}}
+
+    @model_validator(mode="after")
+    def _segments_in_order(self) -> Self:
+        if bool(self.segments) != (self.spacing == "list"):
+            raise BadInput('segments: belong to spacing = "list", and that needs them')
+        if any(second.start <= first.stop for first, second in pairwise(self.segments)):
+            raise BadInput("segments: each must start above the stop of the one before")
+        return self
+
+    def options(self) -> SweepOptions:
+        """What comes on top of frequencies, level and speed."""
+        return SweepOptions(
+            adapter=self.adapter,
+            fixture=self.fixture,
+            sweep_averages=self.sweep_averages,
+            point_averages=self.point_averages,
+            bias=Bias(self.bias, self.bias_limit, self.bias_ramp),
+            segments=tuple(Segment(one.start, one.stop, one.points) for one in self.segments),
+        )
 
 
 class SpectrumSpec(_Band):
@@ -93,6 +145,10 @@ DRIVER_SETTINGS: dict[str, dict[str, str]] = {
         "points": "points",
         "bandwidth": "bandwidth_factor",
         "oscillator": "oscillator_volt",
+        "adapter": "adapter",
+        "sweep_averages": "sweep_averages",
+        "point_averages": "point_averages",
+        "bias": "bias_volt",
     },
     "spectrum": {
         "start": "start_hz",
@@ -173,6 +229,7 @@ class Procedure(Strict):
                     raise BadInput(f"the steps need the table [{table}]")
                 self._refuse_beyond_driver(role, table)
         self._refuse_emission_that_cannot_be(once)
+        self._refuse_lacking(measuring)
         return self
 
     def _refuse_emission_that_cannot_be(self, steps: Sequence[PlainStep]) -> None:
@@ -214,6 +271,17 @@ class Procedure(Strict):
                         f"its meter needs {METER_DWELL_S:g} s at each point"
                     )
         return tuple(found)
+
+    def _refuse_lacking(self, measuring: Sequence[object]) -> None:
+        """Options and standards that the analyser does not have."""
+        kind = driver_class(self.instruments["analyser"].driver) if "analyser" in self.instruments else None
+        if self.sweep is None or kind is None or not issubclass(kind, ImpedanceAnalyser):
+            return
+        name = self.instruments["analyser"].driver
+        refuse_without(kind, self.sweep.options(), f"sweep: the {name}")
+        wanted = {step.standard for step in measuring if isinstance(step, Compensate)}
+        if lacking := wanted - kind.COMPENSATES:
+            raise BadInput(f"the {name} compensates no {', '.join(sorted(lacking))}; leave that step out")
 
     def _refuse_beyond_driver(self, role: Role, table: str) -> None:
         driver = self.instruments[role].driver

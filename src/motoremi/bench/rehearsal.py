@@ -139,5 +139,9 @@ class _Notes:
         """Nothing is stored."""
         return self.path
 
+    def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Nothing is stored."""
+        return self.path
+
     def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
         """Nothing is stored."""

@@ -232,15 +232,15 @@ class SimulatedBench:
         """Close the resource manager."""
         self.resource_manager.close()
 
-    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
-        """What the analyser would read without fixture, in ohm."""
+    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int, averages: int = 1) -> ComplexArray:
+        """What the analyser would read without fixture, in ohm; the mean of so many readings."""
         connected_ohm = self.connected_ohm(frequency_hz)
         if self._connected in ("short", "open"):
-            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
+            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
         if self._is_reference and self._connected != "load-standard":
             return connected_ohm
         like: Termination = "short" if self._connected == "short-standard" else "open"
-        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
+        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
 
     def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
         """What is connected, as it truly is, in ohm."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from motoremi.bench.clock import Clock
+from motoremi.bench.simulated_band import band_commands
 from motoremi.bench.simulated_device import Wiring, definite_block
 from motoremi.bench.simulated_receiver import SimulatedReceiver, ascii_levels, steps
 
@@ -22,6 +23,7 @@ class SimulatedESR(SimulatedReceiver):
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the ESR computes."""
         return {
+            **super().commands(),
             "INIT": lambda _: self._sweep_analyser(),
             "INIT:CONM": lambda _: self._sweep_analyser(),
             "INIT2": lambda _: self._scan(),
@@ -35,6 +37,7 @@ class SimulatedESR(SimulatedReceiver):
             "CALC:MARK:Y?": lambda _: f"{self.levels(self.value('unit'))[self._marker]:.3f}".encode() if self._frequency_hz.size else b"0",
             "INP:LISN:PHAS": self._switch_line,
             "INP:LISN:PHAS?": lambda _: self._line.encode(),
+            **band_commands(self, "FREQ:CENT", "FREQ:SPAN", "analyser_start", "analyser_stop"),
             # Back to the front panel, on a socket.
             "&GTL": lambda _: None,
         }

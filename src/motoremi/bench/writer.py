@@ -34,6 +34,10 @@ class Writer(Protocol):
         """Store what was measured with a standard."""
         ...
 
+    def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Store what the instrument itself holds of a standard."""
+        ...
+
     def log_traffic(self, record: Mapping[str, Any]) -> None:
         """Store one exchange."""
         ...

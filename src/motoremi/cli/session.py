@@ -31,7 +31,8 @@ def import_(
         typer.Option(
             "--analyser",
             metavar="NAME",
-            help="Who made the sweeps: 4294a, e4990a, nanovna, none (ideal); unknown, the default: the size of its errors is estimated.",
+            help="Who made the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); "
+            "unknown, the default: the size of its errors is estimated.",
         ),
     ] = None,
     fixture: Annotated[

@@ -33,7 +33,7 @@ STATUSES: tuple[Status, ...] = get_args(Status)
 Listener = Callable[[JsonDict], None]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_@+.-]*")
 # Folders and files with a meaning of their own: `save_file` may not touch what was measured.
-_RESERVED = {"sweeps", "spectra", "standards", "analysis", SESSION, TRAFFIC, MANIFEST}
+_RESERVED = {"sweeps", "spectra", "standards", "compensation", "analysis", SESSION, TRAFFIC, MANIFEST}
 
 
 class SessionWriter:
@@ -153,6 +153,12 @@ class SessionWriter:
         low, high = sweep.span_hz
         content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
         return self._add_numbered("standard", f"standards/{standard}", impedance_csv(sweep), content)
+
+    def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Store what the instrument itself holds of a standard, as `compensation/<standard>-<n>.csv`, and emit a "compensation" document."""
+        low, high = sweep.span_hz
+        content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
+        return self._add_numbered("compensation", f"compensation/{standard}", impedance_csv(sweep), content)
 
     def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
         """Store `analysis/<name>.json`, in place of an older one, and emit an "analysis" document.
