@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,10 +14,10 @@ import numpy as np
 import pytest
 import pyvisa
 from fault_matrix import SEED, small
-from serving import SPEED, served
+from serving import SPEED, served, started
 
 from motoremi.bench.analyser import ImpedanceAnalyser
-from motoremi.bench.clock import FastClock
+from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
 from motoremi.bench.connections import INSTRUCTIONS
 from motoremi.bench.procedure import BenchFile
@@ -131,13 +129,9 @@ def test_a_server_stops_while_a_client_does_not_read() -> None:
 
 @pytest.mark.parametrize("link", [["--tcp", "0"], ["--pty"]])
 def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa.ResourceManager) -> None:
-    command = [sys.executable, "-c", "from motoremi.cli import main; main()", "simulate", "4294a", *link, "--speed", "1000"]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdin is not None
-    assert process.stdout is not None
-    assert process.stderr is not None
-    try:
-        ready = json.loads(process.stdout.readline())
+    with started("4294a", *link, "--speed", "1000") as (ready, process):
+        assert process.stdin is not None
+        assert process.stderr is not None
         analyser = driver_class("4294a")(open_transport(manager, ready["resource"]))
         assert analyser.identify().model == "4294A"
         assert isinstance(analyser, ImpedanceAnalyser)
@@ -155,9 +149,53 @@ def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa
         analyser.close()
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 0
-    finally:
-        process.kill()
-        process.communicate()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_is_stopped_from_a_script_too(number: signal.Signals) -> None:
+    with started("tinysa", "--tcp", "0", in_background=True) as (_, process):
+        process.send_signal(number)
+        assert process.wait(10) == 0
+
+
+@pytest.mark.parametrize("name", ["4294a", "e4990a", "esr", "mxe"])
+def test_an_idle_instrument_answers_at_real_speed(name: str, manager: pyvisa.ResourceManager) -> None:
+    """Nothing is busy: there is no time to wait for, and on a real clock it has even passed."""
+    bench = SimulatedBench(7, clock=WallClock())
+    with served(name, bench=bench) as (server, _):
+        link = open_transport(manager, server.resource, timeout_s=5.0)
+        assert link.query("*OPC?") == "1"
+        link.write("*WAI")
+        assert link.query("*OPC?") == "1"
+        link.close()
+
+
+@pytest.mark.parametrize("over", LINKS)
+def test_a_fault_in_one_message_does_not_end_the_server(
+    over: str, manager: pyvisa.ResourceManager, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with served("4294a", over) as (server, _):
+        device = server._device
+        healthy = device._match
+
+        def faulty(query: bytes) -> object:
+            if query.startswith(b"*TRG"):
+                raise ZeroDivisionError("two\nlines")
+            return healthy(query)
+
+        monkeypatch.setattr(device, "_match", faulty)
+        link = open_transport(manager, server.resource, timeout_s=0.3)
+        link.write("*TRG")
+        with pytest.raises(InstrumentError):
+            link.query("*TRG")
+        link.close()
+        link = open_transport(manager, server.resource, timeout_s=5.0)
+        assert link.query("POIN?") == "+201"
+        link.close()
+    assert {record.getMessage() for record in caplog.records if record.name == "motoremi.bench.serve"} == {
+        f"motoremi: {server.resource}: a message could not be answered (ZeroDivisionError: two\\x0alines); report it"
+    }
 
 
 def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.ResourceManager) -> None:
