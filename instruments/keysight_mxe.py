@@ -25,7 +25,7 @@ class KeysightMXE(EmiReceiver):
     model = r"N90(38|48)[AB]"
     error_query = ":SYST:ERR?"
     safe_commands = (":ABOR", ":INIT2:CONT OFF")
-    start_command = start_and_hold = ":INIT2:IMM"
+    start_command = ":INIT2:IMM"
 
     start_hz = number(":FSC:SCAN2:STAR", "Hz", (2.0, 44e9), "Control the first frequency of the scan.")
     stop_hz = number(":FSC:SCAN2:STOP", "Hz", (2.0, 44e9), "Control the last frequency of the scan.")

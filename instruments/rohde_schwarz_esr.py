@@ -20,7 +20,6 @@ class RohdeSchwarzESR(EmiReceiver):
     error_query = "SYST:ERR?"
     safe_commands = ("ABOR", "INIT2:CONT OFF", "INP:ATT:PROT ON")
     start_command = "INIT2"
-    start_and_hold = "INIT2;*WAI"
 
     start_hz = number("SCAN1:STAR", "Hz", (10.0, 26.5e9), "Control the first frequency of the scan.")
     stop_hz = number("SCAN1:STOP", "Hz", (10.0, 26.5e9), "Control the last frequency of the scan.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import select
 import signal
@@ -20,14 +21,14 @@ from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
 from motoremi.bench.connections import INSTRUCTIONS
-from motoremi.bench.procedure import BenchFile
+from motoremi.bench.procedure import BenchFile, parse_procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import make_bench, run, start_document
+from motoremi.bench.runner import make_bench, resumable, run, start_document
 from motoremi.bench.serve import SocketServer
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
-from motoremi.data.session import SessionWriter, load, verify
+from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.errors import InstrumentError
 
 ANALYSERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "analyser")
@@ -71,7 +72,7 @@ def test_an_analyser_measures_a_motor_over_a_real_link(name: str, over: str, man
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_a_receiver_scans_over_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
     with served(name, over) as (server, bench):
-        receiver = driver_class(name)(open_transport(manager, server.resource, clock=FastClock(SPEED)))
+        receiver = driver_class(name)(open_transport(manager, server.resource))
         assert isinstance(receiver, EmiReceiver)
         receiver.identify()
         receiver.reset()
@@ -211,6 +212,39 @@ def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.Re
         assert float(analyser.ask("POWE?")) == 0.005
         assert analyser.transport.timeout_s == 0.5
         analyser.close()
+
+
+@pytest.mark.parametrize("name", ["esr", "mxe"])
+def test_ctrl_c_stops_a_scan_on_a_plain_socket(tmp_path: Path, name: str) -> None:
+    """There is no service request and no device clear: the receiver must hear ABOR while it scans, or it scans on for minutes."""
+    source = copy.deepcopy(small("emission_only").source)
+    source["instruments"]["receiver"]["driver"] = name
+    source["spectrum"] |= {"step": "1 MHz", "dwell": "10 s"}
+    source["steps"] = [step for step in source["steps"] if step["do"] in ("identify", "spectrum")]
+    procedure = parse_procedure(source, "long")
+    clock = FastClock(1.0)
+    with served(name, bench=SimulatedBench(SEED, clock=clock)) as (server, bench):
+        bench_file = BenchFile(backend="@py", resources={"receiver": server.resource})
+        writer = SessionWriter.create(tmp_path / "s", start_document(procedure, bench_file))
+        device = server._device
+
+        def stop() -> None:
+            if device.busy_until() > clock.now() + 60.0:
+                raise KeyboardInterrupt
+
+        visa = make_bench(bench_file)
+        with pytest.raises(KeyboardInterrupt):
+            run(procedure, visa, writer, analyse=lambda *_: None, prompt=lambda text: None, tick=stop)
+        visa.close()
+        assert device.busy_until() <= clock.now()
+        session = load(tmp_path / "s")
+        assert [(document["safe"], document["problem"]) for document in session.documents if document["kind"] == "safe"] == [(True, "")]
+        clock.speed = 10_000.0
+        visa = make_bench(bench_file)
+        going_on, done = resumable(session, bench_file)
+        run(going_on, visa, reopen(tmp_path / "s"), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+        visa.close()
+    assert len(load(tmp_path / "s").spectra) == sum(step["do"] == "spectrum" for step in source["steps"])
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,6 @@ def test_a_program_that_was_started_in_the_background_is_stopped_too(number: sig
     try:
         with pytest.raises(KeyboardInterrupt), stopped_by_signals():
             os.kill(os.getpid(), number)
-            raise AssertionError("the signal was not heard")
         assert signal.getsignal(number) is signal.SIG_IGN
     finally:
         signal.signal(number, before)
