@@ -87,7 +87,8 @@ class KeysightMXE(EmiReceiver):
         settings = self.settings()
         frequency_hz = np.linspace(settings["start_hz"], settings["stop_hz"], settings["points"])
         self.run_scan(10.0 + 3 * float(settings["scan_time_s"]))
-        level_dbuv = self._levels()
+        with self.transport.patience(self.transfer_s(frequency_hz.size)):
+            level_dbuv = self._levels()
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} points; was the scan stopped?")
         metadata = {"receiver": "mxe", "resource": self.transport.resource_name, "settings": settings}

@@ -79,7 +79,8 @@ class RohdeSchwarzESR(EmiReceiver):
         frequency_hz = self._axis(settings)
         # It begins with *CLS, which empties the event registers: an overload found afterwards is of this scan.
         self.run_scan(10.0 + 3 * frequency_hz.size * float(settings["dwell_s"]))
-        level_dbuv = self._levels("TRAC? TRACE1")
+        with self.transport.patience(self.transfer_s(frequency_hz.size)):
+            level_dbuv = self._levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?")
         metadata = {"receiver": "esr", "resource": self.transport.resource_name, "settings": settings}

@@ -223,7 +223,7 @@ def test_ctrl_c_stops_a_scan_on_a_plain_socket(tmp_path: Path, name: str) -> Non
     source["steps"] = [step for step in source["steps"] if step["do"] in ("identify", "spectrum")]
     procedure = parse_procedure(source, "long")
     clock = FastClock(1.0)
-    with served(name, bench=SimulatedBench(SEED, clock=clock)) as (server, bench):
+    with served(name, bench=SimulatedBench(SEED, clock=clock)) as (server, _):
         bench_file = BenchFile(backend="@py", resources={"receiver": server.resource})
         writer = SessionWriter.create(tmp_path / "s", start_document(procedure, bench_file))
         device = server._device

@@ -54,6 +54,10 @@ class EmiReceiver(Driver):
         detector : {"peak", "quasi-peak", "average", "rms-average"}
         """
 
+    def transfer_s(self, points: int) -> float:
+        """Deadline for reading so many levels: GPIB, the slowest of the links, carries 10 000 numbers a second and more."""
+        return self.transport.timeout_s + points / 10e3
+
     def run_scan(self, longest_s: float) -> None:
         """Scan, and wait for the end: for a service request where the link carries them, by polling the event register elsewhere.
 
