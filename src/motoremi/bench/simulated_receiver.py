@@ -19,6 +19,8 @@ BAND_B_END_HZ = 30e6
 # More than any receiver stores for one trace, and more than a client should be able to ask of this machine.
 MOST_POINTS = 1_000_000
 NOTHING_DBUV = -200.0
+# What an instrument's own correction adds while it is on: an attenuator in front of it, made up for.
+OWN_CORRECTION_DB = 10.0
 DBUV_OF_0_DBM = 106.98970004336019
 
 
@@ -42,7 +44,7 @@ class SimulatedReceiver(SimulatedScpi):
         if not upwards or frequency_hz.size > MOST_POINTS:
             self.error_response("execution_error")
             return
-        arriving = arriving_dbuv(self.wiring, frequency_hz, DETECTORS[detector])
+        arriving = self.arriving(frequency_hz, DETECTORS[detector])
         limit_dbuv = MIXER_LIMIT_DBUV + attenuation_db - (PREAMPLIFIER_DB if preamplifier else 0.0)
         if np.any(arriving > limit_dbuv):
             self._overload_event |= RF_OVERLOAD
@@ -50,13 +52,21 @@ class SimulatedReceiver(SimulatedScpi):
         self._levels_dbuv = np.minimum(arriving, limit_dbuv)
         self._ends_s = self.clock.now() + duration_s
 
+    def arriving(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
+        """Level at the input in dBuV."""
+        return arriving_dbuv(self.wiring, frequency_hz, detector)
+
     def stop(self) -> None:
         """Stop the running scan."""
         self._ends_s = self.clock.now()
 
     def levels(self, unit: str) -> FloatArray:
-        """Levels of the last scan."""
-        return self._levels_dbuv - (DBUV_OF_0_DBM if unit == "DBM" else 0.0)
+        """Levels of the last scan, with the instrument's own correction."""
+        return self._levels_dbuv + self.correction_db() - (DBUV_OF_0_DBM if unit == "DBM" else 0.0)
+
+    def correction_db(self) -> float:
+        """What the instrument adds to its levels by itself."""
+        return OWN_CORRECTION_DB if self.value("own_correction") == "ON" else 0.0
 
     def read_overload(self) -> bytes:
         """The overload event register, which reading clears."""
@@ -66,6 +76,13 @@ class SimulatedReceiver(SimulatedScpi):
     def _clear_status(self, argument: str) -> None:
         super()._clear_status(argument)
         self._overload_event = 0
+
+    def _reset(self, argument: str) -> None:
+        # As on the X-series, whose corrections and external gain outlive a reset; and so does what is installed.
+        kept = {name: self.value(name) for name in ("own_correction", "external_gain", "emi_option") if name in self._properties}
+        super()._reset(argument)
+        for name, value in kept.items():
+            self._properties[name].init_value(str(value))
 
 
 def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
@@ -81,8 +98,10 @@ def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> Fl
 
 def read_off_the_band(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
     """Level at any frequencies from one scan of band B, which takes the stand seconds to work out, but only once."""
-    level: FloatArray = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector), left=NOTHING_DBUV, right=NOTHING_DBUV)
-    return level
+    level = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector))
+    # The last step of the band ends a little before 30 MHz.
+    inside = (BAND_B_HZ[0] <= frequency_hz) & (frequency_hz <= BAND_B_END_HZ)
+    return np.where(inside, level, NOTHING_DBUV)
 
 
 def steps(start_hz: float, stop_hz: float, step_hz: float) -> FloatArray:
