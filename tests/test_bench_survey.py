@@ -62,7 +62,8 @@ def test_the_simulated_bench_answers() -> None:
 def test_every_instrument_is_recognised_on_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
     with served(name, over) as (server, _):
         answer = survey(manager, [server.resource])[0]
-    assert answer.drivers == (name,), answer
+    # An X-series analyser may have the EMI application or not.
+    assert answer.drivers == (("n6141", "xseries") if name in ("n6141", "xseries") else (name,)), answer
 
 
 def test_who_is_silent_is_told(manager: pyvisa.ResourceManager) -> None:
