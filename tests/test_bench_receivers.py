@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from fault_matrix import BENCH_FILE, SEED
+from record_sessions import procedure
 
 from motoremi.bench.connect import attach, open_transport
 from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.runner import run, start_document
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.data.session import SessionWriter, load
 from motoremi.errors import BadInput, InstrumentError
 
 FAMILY = {"esrp": "ESRP7", "esw": "ESW26", "esci": "ESCI-3", "esu": "ESU-26", "n6141": "N9020A"}
@@ -106,3 +111,18 @@ def test_the_external_gain_of_a_tinysa_is_set_to_nothing(bench: SimulatedBench) 
     again = driver.scan("peak")
     np.testing.assert_allclose(again.level_dbuv, healthy.level_dbuv)
     assert again.metadata["settings"]["own_correction"] is False
+
+
+@pytest.mark.parametrize("name", ["esr", "n6141", "dsa800"])
+def test_a_correction_that_is_switched_on_during_a_run_stops_it(tmp_path: Path, name: str) -> None:
+    bench = SimulatedBench(SEED)
+
+    def operator(text: str) -> None:
+        if bench.clock.now() > 1.0:
+            bench.devices["receiver"]._properties["own_correction"].init_value("ON")
+
+    writer = SessionWriter.create(tmp_path / "s", start_document(procedure(name), BENCH_FILE))
+    with pytest.raises(InstrumentError, match=r"its settings changed during the run \(own_correction is True, was False\)"):
+        run(procedure(name), bench, writer, analyse=lambda *_: None, prompt=operator)
+    bench.close()
+    assert len(load(tmp_path / "s").spectra) == 2

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from fault_matrix import SEED
+from record_sessions import procedure
+from serving import SPEED, served
 
+from motoremi.bench.clock import FastClock
+from motoremi.bench.connections import INSTRUCTIONS
+from motoremi.bench.procedure import BenchFile, parse_procedure
+from motoremi.bench.rerun import rerun
+from motoremi.bench.runner import make_bench, run, start_document
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.simulated_receiver import BAND_B_HZ
 from motoremi.bench.swept import SweptAnalyser
+from motoremi.data.session import SessionWriter, load, verify
 from motoremi.errors import BadInput, InstrumentError
 
 ANALYSERS = ("dsa800", "rsa", "ssa3000x", "xseries")
@@ -74,6 +84,7 @@ def test_a_short_span_is_one_sweep(bench: SimulatedBench, name: str) -> None:
     assert settings["partial_sweeps"] == 1
     assert settings["points"] == {"rsa": 201, "xseries": 201}.get(name, MOST_POINTS[name])
     assert settings["sweep_time_s"] == pytest.approx(0.02 * settings["points"])
+    assert settings["dwell_s"] == pytest.approx(0.02)
     before_s = bench.clock.now()
     spectrum = driver.scan("average")
     assert bench.clock.now() - before_s > settings["sweep_time_s"]
@@ -199,3 +210,27 @@ def test_the_rsa_leaves_its_real_time_mode(bench: SimulatedBench) -> None:
         driver.tell(":INIT")
     driver.configure(150e3, 30e6, 1e6)
     assert driver.ask(":INST:SEL?") == "SA"
+
+
+@pytest.mark.parametrize("name", ["dsa800", "xseries"])
+def test_a_procedure_runs_over_a_real_link(tmp_path: Path, name: str) -> None:
+    bench = SimulatedBench(SEED, clock=FastClock(SPEED))
+    bench.level_dbuv(BAND_B_HZ, "peak")
+    source = dict(procedure(name).source)
+    # The operator's own clock is not faster.
+    source["steps"] = [step for step in source["steps"] if step["do"] != "wait"]
+    planned = parse_procedure(source, name)
+
+    def operator(text: str) -> None:
+        bench.connect(next(what for what, instruction in INSTRUCTIONS.items() if text.startswith(instruction.text)))
+
+    with served(name, bench=bench) as (server, _):
+        bench_file = BenchFile(backend="@py", resources={"receiver": server.resource})
+        visa = make_bench(bench_file)
+        writer = SessionWriter.create(tmp_path / "s", start_document(planned, bench_file))
+        run(planned, visa, writer, analyse=lambda *_: None, prompt=operator)
+        visa.close()
+    session = load(tmp_path / "s")
+    assert verify(tmp_path / "s") == []
+    assert [spectrum.detector for spectrum in session.spectra] == ["peak", "average"] * 2
+    assert rerun(session, tmp_path / "again", lambda: lambda *_: None, False).same

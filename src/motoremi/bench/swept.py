@@ -137,7 +137,9 @@ class SweptAnalyser(EmiReceiver):
 
     def settings(self) -> JsonDict:
         """What the instrument reports, and how the scan is put together here."""
-        return {**super().settings(), "points": self._points, "partial_sweeps": self._parts}
+        reported = super().settings()
+        dwell_s = float(reported["sweep_time_s"]) / max(1, self._points)
+        return {**reported, "dwell_s": dwell_s, "points": self._points, "partial_sweeps": self._parts}
 
     def scan(self, detector: str) -> Spectrum:
         """Scan once, part by part; an overload marks all points of its part, because the register does not say which.
