@@ -16,10 +16,10 @@ from motoremi.quantities import show
 
 
 class KeysightMXE(EmiReceiver):
-    """The MXE by row 2 of its frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries.
+    """Keysight N9038A/B MXE and N9048B PXE EMI receivers, in the EMI receiver mode.
 
-    Not tried on hardware by us. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that
-    tells of an overload.
+    By row 2 of the frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries. Not tried on
+    hardware by us. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that tells of an overload.
     """
 
     name: ClassVar[str] = "mxe"
@@ -116,9 +116,9 @@ class KeysightMXE(EmiReceiver):
 
 
 class KeysightN6141(KeysightMXE):
-    """Keysight CXA, EXA, MXA, PXA and UXA with the EMI measurement application N6141: the frequency scan of the MXE.
+    """Keysight CXA, EXA, MXA, PXA and UXA with the EMI measurement application N6141.
 
-    Source: the application's manual for the EXA (N9010A), chapter on the frequency scan, which has the trace queries of the MXE. Without
+    The frequency scan of the MXE; source: the application's manual for the EXA (N9010A), whose chapter on it has the same queries. Without
     a preselector strong pulses of a motor may drive the mixer at frequencies that are not displayed.
     """
 

@@ -7,7 +7,10 @@ from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR, scan_edges
 
 
 class RohdeSchwarzESRP(RohdeSchwarzESR):
-    """R&S ESRP EMI test receiver, 10 Hz to 7 GHz; sources: ESRP user manual (1175.7445.02), a public program for its scan and detectors."""
+    """R&S ESRP EMI test receiver, 10 Hz to 7 GHz.
+
+    Sources: ESRP user manual (1175.7445.02), a public program for its scan and detectors.
+    """
 
     name = "esrp"
     model = r"ESRP[ -]?\d*"
@@ -16,10 +19,11 @@ class RohdeSchwarzESRP(RohdeSchwarzESR):
 
 
 class RohdeSchwarzESW(RohdeSchwarzESR):
-    """R&S ESW EMI test receiver, 2 Hz to 44 GHz; source: ESW user manual (1177.6298.02), which lists transducers for each input.
+    """R&S ESW EMI test receiver, 2 Hz to 44 GHz.
 
-    Unconfirmed: the word for the CISPR filter, and that the scan table has the headers of the ESR. Bit 3 of the questionable power
-    register (input overload, the input is disconnected) is that of the FSW, on which the ESW is built.
+    Source: ESW user manual (1177.6298.02), which lists transducers for each input. Unconfirmed: the word for the CISPR filter, and that the
+    scan table has the headers of the ESR. Bit 3 of the questionable power register (input overload, the input is disconnected) is that of the
+    FSW, on which the ESW is built.
     """
 
     name = "esw"
@@ -32,9 +36,10 @@ class RohdeSchwarzESW(RohdeSchwarzESR):
 
 
 class RohdeSchwarzESCI(RohdeSchwarzESR):
-    """R&S ESCI EMI test receiver, 9 kHz to 7 GHz; sources: ESCI operating manual (1166.6004.12), a public program for its scan table.
+    """R&S ESCI EMI test receiver, 9 kHz to 7 GHz.
 
-    The manual's page on detectors has no RMS-average.
+    Sources: ESCI operating manual (1166.6004.12), a public program for its scan table. The manual's page on detectors has
+    no RMS-average.
     """
 
     name = "esci"
@@ -49,7 +54,10 @@ class RohdeSchwarzESCI(RohdeSchwarzESR):
 
 
 class RohdeSchwarzESU(RohdeSchwarzESR):
-    """R&S ESU EMI test receiver, 20 Hz to 40 GHz; source: ESU operating manual (1302.6163.12)."""
+    """R&S ESU EMI test receiver, 20 Hz to 40 GHz.
+
+    Source: ESU operating manual (1302.6163.12).
+    """
 
     name = "esu"
     model = r"ESU[ -]?\d*"

@@ -13,7 +13,7 @@ from serving import served
 
 from motoremi.bench.connect import driver_class, driver_names, open_manager
 from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.survey import load_trouble, survey
+from motoremi.bench.survey import load_trouble, survey, title
 from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
 from motoremi.cli import main
 
@@ -99,3 +99,10 @@ def test_doctor_and_instruments_tell_it(monkeypatch: pytest.MonkeyPatch, capsys:
     assert "scope      The Scope-o-Matic 9000 measures impedance, too." in text
     assert "broken     CANNOT BE LOADED" in text
     assert f"{server.resource}: HEWLETT-PACKARD,4294A,JP1KG00123,REV1.11 -> driver 4294a" in text
+
+
+def test_drivers_of_one_module_are_told_apart() -> None:
+    titles = [title(name) for name in driver_names()]
+    assert len(set(titles)) == len(titles)
+    assert title("esw").startswith("R&S ESW")
+    assert title("esr").startswith("Rohde & Schwarz ESR")
