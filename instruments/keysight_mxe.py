@@ -1,4 +1,4 @@
-"""Keysight N9038A/B MXE and N9048B PXE EMI receivers, in the EMI receiver mode."""
+"""Keysight N9038A/B MXE and N9048B PXE EMI receivers, and X-series analysers with the EMI application N6141, in the EMI receiver mode."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from motoremi.quantities import show
 
 
 class KeysightMXE(EmiReceiver):
-    """The MXE by row 2 of its frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries.
+    """Keysight N9038A/B MXE and N9048B PXE EMI receivers, in the EMI receiver mode.
 
-    Not tried on hardware by us. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that
-    tells of an overload.
+    By row 2 of the frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries. Not tried on
+    hardware by us. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that tells of an overload.
     """
 
+    name: ClassVar[str] = "mxe"
     model = r"N90(38|48)[AB]"
     error_query = ":SYST:ERR?"
     safe_commands = (":ABOR", ":INIT2:CONT OFF")
@@ -34,6 +35,8 @@ class KeysightMXE(EmiReceiver):
     scan_time_s = number(":FSC:SCAN2:TIME", "s", (1e-3, 40e3), "Control the time of the whole scan.")
     attenuation_db = number(":FSC:SCAN2:INP:ATT", "dB", (0.0, 70.0), "Control the input attenuation.")
     preamplifier = switch(":FSC:SCAN2:POW:GAIN", "Control the preamplifier.")
+    # A reset leaves corrections as they are. A factor that the instrument applies by itself must not be applied again.
+    own_correction = switch(":CORR:CSET:ALL:STAT", "Control whether the instrument applies amplitude corrections by itself.")
     detector = choice(
         ":FSC:DET:TRAC1",
         {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "cispr-average": "EAV", "rms-average": "RAV"},
@@ -65,6 +68,7 @@ class KeysightMXE(EmiReceiver):
         points = ceil((stop_hz - start_hz) / step_hz - 1e-9) + 1
         self.tell(":INST:SEL EMI", ":CONF:FSC", ":CAL:AUTO OFF", ":FSC:SEQ SCAN", ":INIT2:CONT OFF")
         self.tell(*(f":FSC:SCAN{row}:STAT OFF" for row in self.OTHER_ROWS), ":FSC:SCAN2:STAT ON")
+        self.own_correction = False
         self.start_hz = start_hz
         self.stop_hz = stop_hz
         self.points = points
@@ -91,7 +95,7 @@ class KeysightMXE(EmiReceiver):
             level_dbuv = self._levels()
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} points; was the scan stopped?")
-        metadata = {"receiver": "mxe", "resource": self.transport.resource_name, "settings": settings}
+        metadata = {"receiver": self.name, "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)
 
@@ -110,3 +114,14 @@ class KeysightMXE(EmiReceiver):
         for query in (":STAT:QUES:INT:EVEN?", ":STAT:QUES:INT:COND?"):
             bits |= int(float(self.ask(query)))
         return bool(bits & self.OVERLOAD)
+
+
+class KeysightN6141(KeysightMXE):
+    """Keysight CXA, EXA, MXA, PXA and UXA with the EMI measurement application N6141.
+
+    The frequency scan of the MXE; source: the application's manual for the EXA (N9010A), whose chapter on it has the same queries. Without
+    a preselector strong pulses of a motor may drive the mixer at frequencies that are not displayed.
+    """
+
+    name = "n6141"
+    model = r"N90([0123]0|21|4[01])[AB]"

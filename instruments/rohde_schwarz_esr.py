@@ -7,29 +7,43 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.bench.driver import choice, number, switch
+from motoremi.bench.driver import Setting, choice, number, switch
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.data.spectrum import Spectrum
 from motoremi.errors import InstrumentError
 
 
-class RohdeSchwarzESR(EmiReceiver):
-    """The ESR by its scan table; sources: ESR user manual, remote commands of the receiver application."""
+def scan_edges(low_hz: float, high_hz: float) -> tuple[Setting[float], Setting[float]]:
+    """First and last frequency of the scan table."""
+    return (
+        number("SCAN1:STAR", "Hz", (low_hz, high_hz), "Control the first frequency of the scan."),
+        number("SCAN1:STOP", "Hz", (low_hz, high_hz), "Control the last frequency of the scan."),
+    )
 
+
+class RohdeSchwarzESR(EmiReceiver):
+    """The ESR by its scan table; sources: ESR user manual, remote commands of the receiver application.
+
+    Its sisters are `motoremi.instruments.rohde_schwarz_receivers`. Which command is confirmed by what is told in docs/instruments.md.
+    """
+
+    name: ClassVar[str] = "esr"
     model = r"ESR\d*"
     error_query = "SYST:ERR?"
     safe_commands = ("ABOR", "INIT2:CONT OFF", "INP:ATT:PROT ON")
     start_command = "INIT2"
 
-    start_hz = number("SCAN1:STAR", "Hz", (10.0, 26.5e9), "Control the first frequency of the scan.")
-    stop_hz = number("SCAN1:STOP", "Hz", (10.0, 26.5e9), "Control the last frequency of the scan.")
+    start_hz, stop_hz = scan_edges(10.0, 26.5e9)
     step_hz = number("SCAN1:STEP", "Hz", (1.0, 1e9), "Control the step of the scan.")
+    filter_shape = choice("BAND:TYPE", {"6 dB EMI": "PULS", "3 dB normal": "NORM"}, "Control the shape of the resolution filter.")
     resolution_bandwidth_hz = number("SCAN1:BAND:RES", "Hz", (10.0, 10e6), "Control the 6 dB resolution bandwidth.")
     dwell_s = number("SCAN1:TIME", "s", (50e-6, 100.0), "Control the measuring time at each step.")
     attenuation_db = number("SCAN1:INP:ATT", "dB", (0.0, 75.0), "Control the input attenuation.")
     # Read back with every scan: a receiver switched to another unit by hand would spoil the levels silently.
     level_unit = choice("CALC:UNIT:POW", {"dBuV": "DBUV"}, "Control the unit of the levels.")
     preamplifier = switch("SCAN1:INP:GAIN:STAT", "Control the 20 dB preamplifier.")
+    # A factor that the receiver applies by itself must not be applied again to what it sends.
+    own_correction = switch("CORR:TRAN", "Control whether the receiver applies a transducer factor by itself.")
     detector = choice(
         "DET1:REC",
         {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "cispr-average": "CAV", "rms-average": "CRMS"},
@@ -52,12 +66,13 @@ class RohdeSchwarzESR(EmiReceiver):
     ) -> JsonDict:
         """Set receiver mode and one range of the scan table up; see `EmiReceiver.configure`."""
         self.tell("INST:SEL REC")
+        self.own_correction = False
         self.level_unit = "dBuV"
         self.tell("DISP:WIND:TRAC1:MODE WRIT", "SWE:SPAC LIN", "SCAN:RANG:COUN 1")
         self.start_hz = start_hz
         self.stop_hz = stop_hz
         self.step_hz = step_hz
-        self.tell("BAND:TYPE PULS")
+        self.filter_shape = "6 dB EMI"
         self.resolution_bandwidth_hz = resolution_bandwidth_hz
         self.dwell_s = dwell_s
         self.tell("INP:ATT:PROT ON", "SCAN1:INP:ATT:AUTO OFF")
@@ -90,7 +105,7 @@ class RohdeSchwarzESR(EmiReceiver):
             level_dbuv = self._levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?")
-        metadata = {"receiver": "esr", "resource": self.transport.resource_name, "settings": settings}
+        metadata = {"receiver": self.name, "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)
 

@@ -103,7 +103,7 @@ class TinySa(ShellDriver, EmiReceiver):
 
     def settings(self) -> JsonDict:
         """What the instrument reports, and how the scan is put together here."""
-        return {**super().settings(), "step_hz": float(self._step_hz), "dwell_s": self._dwell_s}
+        return {**super().settings(), "step_hz": float(self._step_hz), "dwell_s": self._dwell_s, "own_correction": False}
 
     def scan(self, detector: str) -> Spectrum:
         """Scan once, piece by piece.
@@ -117,6 +117,8 @@ class TinySa(ShellDriver, EmiReceiver):
         """
         if detector != "peak":
             raise BadInput(f"{self}: has no {detector} detector of CISPR 16-1-1; use peak")
+        # The gain of an external amplifier, which the shell sets but does not tell, is taken off levels by the instrument.
+        self.tell("ext_gain 0")
         settings = self.settings()
         axis = np.arange(settings["start_hz"], settings["stop_hz"] + 0.5, self._step_hz)
         rows = np.concatenate([self._scanned(axis[first : first + self.SCAN_POINTS]) for first in range(0, axis.size, self.SCAN_POINTS)])

@@ -26,8 +26,7 @@ PROCEDURES = {
     "4294a": "impedance_only",
     "e4990a": "impedance_only",
     "nanovna": "impedance_only",
-    "esr": "emission_only",
-    "mxe": "emission_only",
+    **dict.fromkeys(("esr", "esrp", "esw", "esci", "esu", "mxe", "n6141", "xseries", "dsa800", "rsa", "ssa3000x"), "emission_only"),
     "tinysa": "nanovna_bench",
 }
 REQUESTS = "-requests"

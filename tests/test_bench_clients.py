@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from pymeasure.instruments import Instrument, SCPIMixin
 from pymeasure.instruments.agilent import Agilent4294A as PyMeasure4294A
+from pymeasure.instruments.agilent import AgilentE4408B
 from pymeasure.instruments.rohdeschwarz import FSL
 from pynanovna.hardware.Hardware import Interface, get_VNA
 from RsInstrument import RsInstrument, StatusException
 from serving import served, started
 from tsapython import tinySA
+
+from motoremi.bench.simulated_receiver import BAND_B_HZ
 
 
 def test_pymeasure_reads_a_4294a() -> None:
@@ -37,10 +40,11 @@ def test_pymeasure_reads_a_4294a() -> None:
     assert not data[["A Imag", "B Imag"]].to_numpy().any()
 
 
-def test_rsinstrument_scans_with_an_esr() -> None:
-    with served("esr") as (server, bench):
+@pytest.mark.parametrize(("name", "model"), [("esr", "ESR3"), ("esrp", "ESRP7"), ("esw", "ESW26"), ("esci", "ESCI-3"), ("esu", "ESU-26")])
+def test_rsinstrument_scans_with_the_receivers_of_its_maker(name: str, model: str) -> None:
+    with served(name) as (server, bench):
         client = RsInstrument(server.resource, True, True, "SelectVisa='socket'")
-        assert "ESR3" in client.idn_string
+        assert model in client.idn_string
         client.write_str("SENSe1:SCAN1:STARt 150 kHz")
         client.write_str("SCAN1:STOP 1MHz; SCAN1:STEP 4.5 kHz;:SCAN1:TIME 10 ms")
         assert client.query_float("SENSe:SCAN1:STOP?") == 1e6
@@ -126,6 +130,27 @@ def test_pymeasure_talks_to_whatever_speaks_scpi(name: str, model: str) -> None:
         assert [entry[0] for entry in client.check_errors()] == [-113]
         assert client.check_errors() == []
         client.adapter.close()
+
+
+@pytest.mark.parametrize("name", ["xseries", "rsa"])
+def test_pymeasure_sweeps_with_an_analyser_in_the_same_language(name: str) -> None:
+    """Its driver for the E4408B, whose commands the X-series took over, and Rigol after it."""
+    with served(name) as (server, bench):
+        bench.level_dbuv(BAND_B_HZ, "peak")
+        client = AgilentE4408B(server.resource, visa_library="@py", read_termination="\n", write_termination="\n")
+        client.write(":INST:SEL SA;:INIT:CONT OFF")
+        client.start_frequency = 150e3
+        client.stop_frequency = 30e6
+        client.frequency_points = 601
+        client.sweep_time = 0.2
+        assert (client.start_frequency, client.stop_frequency, client.frequency_points) == (150e3, 30e6, 601)
+        assert client.sweep_time == 0.2
+        client.write(":INIT:IMM;*WAI")
+        frequency_hz, level_dbm = client.frequencies, client.trace(1)
+        assert client.ask(":SYST:ERR?").startswith("0")
+        client.adapter.close()
+        expected = np.interp(frequency_hz, BAND_B_HZ, bench.level_dbuv(BAND_B_HZ, "peak"))
+    np.testing.assert_allclose(level_dbm + 106.9897, expected, atol=1e-3)
 
 
 def test_pynanovna_reads_a_nanovna() -> None:

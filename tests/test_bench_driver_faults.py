@@ -16,8 +16,12 @@ from motoremi.bench.virtual import virtual_instrument
 from motoremi.data.session import Session, SessionWriter, load, verify
 from motoremi.errors import MotoremiError
 
+# Drivers that share their code, each fault given to one of them by turns.
+FAMILIES = (("esrp", "esw", "esci", "esu"), ("mxe", "n6141"), ("dsa800", "rsa", "ssa3000x", "xseries"))
 # The other two have the whole matrix of their own.
-DRIVERS = sorted(set(PROCEDURES) - {"4294a", "esr"})
+ALONE = sorted(set(PROCEDURES) - {"4294a", "esr"} - {driver for family in FAMILIES for driver in family})
+ROWS = (*FAMILIES, *((driver,) for driver in ALONE))
+DRIVERS = sorted(driver for row in ROWS for driver in row)
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +35,14 @@ def references(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Session]:
     return made
 
 
-# Each driver has each fault once, by turns early in the measurement, in the middle and late.
+# Each driver or family has each fault once, by turns early in the measurement, in the middle and late.
 @pytest.mark.parametrize(
     ("driver", "kind", "share"),
-    [(driver, kind, (0.05, 0.4, 0.8)[(row + column) % 3]) for row, driver in enumerate(DRIVERS) for column, kind in enumerate(sorted(FAULTS))],
+    [
+        (family[column % len(family)], kind, (0.05, 0.4, 0.8)[(row + column) % 3])
+        for row, family in enumerate(ROWS)
+        for column, kind in enumerate(sorted(FAULTS))
+    ],
 )
 def test_a_fault_ends_in_an_error_or_the_same_data(tmp_path: Path, references: dict[str, Session], driver: str, kind: str, share: float) -> None:
     reference = references[driver]

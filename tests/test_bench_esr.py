@@ -73,11 +73,13 @@ def test_settings_are_what_the_instrument_says(receiver: RohdeSchwarzESR) -> Non
         "start_hz": 150e3,
         "stop_hz": 30e6,
         "step_hz": 45e3,
+        "filter_shape": "6 dB EMI",
         "resolution_bandwidth_hz": 9e3,
         "dwell_s": 0.02,
         "attenuation_db": 10.0,
         "level_unit": "dBuV",
         "preamplifier": False,
+        "own_correction": False,
         "detector": "peak",
     }
 

@@ -41,6 +41,7 @@ def test_identity_and_settings(receiver: KeysightMXE) -> None:
         "scan_time_s": 2.01,
         "attenuation_db": 20.0,
         "preamplifier": False,
+        "own_correction": False,
         "detector": "peak",
     }
 

@@ -81,7 +81,9 @@ def test_a_receiver_scans_over_a_real_link(name: str, over: str, manager: pyvisa
         receiver.safe()
         receiver.close()
         expected = bench.level_dbuv(spectrum.frequency_hz, "peak")
-    assert len(spectrum) == 200
+    # Analysers with a fixed number of points have a smaller step.
+    assert len(spectrum) >= 200
+    assert np.diff(spectrum.frequency_hz).max() <= 150e3
     assert np.median(np.abs(spectrum.level_dbuv - expected)) < 3.0
 
 

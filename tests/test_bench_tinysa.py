@@ -55,6 +55,7 @@ def test_identity_and_settings(receiver: TinySa) -> None:
         "attenuation_db": 20.0,
         "step_hz": 4.5e3,
         "dwell_s": 0.01,
+        "own_correction": False,
     }
 
 

@@ -148,11 +148,13 @@ def test_a_scan_of_the_esr() -> None:
         ("SCAN1:STAR?", "150000"),
         ("SCAN1:STOP?", "160000"),
         ("SCAN1:STEP?", "4500"),
+        ("BAND:TYPE?", "PULS"),
         ("SCAN1:BAND:RES?", "9000"),
         ("SCAN1:TIME?", "0.01"),
         ("SCAN1:INP:ATT?", "10"),
         ("CALC:UNIT:POW?", "DBUV"),
         ("SCAN1:INP:GAIN:STAT?", "0"),
+        ("CORR:TRAN?", "0"),
         ("DET1:REC?", "AVER"),
     ]
     expected = [

@@ -25,7 +25,16 @@ BUILT_IN = {
     "e4990a": "motoremi.instruments.keysight_e4990a:KeysightE4990A",
     "nanovna": "motoremi.instruments.nanovna:NanoVna",
     "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
+    "esrp": "motoremi.instruments.rohde_schwarz_receivers:RohdeSchwarzESRP",
+    "esw": "motoremi.instruments.rohde_schwarz_receivers:RohdeSchwarzESW",
+    "esci": "motoremi.instruments.rohde_schwarz_receivers:RohdeSchwarzESCI",
+    "esu": "motoremi.instruments.rohde_schwarz_receivers:RohdeSchwarzESU",
     "mxe": "motoremi.instruments.keysight_mxe:KeysightMXE",
+    "n6141": "motoremi.instruments.keysight_mxe:KeysightN6141",
+    "xseries": "motoremi.instruments.keysight_xseries:KeysightXSeries",
+    "dsa800": "motoremi.instruments.rigol_sa:RigolDSA800",
+    "rsa": "motoremi.instruments.rigol_sa:RigolRSA",
+    "ssa3000x": "motoremi.instruments.siglent_ssa3000x:SiglentSSA3000X",
     "tinysa": "motoremi.instruments.tinysa:TinySa",
 }
 

@@ -17,6 +17,10 @@ from motoremi.quantities import show
 T = TypeVar("T")
 
 
+class RefusedCommand(InstrumentError):
+    """The instrument answered, and what it says is that it does not take the command."""
+
+
 @dataclass(frozen=True)
 class Identity:
     """Who answered `*IDN?`."""
@@ -225,8 +229,10 @@ class Driver(abc.ABC):
 
         Raises
         ------
-        InstrumentError
+        RefusedCommand
             With number and text of each error, and the command that it followed.
+        InstrumentError
+            If what answers is no error queue.
         """
         errors = []
         for _ in range(self._QUEUE_LIMIT):
@@ -240,7 +246,7 @@ class Driver(abc.ABC):
                 break
             errors.append(f"{number_} {text.strip()}")
         if errors:
-            raise InstrumentError(f"{self}: error {'; '.join(errors)} after {command!r}")
+            raise RefusedCommand(f"{self}: error {'; '.join(errors)} after {command!r}")
 
     def request_service(self) -> None:
         """Where the link carries service requests, have the instrument request service at completion; after `*CLS`, before the command."""

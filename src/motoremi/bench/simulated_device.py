@@ -67,10 +67,21 @@ class Wiring(Protocol):
 
 
 @functools.cache
-def _parsed(profile: str) -> dict[str, Any]:
-    """Reading YAML takes longer than a simulated sweep."""
+def _parsed(profile: str) -> tuple[str, dict[str, Any]]:
+    """Name and description of the device in a profile; one that is `like` another says only what differs.
+
+    Kept, because reading YAML takes longer than a simulated sweep.
+    """
     with resources.as_file(resources.files("motoremi.sim_profiles") / profile) as path:
-        return parser.parse_file(path)
+        content = parser.parse_file(path)
+    ((name, data),) = content["devices"].items()
+    return name, _overlaid(_parsed(content["like"])[1], data) if "like" in content else data
+
+
+def _overlaid(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Tables are merged row by row; anything else replaces what the base has."""
+    merged = {key: _overlaid(base[key], value) if isinstance(value, dict) and key in base else value for key, value in own.items()}
+    return {**base, **merged}
 
 
 class SimulatedDevice(Device):
@@ -97,7 +108,7 @@ class SimulatedDevice(Device):
     _unpolled = False
 
     def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
-        ((name, data),) = copy.deepcopy(_parsed(profile))["devices"].items()
+        name, data = copy.deepcopy(_parsed(profile))
         super().__init__(name, b"")
         self.wiring = wiring
         self.clock = clock

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,10 +16,12 @@ from motoremi.bench.simulated_receiver import SimulatedReceiver, ascii_levels, s
 class SimulatedESR(SimulatedReceiver):
     """An ESR whose input is connected to a test stand."""
 
+    profile: ClassVar[str] = "rohde_schwarz_esr.yaml"
+
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
         self._marker = 0
         self._line = "L1"
-        super().__init__("rohde_schwarz_esr.yaml", wiring, clock)
+        super().__init__(self.profile, wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the ESR computes."""
@@ -72,3 +75,27 @@ class SimulatedESR(SimulatedReceiver):
             return None
         levels = self.levels(self.value("unit"))
         return ascii_levels(levels) if self.value("format") == "ASC" else definite_block(levels, "<f4")
+
+
+class SimulatedESRP(SimulatedESR):
+    """An ESRP."""
+
+    profile = "rohde_schwarz_esrp.yaml"
+
+
+class SimulatedESW(SimulatedESR):
+    """An ESW."""
+
+    profile = "rohde_schwarz_esw.yaml"
+
+
+class SimulatedESCI(SimulatedESR):
+    """An ESCI."""
+
+    profile = "rohde_schwarz_esci.yaml"
+
+
+class SimulatedESU(SimulatedESR):
+    """An ESU."""
+
+    profile = "rohde_schwarz_esu.yaml"

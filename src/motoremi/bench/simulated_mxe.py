@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,8 +18,10 @@ INPUT_OVERLOAD = 16
 class SimulatedMxe(SimulatedReceiver):
     """An MXE whose input is connected to a test stand."""
 
+    profile: ClassVar[str] = "keysight_mxe.yaml"
+
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__("keysight_mxe.yaml", wiring, clock)
+        super().__init__(self.profile, wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the MXE computes."""
@@ -60,3 +63,9 @@ class SimulatedMxe(SimulatedReceiver):
 
     def _overload_event_register(self) -> bytes:
         return str(INPUT_OVERLOAD if self.read_overload() != b"0" else 0).encode()
+
+
+class SimulatedN6141(SimulatedMxe):
+    """An MXA with the EMI measurement application."""
+
+    profile = "keysight_n6141.yaml"

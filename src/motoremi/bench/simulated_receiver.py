@@ -29,9 +29,13 @@ BAND_B_HZ: FloatArray = 150e3 + 4.5e3 * np.arange(6634, dtype=np.float64)
 BAND_B_END_HZ = 30e6
 # A scan of so few points is read off the whole band as well: working the stand out takes as long for five points as for all.
 SHORT_SCAN = 8
+# And a scan of so fine a step, much finer than the filter of 9 kHz.
+FINE_STEP_HZ = 1e3
 # More than any receiver stores for one trace, and more than a client should be able to ask of this machine.
 MOST_POINTS = 1_000_000
 NOTHING_DBUV = -200.0
+# What an instrument's own correction adds while it is on: an attenuator in front of it, made up for.
+OWN_CORRECTION_DB = 10.0
 DBUV_OF_0_DBM = 106.98970004336019
 
 
@@ -49,27 +53,37 @@ class SimulatedReceiver(SimulatedScpi):
         """When the running scan ends."""
         return self._ends_s
 
-    def measure(self, frequency_hz: FloatArray, detector: str, attenuation_db: float, preamplifier: bool, duration_s: float) -> None:
-        """Start a scan; `detector` is the instrument's word."""
+    def measure(
+        self, frequency_hz: FloatArray, detector: str, attenuation_db: float, preamplifier: bool, duration_s: float, dwell_s: float | None = None
+    ) -> None:
+        """Start a scan; `detector` is the instrument's word. A sweep dwells on a frequency as long as its filter takes to pass over it."""
         upwards = frequency_hz.size == 1 or (frequency_hz.size > 1 and frequency_hz[-1] > frequency_hz[0])
         if not upwards or frequency_hz.size > MOST_POINTS:
             self.error_response("execution_error")
             return
-        arriving = arriving_dbuv(self.wiring, frequency_hz, DETECTORS[detector])
+        arriving = self.arriving(frequency_hz, DETECTORS[detector])
         limit_dbuv = MIXER_LIMIT_DBUV + attenuation_db - (PREAMPLIFIER_DB if preamplifier else 0.0)
         if np.any(arriving > limit_dbuv):
             self._overload_event |= RF_OVERLOAD
         self._frequency_hz = frequency_hz
-        self._levels_dbuv = np.minimum(arriving, limit_dbuv) + settling_db(DETECTORS[detector], duration_s / frequency_hz.size)
+        self._levels_dbuv = np.minimum(arriving, limit_dbuv) + settling_db(DETECTORS[detector], dwell_s or duration_s / frequency_hz.size)
         self._ends_s = self.clock.now() + duration_s
+
+    def arriving(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
+        """Level at the input in dBuV."""
+        return arriving_dbuv(self.wiring, frequency_hz, detector)
 
     def stop(self) -> None:
         """Stop the running scan."""
         self._ends_s = self.clock.now()
 
     def levels(self, unit: str) -> FloatArray:
-        """Levels of the last scan."""
-        return self._levels_dbuv - (DBUV_OF_0_DBM if unit == "DBM" else 0.0)
+        """Levels of the last scan, with the instrument's own correction."""
+        return self._levels_dbuv + self.correction_db() - (DBUV_OF_0_DBM if unit == "DBM" else 0.0)
+
+    def correction_db(self) -> float:
+        """What the instrument adds to its levels by itself."""
+        return OWN_CORRECTION_DB if self.value("own_correction") == "ON" else 0.0
 
     def read_overload(self) -> bytes:
         """The overload event register, which reading clears."""
@@ -79,6 +93,13 @@ class SimulatedReceiver(SimulatedScpi):
     def _clear_status(self, argument: str) -> None:
         super()._clear_status(argument)
         self._overload_event = 0
+
+    def _reset(self, argument: str) -> None:
+        # As on the X-series, whose corrections and external gain outlive a reset; and so does what is installed.
+        kept = {name: self.value(name) for name in ("own_correction", "external_gain", "emi_option") if name in self._properties}
+        super()._reset(argument)
+        for name, value in kept.items():
+            self._properties[name].init_value(str(value))
 
 
 def settling_db(detector: str, dwell_s: float) -> float:
@@ -97,7 +118,7 @@ def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> Fl
 
     The simulated stand has nothing outside of the band.
     """
-    if frequency_hz.size <= SHORT_SCAN:
+    if frequency_hz.size <= SHORT_SCAN or frequency_hz[1] - frequency_hz[0] < FINE_STEP_HZ:
         return read_off_the_band(wiring, frequency_hz, detector)
     inside = BAND_B_HZ[0] <= frequency_hz[0] and frequency_hz[-1] <= BAND_B_END_HZ
     if inside and frequency_hz.size <= 2 * BAND_B_HZ.size:
@@ -107,8 +128,10 @@ def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> Fl
 
 def read_off_the_band(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
     """Level at any frequencies from one scan of band B, which takes the stand seconds to work out, but only once."""
-    level: FloatArray = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector), left=NOTHING_DBUV, right=NOTHING_DBUV)
-    return level
+    level = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector))
+    # The last step of the band ends a little before 30 MHz.
+    inside = (BAND_B_HZ[0] <= frequency_hz) & (frequency_hz <= BAND_B_END_HZ)
+    return np.where(inside, level, NOTHING_DBUV)
 
 
 def steps(start_hz: float, stop_hz: float, step_hz: float) -> FloatArray:

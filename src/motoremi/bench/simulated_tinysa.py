@@ -51,6 +51,7 @@ class SimulatedTinySa(SimulatedShell):
             "sweeptime": self._sweep_time,
             "calc": self._calc,
             "zero": self._zero,
+            "ext_gain": self._external_gain,
             "trace": self._trace,
             "pause": lambda _: self._pause(True),
             "resume": lambda _: self._pause(False),
@@ -178,6 +179,13 @@ class SimulatedTinySa(SimulatedShell):
             return ""
         return lines("usage: zero {level}", f"{self.value('zero_level')}dBm")
 
+    def _external_gain(self, arguments: list[str]) -> str:
+        if len(arguments) == 1 and (gain_db := _number(arguments[0])) is not None:
+            self.set_within("external_gain", gain_db)
+            return ""
+        # It tells its range, but not what is set.
+        return lines("usage: ext_gain -100.0..+100.0")
+
     def _trace(self, arguments: list[str]) -> str:
         if arguments == ["1", "value"]:
             return lines(*(f"trace 1 value {index} {level:.2f}" for index, level in enumerate(self._levels_dbm())))
@@ -204,7 +212,7 @@ class SimulatedTinySa(SimulatedShell):
         attenuation = float(self.value("attenuation"))
         noise = NOISE_DBM + attenuation + 10 * np.log10(self._filter_khz() / 10.0)
         total = np.minimum(10 * np.log10(10 ** (arriving / 10) + 10 ** (noise / 10)), MOST_DBM + attenuation)
-        levels: FloatArray = np.round(total / STEP_DB) * STEP_DB
+        levels: FloatArray = np.round(total / STEP_DB) * STEP_DB - float(self.value("external_gain"))
         return levels
 
 

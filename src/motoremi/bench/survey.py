@@ -82,9 +82,10 @@ def load_trouble() -> dict[str, str]:
 
 
 def title(name: str) -> str:
-    """One line on a driver: what its module or its class says of itself."""
+    """One line on a driver: what its module says of itself, or its class where one module has several drivers."""
     driver = driver_class(name)
-    text = inspect.getdoc(inspect.getmodule(driver)) or inspect.getdoc(driver) or name
+    alone = sum(path.partition(":")[0] == driver.__module__ for path in driver_names().values()) == 1
+    text = (alone and inspect.getdoc(inspect.getmodule(driver))) or inspect.getdoc(driver) or name
     return text.splitlines()[0]
 
 

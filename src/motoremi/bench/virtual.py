@@ -44,7 +44,16 @@ VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
     "e4990a": VirtualInstrument("motoremi.bench.simulated_e4990a:SimulatedE4990A", "GPIB0::18::INSTR", "analyser"),
     "nanovna": VirtualInstrument("motoremi.bench.simulated_nanovna:SimulatedNanoVna", "ASRL1::INSTR", "analyser"),
     "esr": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESR", "GPIB0::20::INSTR", "receiver"),
+    "esrp": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESRP", "GPIB1::20::INSTR", "receiver"),
+    "esw": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESW", "GPIB1::21::INSTR", "receiver"),
+    "esci": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESCI", "GPIB1::22::INSTR", "receiver"),
+    "esu": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESU", "GPIB1::23::INSTR", "receiver"),
     "mxe": VirtualInstrument("motoremi.bench.simulated_mxe:SimulatedMxe", "GPIB0::21::INSTR", "receiver"),
+    "n6141": VirtualInstrument("motoremi.bench.simulated_mxe:SimulatedN6141", "GPIB1::24::INSTR", "receiver"),
+    "xseries": VirtualInstrument("motoremi.bench.simulated_swept:SimulatedXSeries", "GPIB1::25::INSTR", "receiver"),
+    "dsa800": VirtualInstrument("motoremi.bench.simulated_swept:SimulatedDSA800", "USB0::0x1AB1::0x0960::DSA8A134700016::0::INSTR", "receiver"),
+    "rsa": VirtualInstrument("motoremi.bench.simulated_swept:SimulatedRSA", "USB0::0x1AB1::0x0968::RSA5A191200123::0::INSTR", "receiver"),
+    "ssa3000x": VirtualInstrument("motoremi.bench.simulated_swept:SimulatedSSA3000X", "USB0::0xF4EC::0x1300::SSA3XAAX1R0001::0::INSTR", "receiver"),
     "tinysa": VirtualInstrument("motoremi.bench.simulated_tinysa:SimulatedTinySa", "ASRL2::INSTR", "receiver"),
 }
 
