@@ -26,6 +26,8 @@ PROCEDURES = {
     "4294a": "impedance_only",
     "e4990a": "impedance_only",
     "nanovna": "impedance_only",
+    "nanovna-v2": "impedance_only",
+    "librevna": "impedance_only",
     "esr": "emission_only",
     "mxe": "emission_only",
     "tinysa": "nanovna_bench",
@@ -39,6 +41,9 @@ def procedure(driver: str) -> Procedure:
     data = copy.deepcopy(small(PROCEDURES[driver]).source)
     role = virtual_instrument(driver).role
     data["instruments"] = {role: {**data["instruments"][role], "driver": driver}}
+    if driver == "nanovna-v2":
+        first = next(at for at, step in enumerate(data["steps"]) if step["do"] == "compensate")
+        data["steps"].insert(first, {"do": "compensate", "standard": "load", "nominal": "100 Ohm"})
     if role == "receiver":
         data.pop("sweep", None)
         data["steps"] = [step for step in data["steps"] if step["do"] in ("identify", "connect", "wait", "spectrum", "report")]

@@ -11,10 +11,10 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.driver import Driver
 from motoremi.bench.transport import Transport
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.errors import InstrumentError
+from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show_band
 
-Standard = Literal["open", "short"]
+Standard = Literal["open", "short", "load"]
 Spacing = Literal["log", "linear"]
 
 
@@ -25,14 +25,18 @@ class ImpedanceAnalyser(Driver):
     ----------
     analyser : str
         Name of its error model in the analysis.
+    STANDARDS_USED : tuple of str
+        Which standards `compensate` takes.
     """
 
     analyser: ClassVar[str]
+    STANDARDS_USED: ClassVar[tuple[Standard, ...]] = ("open", "short")
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)
         # The axis each fixture compensation was measured on. Coefficients of another axis silently spoil every point.
         self._compensated: dict[Standard, FloatArray] = {}
+        self.load_ohm: float | None = None
 
     @abc.abstractmethod
     def configure(
@@ -82,8 +86,26 @@ class ImpedanceAnalyser(Driver):
         """What else is worth keeping with the sweep that has just been read."""
         return {}
 
-    def compensate(self, standard: Standard) -> None:
-        """Measure the fixture with the open or short standard that is connected now, on the frequencies of the sweep."""
+    def compensate(self, standard: Standard, nominal_ohm: float | None = None) -> None:
+        """Measure the fixture with the standard that is connected now, on the frequencies of the sweep.
+
+        Parameters
+        ----------
+        standard : {"open", "short", "load"}
+        nominal_ohm : float, optional
+            Resistance of the load.
+
+        Raises
+        ------
+        BadInput
+            If this analyser has no use for the standard, or the load's value is missing.
+        """
+        if standard not in self.STANDARDS_USED:
+            raise BadInput(f"{self}: takes no {standard} standard; compensate with {' and '.join(self.STANDARDS_USED)}")
+        if standard == "load":
+            if nominal_ohm is None:
+                raise BadInput(f"{self}: the value of the load standard is missing; say its nominal resistance")
+            self.load_ohm = nominal_ohm
         self._compensated.pop(standard, None)
         self.measure_standard(standard)
         self._compensated[standard] = self.read_axis()

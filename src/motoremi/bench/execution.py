@@ -105,7 +105,7 @@ class Execution:
             self._wait(step.time)
         elif isinstance(step, Compensate):
             self._connect(STANDARDS[step.standard])
-            self._analyser().compensate(step.standard)
+            self._analyser().compensate(step.standard, step.nominal)
         elif isinstance(step, Sweep):
             connection = self._connect(step.termination)
             for _ in range(stored, step.repeat):

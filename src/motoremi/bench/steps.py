@@ -36,7 +36,14 @@ class Compensate(Strict):
     """Measure the fixture with a standard and switch that compensation on; prompts for the standard."""
 
     do: Literal["compensate"]
-    standard: Literal["open", "short"] = Field(description="which standard")
+    standard: Literal["open", "short", "load"] = Field(description="which standard")
+    nominal: Annotated[float, Quantity("Ohm", 1e-3, 1e6)] | None = Field(default=None, description="resistance of the load standard")
+
+    @model_validator(mode="after")
+    def _load_has_a_value(self) -> Self:
+        if (self.standard == "load") != (self.nominal is not None):
+            raise BadInput("nominal: belongs to the load standard, and to no other")
+        return self
 
 
 class Connect(Strict):

@@ -68,6 +68,10 @@ class Transport(abc.ABC):
         """Receive one message, terminator included; `InstrumentError` if none comes within `timeout_s`."""
 
     @abc.abstractmethod
+    def receive_bytes(self, count: int) -> bytes:
+        """Receive so many bytes, of an answer that no character ends; `InstrumentError` if they do not come within `timeout_s`."""
+
+    @abc.abstractmethod
     def clear(self) -> None:
         """Clear the link: the instrument forgets unread answers and half commands."""
 
@@ -89,7 +93,7 @@ class Transport(abc.ABC):
         raise InstrumentError(f"{self.resource_name}: this link carries no service requests")
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer."""
+        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer, if any."""
         self.terminator = sent
 
     @contextmanager
@@ -110,6 +114,11 @@ class Transport(abc.ABC):
             raise InstrumentError(f"{self.resource_name}: {command!r} is not ASCII; no instrument takes it") from error
         self._last_command = command
         self.send(data + self.terminator)
+
+    def write_bytes(self, data: bytes, command: str) -> None:
+        """Send bytes that are no text; `command` is what messages call them."""
+        self._last_command = command
+        self.send(data)
 
     def read(self) -> str:
         """Read a text answer, without its terminator."""
@@ -193,9 +202,9 @@ class VisaTransport(Transport):
         self._resource.timeout = max(1, round(seconds * 1000))
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline."""
+        """Use other ends of messages than a newline; an empty one is none."""
         super().end_messages_with(sent, received)
-        self._resource.read_termination = received
+        self._resource.read_termination = received or None
 
     def send(self, data: bytes) -> None:
         """Send one message."""
@@ -206,6 +215,11 @@ class VisaTransport(Transport):
         """Receive one message."""
         with self._one_line("gave no answer to", "check power, cable and address, and that no other program uses it"):
             return bytes(self._resource.read_raw())
+
+    def receive_bytes(self, count: int) -> bytes:
+        """Receive so many bytes."""
+        with self._one_line("gave no whole answer to", "check power, cable and address, and that no other program uses it"):
+            return bytes(self._resource.read_bytes(count))
 
     def await_request(self, seconds: float) -> bool:
         """Wait for the event, and poll the instrument for whether it was the one that asked."""
