@@ -40,6 +40,8 @@ FULL_SCALE = 1 << 30
 SECONDS_PER_POINT = 0.0125
 # What the noise of a single value corresponds to: 3e-4 of S11, an estimate.
 NOISE_BANDWIDTH_HZ = 9e3
+# The firmware measures its internal reference in the first two sweeps after a change; until then S11 is off by about this, an estimate.
+EARLY_SWEEPS, EARLY_ERROR = 2, 0.02
 
 
 class SimulatedNanoVnaV2(SimulatedDevice):
@@ -52,7 +54,8 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         self._registers = bytearray(256)
         for name, (address, size) in REGISTERS.items():
             self._registers[address : address + size] = int(self.value(name)).to_bytes(size, "little")
-        self._next = 0
+        # How many values have been measured since the sweep was changed.
+        self._measured = 0
         self._busy_until_s = 0.0
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
@@ -111,19 +114,20 @@ class SimulatedNanoVnaV2(SimulatedDevice):
 
     def _written(self, address: int) -> None:
         if address in (REGISTERS["start"][0], REGISTERS["step"][0], REGISTERS["points"][0], REGISTERS["values_per_frequency"][0]):
-            self._next = 0
+            self._measured = 0
         elif address == QUEUE:
             # The sweep goes on while the queue is emptied.
-            self._next = (self._next + 7) % max(1, self._register("points"))
+            self._measured += 7
 
     def _values(self, count: int) -> bytes:
         self._busy_until_s = self.clock.now() + count * SECONDS_PER_POINT
         self.clock.sleep(count * SECONDS_PER_POINT)
         points, each = max(1, self._register("points")), max(1, self._register("values_per_frequency"))
-        index = (self._next + np.arange(count) // each) % points
-        self._next = int(index[-1] + 1) % points
+        sweep, index = np.divmod((self._measured + np.arange(count)) // each, points)
+        self._measured += count
         frequency_hz = np.maximum(1.0, self._register("start") + float(self._register("step")) * index)
         raw = self._vna.reflection(frequency_hz, behind_clips(self.wiring, frequency_hz), NOISE_BANDWIDTH_HZ)
+        raw += np.where(sweep < EARLY_SWEEPS, EARLY_ERROR, 0.0)
         return b"".join(_record(gamma, int(point)) for gamma, point in zip(raw, index, strict=True))
 
 
