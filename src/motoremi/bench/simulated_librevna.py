@@ -17,8 +17,8 @@ from motoremi.simulate.vna import RAW, SimulatedVna
 # de-embedding has one, which is left out because it is also that of `ACTivate`.
 _NODES = (
     "DEVice CONNect DISConnect MODE INFo FWREVision HWREVision LIMits MINFrequency MAXFrequency MINIFBW MAXIFBW MAXPoints STAtus UNLOcked "
-    "ADCOVERload UNLEVel VNA SWEEP FREQuency START STOP SWEEPTYPE ACQuisition RUN IFBW POINTS AVG AVGLEVel FINished SINGLE STIMulus LVL TRACe LIST DATA "
-    "PARAMeter TYPE PAUSED DEEMBedding CALibration ACTivate ACTIVE RESET NUMber"
+    "ADCOVERload UNLEVel VNA SWEEP FREQuency START STOP SWEEPTYPE ACQuisition RUN IFBW POINTS AVG AVGLEVel FINished SINGLE STIMulus LVL TRACe LIST "
+    "DATA PARAMeter TYPE PAUSED DEEMBedding CALibration ACTivate ACTIVE RESET NUMber"
 )
 _SPELLED = {spelling: node for node in _NODES.split() for spelling in (node.upper(), re.sub("[a-z]", "", node))}
 TRUE, FALSE = ("TRUE", "ON", "1"), ("FALSE", "OFF", "0")
