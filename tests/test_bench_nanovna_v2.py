@@ -15,8 +15,10 @@ import motoremi as me
 from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.connections import STANDARDS
 from motoremi.bench.faults import FaultLayer
+from motoremi.bench.recording import decode_bytes, encode_bytes
 from motoremi.bench.reflection import calibrated, impedance_from_reflection
 from motoremi.bench.registers import encoded
+from motoremi.bench.replay import ReplayTransport
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
 from motoremi.bench.steps import Compensate
@@ -265,3 +267,26 @@ def test_a_restart_before_the_values_are_read_is_told(bench: SimulatedBench, ana
 def test_the_instrument_gets_its_screen_back(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
     analyser.safe()
     assert device_of(bench)._register("data_mode") == 2
+
+
+def test_values_that_do_not_come_are_told(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
+    FaultLayer(device_of(bench), "truncated", 5)
+    with pytest.raises(InstrumentError, match=r"ASRL3::INSTR: gave no whole answer to 'fifo 0x30 \d+' within"):
+        analyser.scan()
+
+
+def test_raw_bytes_are_recorded_and_play_back(bench: SimulatedBench) -> None:
+    """Every byte is in the record, and the record alone gives the same S11."""
+    records: list[Any] = []
+    first = bench.open("analyser", "nanovna-v2", "whatever", records.append)
+    assert isinstance(first, NanoVnaV2)
+    first.configure(150e3, 30e6, 41)
+    measured = first.scan()
+    assert any(record["direction"] == "read" and len(decode_bytes(record)) > 500 for record in records)
+    replayed = NanoVnaV2(ReplayTransport("RECORD", records))
+    replayed.configure(150e3, 30e6, 41)
+    np.testing.assert_array_equal(replayed.scan(), measured)
+    # A record that was cut is no answer of 255 values.
+    cut = [{**record, **encode_bytes(decode_bytes(record)[:-1])} if record["direction"] == "read" else record for record in records]
+    with pytest.raises(InstrumentError, match="0 bytes in answer to 'read1 0x26', expected 1"):
+        NanoVnaV2(ReplayTransport("RECORD", cut)).configure(150e3, 30e6, 41)
