@@ -286,7 +286,7 @@ def test_raw_bytes_are_recorded_and_play_back(bench: SimulatedBench) -> None:
     replayed = NanoVnaV2(ReplayTransport("RECORD", records))
     replayed.configure(150e3, 30e6, 41)
     np.testing.assert_array_equal(replayed.scan(), measured)
-    # A record that was cut is no answer of 255 values.
+    # A record whose answers were cut is no measurement.
     cut = [{**record, **encode_bytes(decode_bytes(record)[:-1])} if record["direction"] == "read" else record for record in records]
-    with pytest.raises(InstrumentError, match="0 bytes in answer to 'read1 0x26', expected 1"):
+    with pytest.raises(InstrumentError, match="1 bytes in answer to 'read2 0x22', expected 2"):
         NanoVnaV2(ReplayTransport("RECORD", cut)).configure(150e3, 30e6, 41)
