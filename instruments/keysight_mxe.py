@@ -36,7 +36,7 @@ class KeysightMXE(EmiReceiver):
     preamplifier = switch(":FSC:SCAN2:POW:GAIN", "Control the preamplifier.")
     detector = choice(
         ":FSC:DET:TRAC1",
-        {"peak": "POS", "quasi-peak": "QPE", "average": "EAV", "rms-average": "RAV"},
+        {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "cispr-average": "EAV", "rms-average": "RAV"},
         "Control the detector of trace 1.",
     )
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.analyser import Spacing, Standard
-from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces, reflection_coefficient
+from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces
 from motoremi.bench.registers import RegisterDriver, register
 from motoremi.bench.transport import Transport
+from motoremi.data.analyser import reflection_of
 from motoremi.errors import InstrumentError
 
 
@@ -34,7 +35,8 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     model = r"(NanoVNA V2|LiteVNA).*"
     # Register 0x26: 0 sends raw data, 2 goes back to the screen.
     safe_commands = ("write1 0x26 2",)
-    STANDARDS_USED: ClassVar[tuple[Standard, ...]] = ("open", "short", "load")
+    COMPENSATES: ClassVar[frozenset[Standard]] = frozenset({"open", "short", "load"})
+    REQUIRED = COMPENSATES
 
     first_hz = register(0x00, 8, (50e3, 300e6), "Control the first frequency of a scan.", "Hz")
     step_hz = register(0x10, 8, (1, 300e6), "Control the step of a scan.", "Hz")
@@ -56,6 +58,7 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         self._pieces: list[tuple[int, int, int]] = []
         self._spacing: Spacing = "log"
         self._sweeps = 1
+        self._load_ohm_henry = (self.REFERENCE_OHM, 0.0)
 
     def configure(
         self,
@@ -97,14 +100,20 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     def trigger(self) -> None:
         """Refuse what cannot be calibrated."""
         super().trigger()
-        if missing := [name for name in self.STANDARDS_USED if name not in self._standards]:
+        if missing := sorted(self.REQUIRED - self._standards.keys()):
             raise InstrumentError(f"{self}: sends raw data; compensate with open, short and load before a sweep (missing: {', '.join(missing)})")
+
+    def define_load(self, ohm: float, henry: float) -> None:
+        """What the load standard is: a resistance with an inductance in series."""
+        self._load_ohm_henry = (ohm, henry)
 
     def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
         """Impedance in ohm, with the analyser and the fixture taken out by the three standards."""
-        load = reflection_coefficient(self.load_ohm or self.REFERENCE_OHM, self.REFERENCE_OHM)
+        ohm, henry = self._load_ohm_henry
+        load: ComplexArray = ohm + 2j * np.pi * self.read_axis() * henry
+        known: dict[Standard, complex | ComplexArray] = {"open": 1.0, "short": -1.0, "load": reflection_of(load)}
         try:
-            gamma = calibrated(reflection, self._standards, {"open": 1.0, "short": -1.0, "load": load})
+            gamma = calibrated(reflection, self._standards, known)
         except InstrumentError as error:
             raise InstrumentError(f"{self}: {error}") from error
         return impedance_from_reflection(gamma, self.REFERENCE_OHM)

@@ -33,7 +33,7 @@ class RohdeSchwarzESR(EmiReceiver):
     preamplifier = switch("SCAN1:INP:GAIN:STAT", "Control the 20 dB preamplifier.")
     detector = choice(
         "DET1:REC",
-        {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "rms-average": "CRMS"},
+        {"peak": "POS", "quasi-peak": "QPE", "average": "AVER", "cispr-average": "CAV", "rms-average": "CRMS"},
         "Control the detector of trace 1.",
     )
 
@@ -66,6 +66,13 @@ class RohdeSchwarzESR(EmiReceiver):
         self.preamplifier = False
         self.tell("TRAC:FEED:CONT ALW", "FORM ASC", "FORM:DEXP:DSEP POIN", "INIT2:CONT OFF")
         return self.settings()
+
+    def switch_line(self, line: str) -> None:
+        """Switch the LISN at the user port; the command is of a public catalogue of R&S receivers, unconfirmed by a manual page."""
+        self.tell(f"INP:LISN:PHAS {line}")
+        reported = self.ask("INP:LISN:PHAS?")
+        if reported.strip() != line:
+            raise InstrumentError(f"{self}: the LISN was told to switch to {line}, but reports {reported.strip()!r}")
 
     def scan(self, detector: str) -> Spectrum:
         """Scan once; an overload during the scan marks all its points, because the register does not say which.

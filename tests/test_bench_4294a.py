@@ -68,6 +68,11 @@ def test_settings_are_what_the_instrument_says(analyser: Agilent4294A) -> None:
         "bandwidth_factor": 5,
         "oscillator_volt": 0.25,
         "measurement": "resistance-reactance",
+        "adapter": "none",
+        "sweep_averaging": False,
+        "sweep_averages": 16,
+        "point_averaging": False,
+        "point_averages": 4,
     }
 
 

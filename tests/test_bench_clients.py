@@ -6,6 +6,7 @@ import socket
 
 import numpy as np
 import pytest
+from pymeasure.instruments import Instrument, SCPIMixin
 from pymeasure.instruments.agilent import Agilent4294A as PyMeasure4294A
 from pymeasure.instruments.rohdeschwarz import FSL
 from pynanovna.hardware.Hardware import Interface, get_VNA
@@ -58,6 +59,7 @@ def test_rsinstrument_scans_with_an_esr() -> None:
             client.write_str("NONSENSE 3")
         with pytest.raises(StatusException, match="-222"):
             client.write_str("SCAN1:STOP 99 GHz")
+        assert client.self_test()[0] == 0
         client.reset()
         assert client.query_float("SCAN1:STOP?") == 30e6
         client.go_to_local()
@@ -78,6 +80,11 @@ def test_pymeasure_sweeps_with_an_esr_as_analyser() -> None:
         assert client.continuous_sweep_enabled is False
         client.freq_start = 150e3
         client.freq_stop = "30 MHz"
+        client.freq_center = 20e6
+        client.freq_span = "4 MHz"
+        assert (client.freq_start, client.freq_stop, client.freq_center, client.freq_span) == (18e6, 22e6, 20e6, 4e6)
+        client.freq_start = 150e3
+        client.freq_stop = "30 MHz"
         client.res_bandwidth = 9e3
         client.attenuation = "20 dB"
         client.sweep_time = "100 ms"
@@ -94,6 +101,25 @@ def test_pymeasure_sweeps_with_an_esr_as_analyser() -> None:
     highest = int(np.argmax(trace[1]))
     assert peak_hz == pytest.approx(trace[0, highest])
     assert peak_dbuv == pytest.approx(trace[1, highest])
+
+
+class AnyScpi(SCPIMixin, Instrument):
+    """PyMeasure's instrument for whatever speaks SCPI."""
+
+
+@pytest.mark.parametrize(("name", "model"), [("e4990a", "E4990A"), ("mxe", "N9038A"), ("esr", "ESR3")])
+def test_pymeasure_talks_to_whatever_speaks_scpi(name: str, model: str) -> None:
+    with served(name) as (server, _):
+        client = AnyScpi(server.resource, "any", visa_library="@py", read_termination="\n", write_termination="\n")
+        client.reset()
+        client.clear()
+        assert client.id.split(",")[1] == model
+        assert client.complete == "1"
+        assert client.status == "0"
+        client.write("NONSENSE 3")
+        assert [entry[0] for entry in client.check_errors()] == [-113]
+        assert client.check_errors() == []
+        client.adapter.close()
 
 
 def test_pynanovna_reads_a_nanovna() -> None:

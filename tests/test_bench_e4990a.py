@@ -48,6 +48,13 @@ def test_identity_and_settings(analyser: KeysightE4990A) -> None:
         "spacing": "linear",
         "bandwidth_factor": 5,
         "oscillator_volt": 0.25,
+        "adapter": "none",
+        "fixture": "none",
+        "sweep_averaging": False,
+        "sweep_averages": 16,
+        "averaging_trigger": False,
+        "point_averaging": False,
+        "point_averages": 1,
     }
 
 
@@ -66,7 +73,7 @@ def test_a_compensated_sweep_finds_the_motor(bench: SimulatedBench, analyser: Ke
         sweep = analyser.sweep(termination)
         assert sweep.metadata["analyser"] == "e4990a"
         assert sweep.metadata["open_compensation"] is sweep.metadata["short_compensation"] is True
-        assert sweep.metadata["fixture"] == "NONE"
+        assert sweep.metadata["fixture"] == sweep.metadata["adapter"] == "none"
         truth = bench.motor.impedance(termination, sweep.frequency_hz)
         # A third of the specified error is drawn: 0.5 % at 15 MHz, and residuals on top.
         assert np.median(np.abs(sweep.impedance_ohm / truth - 1)) < 5e-3

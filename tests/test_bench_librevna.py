@@ -116,7 +116,7 @@ def test_the_calibration_survives_a_reset(bench: SimulatedBench, analyser: Libre
 def test_compensation_moves_the_reference_plane_to_the_fixture(bench: SimulatedBench, analyser: LibreVna, termination: Any) -> None:
     bench.connect(termination)
     at_port = analyser.sweep(termination)
-    for standard in analyser.STANDARDS_USED:
+    for standard in ("open", "short"):
         bench.connect(STANDARDS[standard])
         analyser.compensate(standard)
     bench.connect(termination)

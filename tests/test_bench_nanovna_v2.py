@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 import skrf
-from pydantic import ValidationError
+from fault_matrix import small
 from skrf.calibration import OnePort
 
 import motoremi as me
 from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.connections import STANDARDS
 from motoremi.bench.faults import FaultLayer
+from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.recording import decode_bytes, encode_bytes
 from motoremi.bench.reflection import calibrated, impedance_from_reflection
 from motoremi.bench.registers import encoded
 from motoremi.bench.replay import ReplayTransport
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
-from motoremi.bench.steps import Compensate
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
@@ -54,9 +55,11 @@ def device_of(bench: SimulatedBench) -> SimulatedNanoVnaV2:
 
 
 def calibrate(bench: SimulatedBench, analyser: ImpedanceAnalyser) -> None:
-    for standard in analyser.STANDARDS_USED:
+    for standard in ("open", "short", "load"):
         bench.connect(STANDARDS[standard])
-        analyser.compensate(standard, LOAD_OHM if standard == "load" else None)
+        if standard == "load":
+            analyser.define_load(LOAD_OHM, 0.0)
+        analyser.compensate(standard)
 
 
 def test_commands_are_the_bytes_of_the_firmware_s_table() -> None:
@@ -148,7 +151,7 @@ def test_the_axis_is_that_of_the_registers(analyser: NanoVnaV2, spacing: Any, po
 
 def test_a_sweep_without_calibration_is_refused(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
     with pytest.raises(
-        InstrumentError, match=r"sends raw data; compensate with open, short and load before a sweep \(missing: open, short, load\)"
+        InstrumentError, match=r"sends raw data; compensate with open, short and load before a sweep \(missing: load, open, short\)"
     ):
         analyser.sweep("open")
     for standard in ("open", "short"):
@@ -222,29 +225,29 @@ def test_a_standard_that_was_not_connected_is_told(bench: SimulatedBench, analys
     analyser.compensate("open")
     analyser.compensate("short")
     bench.connect("load-standard")
-    analyser.compensate("load", LOAD_OHM)
+    analyser.compensate("load")
     bench.connect("open")
     with pytest.raises(InstrumentError, match="the open and the short standard read alike; was each of them connected"):
         analyser.sweep("open")
 
 
 def test_the_value_of_the_load_counts(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
-    with pytest.raises(BadInput, match="the value of the load standard is missing"):
-        analyser.compensate("load")
     calibrate(bench, analyser)
     bench.connect("load-standard")
     np.testing.assert_allclose(analyser.sweep("open").impedance_ohm, LOAD_OHM, rtol=0.005)
+    analyser.define_load(LOAD_OHM, 100e-9)
+    sweep = analyser.sweep("open")
+    np.testing.assert_allclose(sweep.impedance_ohm, LOAD_OHM + 2j * np.pi * sweep.frequency_hz * 100e-9, rtol=0.005)
 
 
-def test_a_procedure_says_the_value_of_the_load_and_of_nothing_else(bench: SimulatedBench) -> None:
-    assert Compensate(do="compensate", standard="load", nominal="50 Ohm").nominal == 50.0  # type: ignore[arg-type]
-    for keys in ({"standard": "load"}, {"standard": "open", "nominal": "50 Ohm"}):
-        with pytest.raises(ValidationError, match="nominal: belongs to the load standard"):
-            Compensate(do="compensate", **keys)  # type: ignore[arg-type]
-    bridge = bench.open("analyser", "nanovna", "whatever", lambda record: None)
-    assert isinstance(bridge, ImpedanceAnalyser)
-    with pytest.raises(BadInput, match="takes no load standard; compensate with open and short"):
-        bridge.compensate("load", 50.0)
+def test_a_procedure_without_its_standards_is_refused_before_anything_is_connected() -> None:
+    source = copy.deepcopy(small("impedance_only").source)
+    source["instruments"]["analyser"]["driver"] = "nanovna-v2"
+    message = "the nanovna-v2 measures only after steps that compensate with load, open, short: load missing"
+    with pytest.raises(BadInput, match=message):
+        parse_procedure(source, "raw")
+    source["steps"].insert(1, {"do": "compensate", "standard": "load", "nominal": "50 Ohm"})
+    assert parse_procedure(source, "calibrated").instruments["analyser"].driver == "nanovna-v2"
 
 
 def test_lost_values_are_told(bench: SimulatedBench, analyser: NanoVnaV2, monkeypatch: pytest.MonkeyPatch) -> None:

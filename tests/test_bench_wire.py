@@ -67,6 +67,11 @@ def test_configuring_the_4294a() -> None:
         ("BWFACT?", "3"),
         ("POWE?", "0.5"),
         ("MEAS?", "IRIM"),
+        ("E4TP?", "OFF"),
+        ("AVER?", "0"),
+        ("AVERFACT?", "16"),
+        ("PAVER?", "0"),
+        ("PAVERFACT?", "4"),
     ]
     expected = [
         *told(FINE_4294A, "MEAS IRIM", "SWPP FREQ", "SWPT LOG", "STAR 150000 HZ", "STOP 30000000 HZ", "POIN 401"),
@@ -123,6 +128,9 @@ def test_the_safe_state_of_the_4294a() -> None:
     records = [
         {"direction": "clear"},
         {"direction": "write", "text": "*CLS\n"},
+        {"direction": "write", "text": "DCO OFF\n"},
+        {"direction": "write", "text": "OUTPERRO?\n"},
+        {"direction": "read", "text": "0\n"},
         {"direction": "write", "text": "HOLD\n"},
         {"direction": "write", "text": "OUTPERRO?\n"},
         {"direction": "read", "text": "0\n"},

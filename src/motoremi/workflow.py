@@ -54,7 +54,7 @@ def measurement_of(session: Session) -> Measurement:
     """The session's sweeps, ready to be fitted."""
     if not session.sweeps:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to fit")
-    return Measurement.of(session.sweeps)
+    return Measurement.of(session.corrected_sweeps)
 
 
 def ladder_of(session: Session) -> list[Fit]:
@@ -232,6 +232,8 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
 def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], JsonDict | None]:
     """The analysing steps of a procedure, for the runner."""
 
+    from motoremi.workflow_emission import choose_finals, judged
+
     def step(kind: str, store: Any, parameters: JsonDict) -> JsonDict | None:
         if kind == "fit":
             fit_session(store, **parameters)
@@ -246,6 +248,10 @@ def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], 
             following: JsonDict = diagnosis_in(load(store.path))["next_measurement"]
             store.save_analysis("next", following)
             return {"next_measurement": following}
+        if kind == "maxima":
+            return choose_finals(store, **parameters)
+        if kind == "judge":
+            return judged(store, **parameters)
         if kind == "report":
             report_session(store)
             return None

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict, Progress
+from motoremi.data.corrections import Corrections
 from motoremi.data.session import Session, load
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.background import ambient_of, split
 from motoremi.emission.band import band_of
 from motoremi.emission.diagnose import EmissionDiagnosis, add_effect, diagnose_emission, fit_base
 from motoremi.emission.effects import find_source_effect
+from motoremi.emission.finals import Rules, choose_maxima
 from motoremi.emission.fit import EmissionFit, restored
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
 from motoremi.emission.limit import find_limit
@@ -25,7 +27,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.workflow import Store, current_steps
 
-STATE, PREDICTION, DIAGNOSIS = "emission", "prediction", "emission-diagnosis"
+STATE, PREDICTION, DIAGNOSIS, CORRECTIONS = "emission", "prediction", "emission-diagnosis", "corrections"
 
 
 def _state(session: Session) -> JsonDict:
@@ -43,7 +45,7 @@ def setup_of(session: Session) -> Setup:
     stored = _state(session)["setup"]
     if stored is not None:
         return Setup.from_dict(stored)
-    running, _ = split(session.spectra)
+    running, _ = split(session.corrected_spectra)
     made = Setup()
     if not running:
         return made
@@ -66,18 +68,23 @@ def _rate(running: Sequence[Spectrum]) -> float | None:
 
 def _motor(store: Store) -> Fit:
     """The model at the top of the ladder."""
-    top = current_steps(store)[-1]
-    if "open" not in top.measurement.terminations:
+    if not _has_motor(load(store.path)):
         raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
-    return top
+    return current_steps(store)[-1]
+
+
+def _has_motor(session: Session) -> bool:
+    return any(sweep.termination == "open" for sweep in session.sweeps)
 
 
 def _problem(store: Store) -> Problem:
     session = load(store.path)
-    running, background = split(session.spectra)
+    running, background = split(session.corrected_spectra)
     if not running:
         raise BadInput(f"{session.path.name} holds no spectrum of the running motor")
-    setup = setup_of(session)
+    if session.corrections.level_unit != "dBuV":
+        raise BadInput(f"the model of the spectra is of voltages, but the corrected levels are in {session.corrections.level_unit}")
+    setup = replace(setup_of(session), corrections=session.corrections)
     return Problem(running, motor_function(_motor(store), setup), setup, ambient_of(background))
 
 
@@ -93,23 +100,66 @@ def emission_steps(store: Store) -> list[EmissionFit]:
 
 
 def predict_session(
-    store: Store, setup: Path | None = None, limit: str | None = None, expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
+    store: Store,
+    setup: Path | None = None,
+    limit: str | None = None,
+    expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
+    corrections: Corrections | None = None,
+    with_model: bool = True,
 ) -> Prediction:
-    """The spectrum that the source and the fitted motor should produce; a set-up or limit given here is kept for the next time."""
+    """The spectrum that the source and the fitted motor should produce, and the verdict on what was measured.
+
+    A set-up, a limit or corrections given here are kept for the next time; the corrections stand in place of those that the session was
+    made with. Without an open-circuit sweep, or with `with_model` off, the measured levels alone are judged.
+    """
     session = load(store.path)
     state = _state(session)
     if setup is not None:
         state = {**state, "setup": read_setup(setup).to_dict(), "steps": []}
+    if corrections is not None:
+        for spectrum in (*session.spectra, *session.finals):
+            corrections.corrected_spectrum(spectrum)
+        store.save_analysis(CORRECTIONS, {"schema": "motoremi.corrections/1", "corrections": corrections.to_list()})
+        state = {**state, "steps": []}
     chosen_limit = find_limit(limit if limit is not None else state["limit"])
     state = _save(store, state, limit=limit if limit is not None else state["limit"])
-    motor, stated = _motor(store), setup_of(load(store.path))
+    session = load(store.path)
+    alone = bool(session.spectra) and not (with_model and _has_motor(session))
+    motor, stated = None if alone else _motor(store), setup_of(session)
     effects: tuple[str, ...] = ()
-    if state["steps"]:
+    if state["steps"] and not alone:
         top = emission_steps(store)[-1]
         stated, effects = top.setup(), top.effects
-    result = predict(motor, stated, session.spectra, chosen_limit, expanded_uncertainty_db=expanded_uncertainty_db, effects=effects)
+    result = predict(
+        motor,
+        stated,
+        session.spectra,
+        chosen_limit,
+        expanded_uncertainty_db=expanded_uncertainty_db,
+        effects=effects,
+        corrections=session.corrections,
+        finals=session.finals,
+    )
     store.save_analysis(PREDICTION, result.to_dict())
     return result
+
+
+def choose_finals(
+    store: Store, limit: str, margin: float, maxima: int, apart: float, subranges: int, detectors: Sequence[str] = (), dwell: float = 0.0
+) -> JsonDict:
+    """The maxima of the session's scans that a final measurement has to read: what a procedure's step `final` asks for."""
+    session = load(store.path)
+    chosen, more = choose_maxima(session.corrected_spectra, find_limit(limit), Rules(margin, maxima, apart, subranges))
+    return {"maxima": [one.to_dict() for one in chosen], "more": more, "limit": limit}
+
+
+def judged(store: Store, limit: str, uncertainty: float) -> JsonDict:
+    """The verdict on what was measured; the prediction stands beside it where the motor's model has been fitted."""
+    result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=bool(load(store.path).ladder))
+    told = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
+    worst = min(told, key=lambda one: one.worst_margin_db or 0.0, default=None)
+    why = f"{worst.detector} {worst.why}" if worst is not None else "no level can be held against it"
+    return {"verdict": result.verdict, "says": f"{result.verdict}, {result.limit.title}: {why}"}
 
 
 def diagnose_emission_session(store: Store, from_base: bool = False, progress: Progress | None = None) -> EmissionDiagnosis:

@@ -51,7 +51,7 @@ def figure_of(path: Path, what: str, element: str | None = None, effect: str | N
         "ranking": lambda: plots.ranking_figure(diagnosis_in(session)),
         "inspection": lambda: inspect(_ladder(session)[-1], _given(element, what, "--element NAME")).plot(),
         "signature": lambda: signature(_ladder(session)[-1], _given(effect, what, "--effect ID")).plot(),
-        "spectrum": lambda: plots.spectrum_figure(_with_spectra(session).spectra),
+        "spectrum": lambda: plots.spectrum_figure(_with_spectra(session).corrected_spectra),
         "prediction": lambda: prediction_figure(_stored(session, PREDICTION, "motoremi predict")),
         "emission": lambda: _emission(path),
         "emission-ranking": lambda: plots.ranking_figure(_stored(session, DIAGNOSIS, "motoremi diagnose --emission")),

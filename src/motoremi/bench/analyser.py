@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import abc
+from contextlib import AbstractContextManager, nullcontext
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.driver import Driver
+from motoremi.bench.sweep_options import SweepOptions
 from motoremi.bench.transport import Transport
+from motoremi.data.analyser import specification
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show_band
@@ -25,18 +28,20 @@ class ImpedanceAnalyser(Driver):
     ----------
     analyser : str
         Name of its error model in the analysis.
-    STANDARDS_USED : tuple of str
-        Which standards `compensate` takes.
     """
 
     analyser: ClassVar[str]
-    STANDARDS_USED: ClassVar[tuple[Standard, ...]] = ("open", "short")
+    # Which standards its compensation takes, and which options of a sweep it has, by their keys in a procedure.
+    COMPENSATES: ClassVar[frozenset[Standard]] = frozenset({"open", "short"})
+    OPTIONS: ClassVar[frozenset[str]] = frozenset()
+    # Standards without which it cannot measure at all.
+    REQUIRED: ClassVar[frozenset[Standard]] = frozenset()
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)
         # The axis each fixture compensation was measured on. Coefficients of another axis silently spoil every point.
         self._compensated: dict[Standard, FloatArray] = {}
-        self.load_ohm: float | None = None
+        self.options = SweepOptions()
 
     @abc.abstractmethod
     def configure(
@@ -62,6 +67,22 @@ class ImpedanceAnalyser(Driver):
             Level of the test signal in volt.
         """
 
+    def prepare(self, options: SweepOptions) -> JsonDict | None:
+        """Set up what comes on top of `configure`, after it, and return all settings as the instrument reports them; None if they are as before.
+
+        Raises
+        ------
+        BadInput
+            If this analyser lacks an option that is asked for.
+        """
+        refuse_without(type(self), options, str(self))
+        self.options = options
+        return None
+
+    def define_load(self, ohm: float, henry: float) -> None:
+        """Tell the analyser what the load standard is, before it is measured."""
+        raise BadInput(f"{self}: its compensation takes no load standard")
+
     @abc.abstractmethod
     def measure_standard(self, standard: Standard) -> None:
         """Measure the standard that is connected and switch its compensation on."""
@@ -82,41 +103,33 @@ class ImpedanceAnalyser(Driver):
     def read_impedance(self) -> ComplexArray:
         """Impedance of the last complete sweep in ohm; refused before it is complete."""
 
+    def stimulus(self) -> AbstractContextManager[None]:
+        """What is put across the motor while it is measured, and taken away however that ends."""
+        return nullcontext()
+
+    def read_compensation(self, standard: Standard) -> ImpedanceSweep | None:
+        """What the instrument holds of a standard that it has measured; None if it does not tell."""
+        return None
+
     def metadata(self) -> JsonDict:
         """What else is worth keeping with the sweep that has just been read."""
         return {}
 
-    def compensate(self, standard: Standard, nominal_ohm: float | None = None) -> None:
-        """Measure the fixture with the standard that is connected now, on the frequencies of the sweep.
-
-        Parameters
-        ----------
-        standard : {"open", "short", "load"}
-        nominal_ohm : float, optional
-            Resistance of the load.
-
-        Raises
-        ------
-        BadInput
-            If this analyser has no use for the standard, or the load's value is missing.
-        """
-        if standard not in self.STANDARDS_USED:
-            raise BadInput(f"{self}: takes no {standard} standard; compensate with {' and '.join(self.STANDARDS_USED)}")
-        if standard == "load":
-            if nominal_ohm is None:
-                raise BadInput(f"{self}: the value of the load standard is missing; say its nominal resistance")
-            self.load_ohm = nominal_ohm
+    def compensate(self, standard: Standard) -> None:
+        """Measure the fixture with the standard that is connected now, on the frequencies of the sweep."""
         self._compensated.pop(standard, None)
         self.measure_standard(standard)
         self._compensated[standard] = self.read_axis()
 
-    def sweep(self, termination: str) -> ImpedanceSweep:
+    def sweep(self, termination: str, *, of_a_standard: bool = False) -> ImpedanceSweep:
         """Measure the motor once.
 
         Parameters
         ----------
         termination : {"short", "open"}
             How the motor is connected.
+        of_a_standard : bool
+            Whether a standard is connected instead, which gets no bias.
 
         Raises
         ------
@@ -125,15 +138,20 @@ class ImpedanceAnalyser(Driver):
         """
         frequency_hz = self.read_axis()
         self._refuse_other_axis(frequency_hz)
-        self.trigger()
-        self.wait_until_complete()
+        with nullcontext() if of_a_standard else self.stimulus():
+            self.trigger()
+            self.wait_until_complete()
         impedance_ohm = self.read_impedance()
         if impedance_ohm.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {frequency_hz.size} frequencies but {impedance_ohm.size} impedances came")
+        settings = self.settings()
+        # What the instrument says is connected counts before what it was asked for.
+        between = {name: settings.get(name, getattr(self.options, name)) for name in ("adapter", "fixture")}
         metadata = {
-            "analyser": self.analyser,
+            "analyser": specification(self.analyser, **between),
+            **{name: word for name, word in between.items() if word != "none" or name in settings},
             "resource": self.transport.resource_name,
-            "settings": self.settings(),
+            "settings": settings,
             "compensated": sorted(self._compensated),
             **self.metadata(),
         }
@@ -147,3 +165,10 @@ class ImpedanceAnalyser(Driver):
                     f"{show_band(float(axis[0]), float(axis[-1]))}, the sweep has {frequency_hz.size} points in "
                     f"{show_band(float(frequency_hz[0]), float(frequency_hz[-1]))}; compensate again"
                 )
+
+
+def refuse_without(kind: type[ImpedanceAnalyser], options: SweepOptions, who: str) -> None:
+    """Raise `BadInput` if that kind of analyser lacks an option that is asked for; `who` names it."""
+    lacking = [name for name in options.needed() if name not in kind.OPTIONS]
+    if lacking:
+        raise BadInput(f"{who}: has no {', '.join(lacking)}; leave it out of the sweep, or use an analyser that has it")

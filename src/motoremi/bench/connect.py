@@ -48,6 +48,10 @@ class Bench(Protocol):
         """Note that something has been connected; returns the number of the connection."""
         ...
 
+    def at_line(self, line: str) -> None:
+        """Note that the LISN has been switched to another line."""
+        ...
+
     def close(self) -> None:
         """Give everything back."""
         ...
@@ -161,6 +165,9 @@ class VisaBench:
         """Count the connection; the operator makes it."""
         self._connections += 1
         return self._connections
+
+    def at_line(self, line: str) -> None:
+        """The operator has switched it."""
 
     def close(self) -> None:
         """Close the resource manager."""

@@ -8,6 +8,8 @@ from typing import Literal, get_args
 ConnectionName = Literal["open-standard", "short-standard", "load-standard", "short", "open", "lisn-motor-off", "lisn-motor-on"]
 CONNECTIONS: tuple[ConnectionName, ...] = get_args(ConnectionName)
 Condition = Literal["motor running", "motor off"]
+# The phase of the LISN that the receiver is on: of an AC supply, or the poles of a DC supply.
+Line = Literal["L1", "L2", "L3", "N", "+", "-"]
 Standard = Literal["open", "short", "load"]
 STANDARDS: dict[Standard, ConnectionName] = {"open": "open-standard", "short": "short-standard", "load": "load-standard"}
 AT_THE_LISN: dict[Condition, ConnectionName] = {"motor running": "lisn-motor-on", "motor off": "lisn-motor-off"}

@@ -12,11 +12,12 @@ from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.connect import Bench
 from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
 from motoremi.bench.driver import Driver, Identity
-from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure
+from motoremi.bench.emission_steps import EmissionSteps
+from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure, SpectrumSpec
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.resume import Done
 from motoremi.bench.standards import judge_standard
-from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Identify, Scan, Sweep, Wait
+from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
 from motoremi.bench.writer import Writer
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.data.sweep import ImpedanceSweep, Termination
@@ -76,6 +77,8 @@ class Execution:
         self._settings: dict[str, JsonDict] = {}
         # What is connected, its number, and whether a step of its own asked for it.
         self._connected: tuple[ConnectionName | None, int, bool] = (None, 0, False)
+        self._scan_set_up: SpectrumSpec | None = None
+        self._emission = EmissionSteps(self, self._scanned)
         self._leaving = False
 
     def step(self, planned: Planned) -> None:
@@ -100,50 +103,61 @@ class Execution:
         if isinstance(step, Identify):
             self._identify()
         elif isinstance(step, Connect):
-            self._connect(step.what, explicit=True, note=step.note)
+            self.connect(step.what, explicit=True, note=step.note)
         elif isinstance(step, Wait):
             self._wait(step.time)
         elif isinstance(step, Compensate):
-            self._connect(STANDARDS[step.standard])
-            self._analyser().compensate(step.standard, step.nominal)
+            self.connect(STANDARDS[step.standard])
+            self._compensate(step)
         elif isinstance(step, Sweep):
-            connection = self._connect(step.termination)
+            connection = self.connect(step.termination)
             for _ in range(stored, step.repeat):
                 # Stored one by one: an instrument that fails in the third sweep leaves two.
                 self.writer.add_sweep(self._swept(step.termination).with_metadata(connection=connection))
         elif isinstance(step, Check):
             self._check(planned, step)
         elif isinstance(step, Scan):
-            connection = self._connect(AT_THE_LISN[step.condition])
-            for _ in range(stored, step.repeat):
-                self.writer.add_spectrum(self._scanned(step.detector).with_metadata(condition=step.condition, connection=connection))
+            self._emission.scan(step, stored)
+        elif isinstance(step, Final):
+            self._emission.final(planned, step, stored)
+
+    def _compensate(self, step: Compensate) -> None:
+        analyser = self._analyser()
+        if step.nominal is not None:
+            analyser.define_load(step.nominal, step.inductance)
+        analyser.compensate(step.standard)
+        with _bad_data_is_trouble(analyser):
+            kept = analyser.read_compensation(step.standard)
+        if kept is not None:
+            self.writer.add_compensation(step.standard, kept)
 
     def _check(self, planned: Planned, step: Check) -> None:
-        connection = self._connect(STANDARDS[step.standard])
+        connection = self.connect(STANDARDS[step.standard])
         # To the analyser a standard is one of its two terminations; that it is no motor is said by where it is stored.
-        sweep = self._swept("short" if step.standard == "short" else "open")
+        sweep = self._swept("short" if step.standard == "short" else "open", of_a_standard=True)
         self.writer.add_standard(step.standard, sweep.with_metadata(connection=connection))
         self._tell_verdict(planned, judge_standard(step, sweep))
 
-    def _swept(self, termination: Termination) -> ImpedanceSweep:
+    def _swept(self, termination: Termination, *, of_a_standard: bool = False) -> ImpedanceSweep:
         analyser = self._analyser()
         with _bad_data_is_trouble(analyser):
-            sweep = analyser.sweep(termination)
+            sweep = analyser.sweep(termination, of_a_standard=of_a_standard)
         self._refuse_changed("analyser", sweep.metadata.get("settings"))
         if (asked := self.procedure.sweep) is not None:
             _refuse_other_span(analyser, sweep.span_hz, (asked.start, asked.stop), 0.0)
         return sweep
 
-    def _scanned(self, detector: Detector) -> Spectrum:
-        receiver = self._receiver()
+    def _scanned(self, spec: SpectrumSpec, detector: Detector) -> Spectrum:
+        receiver = self.receiver()
+        if spec != self._scan_set_up:
+            self._settings["receiver"] = self._configure_receiver(receiver, spec)
         with _bad_data_is_trouble(receiver):
             spectrum = receiver.scan(detector)
         self._refuse_changed("receiver", spectrum.metadata.get("settings"))
         # Receivers report before the scan, because their axis follows from it; what changed during the scan shows only afterwards.
         self._refuse_changed("receiver", receiver.settings())
-        if (asked := self.procedure.spectrum) is not None:
-            span = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
-            _refuse_other_span(receiver, span, (asked.start, asked.stop), asked.step)
+        span = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
+        _refuse_other_span(receiver, span, (spec.start, spec.stop), spec.step)
         return spectrum
 
     def _tell_verdict(self, planned: Planned, result: JsonDict) -> None:
@@ -226,14 +240,20 @@ class Execution:
     def _configure(self, driver: Driver) -> JsonDict:
         sweep, spectrum = self.procedure.sweep, self.procedure.spectrum
         if isinstance(driver, ImpedanceAnalyser) and sweep is not None:
-            settings = driver.configure(sweep.start, sweep.stop, sweep.points, sweep.spacing, sweep.bandwidth, sweep.oscillator)
+            spacing = "linear" if sweep.spacing == "list" else sweep.spacing
+            settings = driver.configure(sweep.start, sweep.stop, sweep.points, spacing, sweep.bandwidth, sweep.oscillator)
+            settings = driver.prepare(sweep.options()) or settings
             _refuse_other_than_asked(driver, settings, sweep.model_dump(), "sweep")
             return settings
         if isinstance(driver, EmiReceiver) and spectrum is not None:
-            settings = driver.configure(spectrum.start, spectrum.stop, spectrum.step, spectrum.bandwidth, spectrum.dwell, spectrum.attenuation)
-            _refuse_other_than_asked(driver, settings, spectrum.model_dump(), "spectrum")
-            return settings
+            return self._configure_receiver(driver, spectrum)
         return driver.settings()
+
+    def _configure_receiver(self, driver: EmiReceiver, spec: SpectrumSpec) -> JsonDict:
+        self._scan_set_up = spec
+        settings = driver.configure(spec.start, spec.stop, spec.step, spec.bandwidth, spec.dwell, spec.attenuation)
+        _refuse_other_than_asked(driver, settings, spec.model_dump(), "spectrum")
+        return settings
 
     def _refuse_changed(self, role: str, settings: object) -> None:
         """An instrument that restarted, or that somebody turned a knob of, measures something else than was asked."""
@@ -248,7 +268,8 @@ class Execution:
         if changed:
             raise InstrumentError(f"{self.drivers[role]}: its settings changed during the run ({'; '.join(changed)}); did it restart?")
 
-    def _connect(self, what: ConnectionName, *, explicit: bool = False, note: str = "") -> int:
+    def connect(self, what: ConnectionName, *, explicit: bool = False, note: str = "") -> int:
+        """Have something connected, unless it is already; returns the number of the connection."""
         before, number, made_by_step = self._connected
         # A second detector is read on the same connection. A second sweep step is a new connection, unless a step made it.
         if what == before and not explicit and (made_by_step or what in AT_THE_LISN.values()):
@@ -266,7 +287,8 @@ class Execution:
             raise BadInput(f"instruments.analyser: the driver {type(driver).__name__} is no impedance analyser")
         return driver
 
-    def _receiver(self) -> EmiReceiver:
+    def receiver(self) -> EmiReceiver:
+        """The connected receiver."""
         driver = self.drivers["receiver"]
         if not isinstance(driver, EmiReceiver):
             raise BadInput(f"instruments.receiver: the driver {type(driver).__name__} is no EMI receiver")

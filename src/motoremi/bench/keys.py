@@ -6,19 +6,22 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args, get_origin
 
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SpectrumSpec, SweepSpec
+from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SegmentSpec, SpectrumSpec, SweepSpec
 from motoremi.bench.quantity import Quantity
-from motoremi.bench.steps import STEPS, Strict
+from motoremi.bench.steps import STEPS
+from motoremi.data.corrections import Correction
 from motoremi.quantities import show
 
-TABLES: tuple[tuple[str, type[Strict]], ...] = (
+TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("procedure", Procedure),
     ("[instruments] analyser, receiver", InstrumentSpec),
     ("[sweep]", SweepSpec),
+    ("[[sweep.segments]]", SegmentSpec),
     ("[spectrum]", SpectrumSpec),
 )
 
@@ -60,7 +63,7 @@ def reference() -> tuple[Table, ...]:
     """All tables and steps."""
     tables = [_table(title, model) for title, model in TABLES]
     tables += [_table(f'do = "{get_args(model.model_fields["do"].annotation)[0]}"', model) for model in STEPS]
-    return (*tables, _table("bench file", BenchFile))
+    return (*tables, _table("bench file", BenchFile), _table("bench file or corrections.toml: [[correction]]", Correction))
 
 
 def markdown() -> str:
@@ -81,13 +84,13 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|")
 
 
-def _table(title: str, model: type[Strict]) -> Table:
+def _table(title: str, model: type[BaseModel]) -> Table:
     return Table(title, " ".join((model.__doc__ or "").split()), tuple(_keys(model)))
 
 
-def _keys(model: type[Strict]) -> Iterator[Key]:
+def _keys(model: type[BaseModel]) -> Iterator[Key]:
     for name, field in model.model_fields.items():
-        if name == "do" or (model is Procedure and name in ("sweep", "spectrum")):
+        if name in ("do", "s_parameters") or (model is Procedure and name in ("sweep", "spectrum")):
             continue
         yield Key(name, _takes(field), _default(field), field.description or "")
 

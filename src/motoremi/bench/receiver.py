@@ -8,6 +8,7 @@ from typing import ClassVar
 from motoremi.arrays import JsonDict
 from motoremi.bench.driver import Driver
 from motoremi.data.spectrum import Spectrum
+from motoremi.errors import BadInput
 
 
 class EmiReceiver(Driver):
@@ -23,6 +24,12 @@ class EmiReceiver(Driver):
 
     start_command: ClassVar[str]
     start_and_hold: ClassVar[str]
+
+    @classmethod
+    def detectors(cls) -> tuple[str, ...]:
+        """The detectors that it has; an instrument that lets none be chosen has the peak detector."""
+        setting = cls.table().get("detector")
+        return tuple(setting.words) if setting is not None else ("peak",)
 
     @abc.abstractmethod
     def configure(
@@ -54,8 +61,20 @@ class EmiReceiver(Driver):
 
         Parameters
         ----------
-        detector : {"peak", "quasi-peak", "average", "rms-average"}
+        detector : {"peak", "quasi-peak", "average", "cispr-average", "rms-average"}
         """
+
+    def switch_line(self, line: str) -> None:
+        """Switch the LISN that the receiver controls to another line.
+
+        Raises
+        ------
+        BadInput
+            If this receiver controls no LISN.
+        InstrumentError
+            If the LISN does not follow.
+        """
+        raise BadInput(f'{self}: controls no LISN; write line_switch = "operator" in [spectrum], and switch to {line} by hand')
 
     def run_scan(self, longest_s: float) -> None:
         """Scan, and wait for the end: for a service request where the link carries them, for a late answer elsewhere.

@@ -138,7 +138,7 @@ def without_fixture(impedance: ComplexArray, open_ohm: ComplexArray | None, shor
     return result
 
 
-def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], known: Mapping[Standard, complex]) -> ComplexArray:
+def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], known: Mapping[Standard, complex | ComplexArray]) -> ComplexArray:
     """Reflection coefficient at the plane where three known standards were measured.
 
     The three-term error model of one port (D. Rytting, Network Analyzer Error Models and Calibration Methods, one-port case): with
@@ -151,7 +151,7 @@ def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], kn
     standards : mapping
         Raw reflection of open, short and load, shape (n,) each.
     known : mapping
-        Their true reflection coefficients.
+        Their true reflection coefficients, numbers or shape (n,).
 
     Raises
     ------
@@ -160,16 +160,11 @@ def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], kn
     """
     for one, other in combinations(known, 2):
         # Of standards that differ by 1 or 2, an analyser that works shows more than a tenth, whatever its errors.
-        if np.min(np.abs(standards[one] - standards[other])) < 0.02 * abs(known[one] - known[other]):
+        if np.any(np.abs(standards[one] - standards[other]) < 0.02 * np.abs(known[one] - known[other])):
             raise InstrumentError(f"the {one} and the {other} standard read alike; was each of them connected? Compensate again")
     measured = np.stack([standards[name] for name in known], axis=1)
-    true = np.array([known[name] for name in known])
-    matrix = np.stack([np.ones_like(measured), np.broadcast_to(true, measured.shape), true * measured], axis=2)
+    true = np.stack([np.broadcast_to(known[name], raw.shape) for name in known], axis=1)
+    matrix = np.stack([np.ones_like(measured), true, true * measured], axis=2)
     a, b, c = np.linalg.solve(matrix, measured[:, :, None])[:, :, 0].T
     corrected: ComplexArray = (raw - a) / (b + c * raw)
     return corrected
-
-
-def reflection_coefficient(impedance_ohm: float, reference_ohm: float) -> complex:
-    """Of a resistor."""
-    return complex((impedance_ohm - reference_ohm) / (impedance_ohm + reference_ohm))

@@ -66,6 +66,7 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
         If a resource is not on the bench's allow-list, or a driver has no simulated instrument.
     """
     bench_file.refuse_unless_allowed(procedure)
+    bench_file.refuse_uncovered(procedure)
     bench = SimulatedBench(bench_file.seed)
     notes = _Notes(procedure, bench)
     try:
@@ -130,7 +131,15 @@ class _Notes:
         """Nothing is stored."""
         return self.path
 
+    def add_final(self, spectrum: Spectrum) -> Path:
+        """Nothing is stored."""
+        return self.path
+
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Nothing is stored."""
+        return self.path
+
+    def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Nothing is stored."""
         return self.path
 

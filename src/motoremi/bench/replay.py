@@ -250,6 +250,9 @@ class ReplayBench:
         self._connections += 1
         return self._connections
 
+    def at_line(self, line: str) -> None:
+        """What was recorded knows its line."""
+
     def start_again(self) -> None:
         """Count from one again, as the bench of a resumed run does."""
         self._connections = 0

@@ -18,8 +18,8 @@ from motoremi.bench.writer import Writer
 from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
 
-MEASURED = ("sweep", "spectrum", "standard")
-_KEPT = ("title", "procedure", "operator", "backend", "simulated_sha256", "calibrated")
+MEASURED = ("sweep", "spectrum", "final", "standard")
+_KEPT = ("title", "procedure", "operator", "backend", "simulated_sha256", "calibrated", "corrections")
 
 
 @dataclass(frozen=True)

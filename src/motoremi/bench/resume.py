@@ -8,7 +8,7 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.procedure import Planned
-from motoremi.bench.steps import Check, Compensate, Connect, Identify, MeasuringStep, Scan, Sweep, Wait
+from motoremi.bench.steps import Check, Compensate, Connect, Final, Identify, MeasuringStep, Scan, Sweep, Wait
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,8 @@ class Done:
         Sweeps or spectra stored by the step after those.
     connections : int
         Highest number given to a connection.
+    maxima : mapping
+        Number of a final measurement to the maxima that were chosen for it.
     identities : mapping
         Role to who answered.
     verdicts : tuple of dict
@@ -32,6 +34,7 @@ class Done:
     steps: int = 0
     stored: int = 0
     connections: int = 0
+    maxima: Mapping[int, tuple[JsonDict, ...]] = field(default_factory=dict)
     identities: Mapping[str, JsonDict] = field(default_factory=dict)
     verdicts: tuple[JsonDict, ...] = ()
 
@@ -41,13 +44,16 @@ class Done:
         steps = stored = connections = current = 0
         identities: dict[str, JsonDict] = {}
         verdicts: dict[int, JsonDict] = {}
+        maxima: dict[int, tuple[JsonDict, ...]] = {}
         for document in documents:
             kind = document["kind"]
             if kind == "step-start":
                 current = int(document["step"])
             elif kind == "step-stop" and current == steps + 1:
                 steps, stored = current, 0
-            elif kind in ("sweep", "spectrum") and current == steps + 1:
+            elif kind == "maxima":
+                maxima[int(document["step"])] = tuple(document["maxima"])
+            elif kind in ("sweep", "spectrum", "final") and current == steps + 1:
                 stored += 1
             elif kind == "connection":
                 connections = max(connections, int(document["number"]))
@@ -55,7 +61,7 @@ class Done:
                 identities[str(document["role"])] = document["identity"]
             elif kind == "verdict":
                 verdicts[int(document["step"])] = document["result"]
-        return cls(steps, stored, connections, identities, tuple(verdicts[number] for number in sorted(verdicts) if number <= steps))
+        return cls(steps, stored, connections, maxima, identities, tuple(verdicts[number] for number in sorted(verdicts) if number <= steps))
 
 
 def needed_again(plan: tuple[Planned, ...], done: Done) -> set[int]:
@@ -69,7 +75,7 @@ def needed_again(plan: tuple[Planned, ...], done: Done) -> set[int]:
         again.update(last.values())
     connected = [planned.number for planned in before if isinstance(planned.step, Connect)][-1:]
     until_next = after[: next((i for i, step in enumerate(after) if isinstance(step, Connect)), len(after))]
-    if connected and any(isinstance(step, Sweep | Check | Scan) for step in until_next):
+    if connected and any(isinstance(step, Sweep | Check | Scan | Final) for step in until_next):
         # What was waited for there, such as a warm motor, has passed too.
         again.update(connected, (planned.number for planned in before[connected[0] :] if isinstance(planned.step, Wait)))
     return again

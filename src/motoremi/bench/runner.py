@@ -51,7 +51,14 @@ def make_bench(bench_file: BenchFile) -> Bench:
 
 
 def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
-    """What the session's first document says of a run: enough to run it again."""
+    """What the session's first document says of a run: enough to run it again.
+
+    Raises
+    ------
+    BadInput
+        If a correction is not known over the span that the procedure measures.
+    """
+    bench_file.refuse_uncovered(procedure)
     return {
         "title": procedure.title,
         "procedure": procedure.source,
@@ -61,6 +68,8 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
         "ambient": bench_file.ambient,
         "backend": bench_file.backend or "visa",
         **_simulated(bench_file),
+        "remarks": list(procedure.remarks()),
+        "corrections": bench_file.corrections.to_list(),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
         "calibration_age_days": {role: (date.today() - day).days for role, day in bench_file.calibrated.items()},
     }
@@ -91,6 +100,8 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
     before = {key: session.start.get(key) for key in now}
     if before != now:
         raise BadInput(f"{name} was begun on another bench (backend {before['backend']!r}); resume it with the same --bench")
+    if session.start.get("corrections", []) != bench_file.corrections.to_list():
+        raise BadInput(f"{name} was begun with other corrections; resume it with the same bench file, or begin a new session")
     return parse_procedure(session.start["procedure"], name), done_by(session, session.documents)
 
 

@@ -31,6 +31,8 @@ from motoremi.simulate.motor import SimulatedMotor
 
 OPEN_STANDARD_OHM = 1e12
 STANDARDS_OHM = {"short-standard": 0.0, "load-standard": 100.0}
+# The stand is not symmetric: the return line reads a little less.
+OTHER_LINE_DB = -1.5
 _library_numbers = itertools.count(1)
 
 
@@ -180,6 +182,7 @@ class SimulatedBench:
         self._standards: set[str] = set()
         self._is_reference = True
         self._connection = 0
+        self._line = ""
         self.devices: dict[str, SimulatedDevice] = {}
         self.resources: dict[str, str] = {}
         self._library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
@@ -206,6 +209,9 @@ class SimulatedBench:
         self.resources[role] = instrument.resource
         self._library.devices.add_device(instrument.resource, self.devices[role])
 
+    def _other_line_db(self) -> float:
+        return OTHER_LINE_DB if self._line in ("N", "-") else 0.0
+
     def connect(self, what: ConnectionName) -> int:
         """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
         if what not in CONNECTIONS:
@@ -229,15 +235,15 @@ class SimulatedBench:
         """Close the resource manager."""
         self.resource_manager.close()
 
-    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
-        """What the analyser would read without fixture, in ohm."""
+    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int, averages: int = 1) -> ComplexArray:
+        """What the analyser would read without fixture, in ohm; the mean of so many readings."""
         connected_ohm = self.connected_ohm(frequency_hz)
         if self._connected in ("short", "open"):
-            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
+            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
         if self._is_reference and self._connected != "load-standard":
             return connected_ohm
         like: Termination = "short" if self._connected == "short-standard" else "open"
-        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor)
+        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
 
     def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
         """What is connected, as it truly is, in ohm."""
@@ -245,10 +251,14 @@ class SimulatedBench:
             return self.motor.impedance(self._connected, frequency_hz)
         return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
 
+    def at_line(self, line: str) -> None:
+        """Switch the LISN to another line; a new connection is to the first."""
+        self._line = line
+
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""
         if self._connected == "lisn-motor-on":
-            return emission.spectrum(self.motor, frequency_hz, detector, self.seed)
+            return self._other_line_db() + emission.spectrum(self.motor, frequency_hz, detector, self.seed)
         if self._connected == "lisn-motor-off":
             return emission.background(frequency_hz, detector, self.seed)
         return np.full(frequency_hz.shape, -200.0)

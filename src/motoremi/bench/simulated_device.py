@@ -40,6 +40,8 @@ _SCALE = {
     "DB": 1.0,
     "": 1.0,
 }
+# A switch may be written as a word or as a digit, whichever of them the profile has.
+_SWITCH = {"ON": ("ON", "1"), "1": ("1", "ON"), "OFF": ("OFF", "0"), "0": ("0", "OFF")}
 
 
 class Wiring(Protocol):
@@ -51,8 +53,12 @@ class Wiring(Protocol):
         """What is connected, as it truly is, in ohm."""
         ...
 
-    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int) -> ComplexArray:
-        """What an analyser without fixture would read now, in ohm."""
+    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int, averages: int = 1) -> ComplexArray:
+        """What an analyser without fixture would read now, in ohm; the mean of so many readings."""
+        ...
+
+    def at_line(self, line: str) -> None:
+        """Switch the LISN to another line."""
         ...
 
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
@@ -83,6 +89,8 @@ class SimulatedDevice(Device):
 
     # When the waiting answer may be read, in seconds of the clock; later than now only by a fault.
     answer_due_s = 0.0
+    # What stands before each header of the answer to `*LRN?`.
+    LEARN_PREFIX = ""
     # How often it has requested service; a restart does not undo what the bus has heard.
     service_requests = 0
     _summary = 0
@@ -110,6 +118,8 @@ class SimulatedDevice(Device):
             "*OPC?": self._wait_and_answer,
             "*WAI": self._wait,
             "*STB?": lambda _: str(self.status_byte()).encode(),
+            "*TST?": lambda _: b"0",
+            "*LRN?": lambda _: self._learn(),
             **{self.fold(header): command for header, command in self.commands().items()},
         }
 
@@ -147,7 +157,7 @@ class SimulatedDevice(Device):
     def limits(self, name: str) -> tuple[int, int]:
         """Smallest and largest value of a whole-number setting of the profile."""
         specs = self._data["properties"][name]["specs"]
-        return int(specs["min"]), int(specs["max"])
+        return int(float(specs["min"])), int(float(specs["max"]))
 
     def device_clear(self) -> None:
         """Forget half commands and unread answers."""
@@ -217,21 +227,36 @@ class SimulatedDevice(Device):
         """Set a property; numbers may carry a unit, words any case."""
         setting = self._properties[name]
         specs: Any = setting.specs
-        number = _NUMBER.fullmatch(argument)
         text = argument
         if specs.type is not str:
-            scale = _SCALE.get(number[2].upper()) if number else None
-            if number is None or scale is None:
+            number = number_text(argument)
+            if number is None:
                 self.error_response("execution_error")
                 return
-            text = number[1] if scale == 1.0 else repr(float(number[1]) * scale)
+            text = number
         elif specs.valid:
             text = self.fold_word(argument)
-            text = {"1": "ON", "0": "OFF"}.get(text, text) if "ON" in specs.valid else text
+            text = next((word for word in _SWITCH.get(text, ()) if word in specs.valid), text)
         try:
             setting.set_value(text)
         except ValueError:
             self.error_response("execution_error")
+
+    def set_value(self, name: str, value: float) -> None:
+        """Set a number of the profile, without a look at its unit; the caller keeps it within the limits."""
+        self._properties[name].set_value(repr(value))
+
+    def _learn(self) -> bytes:
+        """Every setting but the masks as the message that sets it (IEEE 488.2, `*LRN?`); the makers' own form is unconfirmed."""
+        units = []
+        for name, row in self._data["properties"].items():
+            if "setter" not in row or "getter" not in row or name.endswith("_mask"):
+                continue
+            header = row["setter"]["q"].rpartition(" ")[0]
+            answer: Any = super()._match(row["getter"]["q"].encode())
+            if answer:
+                units.append(f"{self.LEARN_PREFIX}{header} {bytes(answer).decode('latin-1')}")
+        return ";".join(units).encode("latin-1")
 
     def _clear_status(self, _: str) -> None:
         for register in self._status_registers.values():
@@ -262,6 +287,15 @@ class SimulatedDevice(Device):
     def _wait_and_answer(self, _: str) -> bytes:
         self._wait("")
         return b"1"
+
+
+def number_text(argument: str) -> str | None:
+    """A number with or without unit as text in SI units; None if it is none or the unit is unknown."""
+    number = _NUMBER.fullmatch(argument)
+    scale = _SCALE.get(number[2].upper()) if number else None
+    if number is None or scale is None:
+        return None
+    return number[1] if scale == 1.0 else repr(float(number[1]) * scale)
 
 
 def definite_block(values: FloatArray, dtype: str) -> bytes:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from motoremi.bench.clock import Clock
+from motoremi.bench.simulated_band import band_commands
 from motoremi.bench.simulated_device import Wiring, definite_block
 from motoremi.bench.simulated_receiver import SimulatedReceiver, ascii_levels, steps
 
@@ -16,11 +17,13 @@ class SimulatedESR(SimulatedReceiver):
 
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
         self._marker = 0
+        self._line = "L1"
         super().__init__("rohde_schwarz_esr.yaml", wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the ESR computes."""
         return {
+            **super().commands(),
             "INIT": lambda _: self._sweep_analyser(),
             "INIT:CONM": lambda _: self._sweep_analyser(),
             "INIT2": lambda _: self._scan(),
@@ -32,6 +35,9 @@ class SimulatedESR(SimulatedReceiver):
             "CALC:MARK:MAX": lambda _: self._to_peak(),
             "CALC:MARK:X?": lambda _: f"{self._frequency_hz[self._marker]:.6f}".encode() if self._frequency_hz.size else b"0",
             "CALC:MARK:Y?": lambda _: f"{self.levels(self.value('unit'))[self._marker]:.3f}".encode() if self._frequency_hz.size else b"0",
+            "INP:LISN:PHAS": self._switch_line,
+            "INP:LISN:PHAS?": lambda _: self._line.encode(),
+            **band_commands(self, "FREQ:CENT", "FREQ:SPAN", "analyser_start", "analyser_stop"),
             # Back to the front panel, on a socket.
             "&GTL": lambda _: None,
         }
@@ -49,6 +55,13 @@ class SimulatedESR(SimulatedReceiver):
         if self.value("mode") == "SAN":
             frequency_hz = np.linspace(self.value("analyser_start"), self.value("analyser_stop"), self.value("analyser_points"))
             self.measure(frequency_hz, "POS", float(self.value("analyser_attenuation")), False, float(self.value("analyser_sweep_time")))
+
+    def _switch_line(self, argument: str) -> None:
+        if argument.upper() not in ("L1", "L2", "L3", "N"):
+            self.error_response("execution_error")
+            return
+        self._line = argument.upper()
+        self.wiring.at_line(self._line)
 
     def _to_peak(self) -> None:
         self._marker = int(np.argmax(self._levels_dbuv)) if self._levels_dbuv.size else 0

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from motoremi.bench.clock import Clock
+from motoremi.bench.simulated_band import band_commands
 from motoremi.bench.simulated_device import Wiring, definite_block
 from motoremi.bench.simulated_receiver import SimulatedReceiver, ascii_levels
 
@@ -22,6 +23,7 @@ class SimulatedMxe(SimulatedReceiver):
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the MXE computes."""
         return {
+            **super().commands(),
             "CONF:FSC": lambda _: self.stop(),
             "INIT2": lambda _: self._scan(),
             "INIT2:REST": lambda _: self._scan(),
@@ -31,6 +33,7 @@ class SimulatedMxe(SimulatedReceiver):
             "STAT:QUES:INT?": lambda _: self._overload_event_register(),
             "STAT:QUES:INT:COND?": lambda _: b"0",
             "CALC:FSC:SLIS:DEL:ALL": lambda _: None,
+            **band_commands(self, "FREQ:CENT", "FREQ:SPAN", "analyser_start", "analyser_stop"),
         }
 
     def _scan(self) -> None:

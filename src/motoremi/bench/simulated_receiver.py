@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from motoremi.arrays import FloatArray
@@ -9,13 +11,24 @@ from motoremi.bench.clock import Clock
 from motoremi.bench.simulated_device import Wiring
 from motoremi.bench.simulated_scpi import SimulatedScpi
 
-DETECTORS = {"POS": "peak", "QPE": "quasi-peak", "AVER": "average", "EAV": "average"}
+DETECTORS = {
+    "POS": "peak",
+    "QPE": "quasi-peak",
+    "AVER": "average",
+    "CAV": "cispr-average",
+    "EAV": "cispr-average",
+    "CRMS": "rms-average",
+    "RAV": "rms-average",
+}
+METER_S = 0.160
 # Level at the mixer, in dBuV, above which it compresses.
 MIXER_LIMIT_DBUV = 97.0
 PREAMPLIFIER_DB = 20.0
 RF_OVERLOAD = 1
 BAND_B_HZ: FloatArray = 150e3 + 4.5e3 * np.arange(6634, dtype=np.float64)
 BAND_B_END_HZ = 30e6
+# A scan of so few points is read off the whole band as well: working the stand out takes as long for five points as for all.
+SHORT_SCAN = 8
 # More than any receiver stores for one trace, and more than a client should be able to ask of this machine.
 MOST_POINTS = 1_000_000
 NOTHING_DBUV = -200.0
@@ -47,7 +60,7 @@ class SimulatedReceiver(SimulatedScpi):
         if np.any(arriving > limit_dbuv):
             self._overload_event |= RF_OVERLOAD
         self._frequency_hz = frequency_hz
-        self._levels_dbuv = np.minimum(arriving, limit_dbuv)
+        self._levels_dbuv = np.minimum(arriving, limit_dbuv) + settling_db(DETECTORS[detector], duration_s / frequency_hz.size)
         self._ends_s = self.clock.now() + duration_s
 
     def stop(self) -> None:
@@ -68,11 +81,24 @@ class SimulatedReceiver(SimulatedScpi):
         self._overload_event = 0
 
 
+def settling_db(detector: str, dwell_s: float) -> float:
+    """How far a meter has come in its dwell, in dB: two equal poles of 160 ms (CISPR 16-1-1, band B) that start from zero.
+
+    Peak and the linear average have no meter.
+    """
+    if detector in ("peak", "average"):
+        return 0.0
+    x = dwell_s / METER_S
+    return 20 * math.log10(max(1 - (1 + x) * math.exp(-x), 1e-5))
+
+
 def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
     """Level at the input in dBuV: what the stand says within band B, read off one scan of that band for any other frequencies.
 
     The simulated stand has nothing outside of the band.
     """
+    if frequency_hz.size <= SHORT_SCAN:
+        return read_off_the_band(wiring, frequency_hz, detector)
     inside = BAND_B_HZ[0] <= frequency_hz[0] and frequency_hz[-1] <= BAND_B_END_HZ
     if inside and frequency_hz.size <= 2 * BAND_B_HZ.size:
         return wiring.level_dbuv(frequency_hz, detector)

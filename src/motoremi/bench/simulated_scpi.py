@@ -3,17 +3,41 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from motoremi.bench.simulated_device import SimulatedDevice
 
 ERROR_QUEUE = b"SYST:ERR?"
+SCPI_VERSION = b"1999.0"
+# Bits of the operation status register.
+MEASURING = 16
 
 
 class SimulatedScpi(SimulatedDevice):
     """An instrument that takes long and short forms, any case, numeric suffixes, and leaves out what SCPI lets one leave out."""
 
+    LEARN_PREFIX = ":"
     # `INIT:IMM` is `INIT`, `TRAC:DATA?` is `TRAC?`, `DISP:WIND:TRAC` is `DISP:TRAC`.
     IMPLIED_NODES = frozenset({"IMM", "NEXT", "DATA", "RES", "EVEN", "LEV", "AMPL", "STAT", "WIND"})
+
+    def commands(self) -> dict[str, Callable[[str], bytes | None]]:
+        """What every SCPI instrument answers (SCPI-99, volume 2, chapters 20 and 21)."""
+        return {
+            "SYST:VERS?": lambda _: SCPI_VERSION,
+            "SYST:ERR:ALL?": lambda _: self._all_errors(),
+            "SYST:ERR:COUN?": lambda _: str(len(self._error_queues[ERROR_QUEUE]._queue)).encode(),
+            "STAT:PRES": lambda _: None,
+            "STAT:OPER:COND?": lambda _: str(MEASURING if self.busy_until() > self.clock.now() else 0).encode(),
+            "STAT:QUES:COND?": lambda _: b"0",
+        }
+
+    def _all_errors(self) -> bytes:
+        """The whole error queue at once, which empties it."""
+        queue = self._error_queues[ERROR_QUEUE]
+        entries = [queue.value]
+        while queue._queue:
+            entries.append(queue.value)
+        return b",".join(entries)
 
     def fold(self, header: str) -> str:
         """Long forms to short forms, without implied nodes and suffix 1; `SENSe` may be left out."""

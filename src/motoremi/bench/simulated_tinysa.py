@@ -10,6 +10,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.bench.clock import Clock
+from motoremi.bench.simulated_band import about, as_wide_as
 from motoremi.bench.simulated_device import Wiring
 from motoremi.bench.simulated_receiver import DBUV_OF_0_DBM, MOST_POINTS, read_off_the_band
 from motoremi.bench.simulated_shell import SimulatedShell, integer_axis, lines, whole
@@ -65,6 +66,8 @@ class SimulatedTinySa(SimulatedShell):
             return lines(f"{self.value('start')} {self.value('stop')} {self.value('points')}")
         if len(arguments) == 2 and arguments[0] in ("start", "stop"):
             return self._set_edges(**{arguments[0]: whole(arguments[1])})
+        if len(arguments) == 2 and arguments[0] in ("center", "span", "cw"):
+            return self._set_middle(arguments[0], whole(arguments[1]))
         if len(arguments) > 3 or not arguments[0][:1].isdigit():
             return lines("usage: sweep {start(Hz)} [stop(Hz)] [points]", "\tsweep {start|stop|center|span|cw} {freq(Hz)}")
         if len(arguments) == 3 and 2 <= whole(arguments[2]) <= self.limits("points")[1]:
@@ -81,7 +84,20 @@ class SimulatedTinySa(SimulatedShell):
         if self.value("start") > self.value("stop"):
             pushed, by = ("start", "stop") if stop is not None else ("stop", "start")
             self._properties[pushed].set_value(str(self.value(by)))
+        self._take_edges()
         return ""
+
+    def _set_middle(self, what: str, hertz: int) -> str:
+        start, stop = int(self.value("start")), int(self.value("stop"))
+        limits = self.limits("start")[0], self.limits("stop")[1]
+        middle, half = (start + stop) / 2, (stop - start) / 2
+        first, last = as_wide_as(middle, hertz / 2, *limits) if what == "span" else about(hertz, half if what == "center" else 0, *limits)
+        return self._set_edges(int(first), int(last))
+
+    def _take_edges(self) -> None:
+        """The next sweep of the background has these edges."""
+        self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
+        self._measured = None
 
     def _scan(self, arguments: list[str]) -> str:
         most = self.limits("points")[1]
@@ -170,8 +186,7 @@ class SimulatedTinySa(SimulatedShell):
     def _pause(self, paused: bool) -> str:
         self._paused = paused
         if not paused:
-            self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
-            self._measured = None
+            self._take_edges()
         return ""
 
     def _take_sweep_time(self, points: int) -> None:

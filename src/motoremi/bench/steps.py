@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.connections import Condition, ConnectionName
+from motoremi.bench.connections import Condition, ConnectionName, Line
 from motoremi.bench.quantity import Quantity
 from motoremi.data.spectrum import Detector
 from motoremi.data.sweep import Termination
@@ -38,12 +38,17 @@ class Compensate(Strict):
     do: Literal["compensate"]
     standard: Literal["open", "short", "load"] = Field(description="which standard")
     nominal: Annotated[float, Quantity("Ohm", 1e-3, 1e6)] | None = Field(default=None, description="resistance of the load standard")
+    inductance: Annotated[float, Quantity("H", 0, 1e-3)] = Field(default=0.0, description="inductance of the load standard")
 
     @model_validator(mode="after")
     def _load_has_a_value(self) -> Self:
         if (self.standard == "load") != (self.nominal is not None):
             raise BadInput("nominal: belongs to the load standard, and to no other")
         return self
+
+    def parameters(self) -> JsonDict:
+        """What the standard is only where it is told."""
+        return self.model_dump(include={"standard", "nominal", "inductance"} if self.standard == "load" else {"standard"})
 
 
 class Connect(Strict):
@@ -92,7 +97,29 @@ class Scan(Strict):
     do: Literal["spectrum"]
     detector: Detector = Field(description="CISPR detector")
     condition: Condition = Field(default="motor running", description="motor off measures the background; kept with the data")
+    line: Line | None = Field(default=None, description="phase of the LISN: switched by the operator, or by command (line_switch)")
+    state: str = Field(default="", max_length=100, description="operating state of the motor, such as full load; prompts when it changes")
+    dwell: Annotated[float, Quantity("s", 50e-6, 100)] | None = Field(
+        default=None, description="measuring time of this scan; else that of [spectrum]"
+    )
     repeat: Repeats = 1
+
+    def parameters(self) -> JsonDict:
+        """Keys that say something."""
+        return self.model_dump(exclude={"do", *(key for key in ("line", "state", "dwell") if not getattr(self, key))})
+
+
+class Final(Strict):
+    """Read the highest maxima of the scans before again, each with the detectors of the limit, on every line and in every state of those scans."""
+
+    do: Literal["final"]
+    limit: str = Field(default="cispr32-b", max_length=300, description="limit that the maxima are held against; motoremi limits lists them")
+    detectors: tuple[Detector, ...] = Field(default=("quasi-peak", "cispr-average"), min_length=1, description="detectors of the final readings")
+    dwell: Annotated[float, Quantity("s", 1.0, 100)] = Field(default=1.0, description="measuring time of each reading; longer for slow repetition")
+    margin: Annotated[float, Quantity("dB", 0, 200)] = Field(default=10.0, description="only maxima less than this below the limit, or above it")
+    maxima: int = Field(default=6, ge=1, le=100, description="at most so many, the nearest to the limit of every subrange first")
+    apart: Annotated[float, Quantity("Hz", 0, 30e6)] = Field(default=50e3, description="two maxima are at least so far apart")
+    subranges: int = Field(default=10, ge=1, le=100, description="parts of the span, equal on a logarithmic axis, that give maxima in turn")
 
 
 class Wait(Strict):
@@ -132,14 +159,22 @@ class NextStep(Strict):
     do: Literal["next"]
 
 
+class JudgeStep(Strict):
+    """Hold the corrected levels against a limit: the final values where there are any, else the scans."""
+
+    do: Literal["judge"]
+    limit: str = Field(default="cispr32-b", max_length=300, description="its name (motoremi limits), or the path of your own file")
+    uncertainty: Annotated[float, Quantity("dB", 0, 40)] = Field(default=3.4, description="expanded uncertainty (k = 2): the guard band")
+
+
 class ReportStep(Strict):
     """Write the report."""
 
     do: Literal["report"]
 
 
-AnalysisStep = FitStep | CompareStep | DiagnoseStep | NextStep | ReportStep
-MeasuringStep = Compensate | Sweep | Check | Scan
+AnalysisStep = FitStep | CompareStep | DiagnoseStep | NextStep | JudgeStep | ReportStep
+MeasuringStep = Compensate | Sweep | Check | Scan | Final
 PlainStep = Identify | Connect | Wait | MeasuringStep | AnalysisStep
 
 
@@ -153,5 +188,5 @@ class Repeat(Strict):
 
 Step = Annotated[PlainStep | Repeat, Field(discriminator="do")]
 STEPS: tuple[type[Strict], ...] = (
-    Identify, Compensate, Connect, Sweep, Check, Scan, Wait, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep, ReportStep,
+    Identify, Compensate, Connect, Sweep, Check, Scan, Final, Wait, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep, JudgeStep, ReportStep,
 )  # fmt: skip

@@ -26,8 +26,16 @@ class Writer(Protocol):
         """Store a spectrum."""
         ...
 
+    def add_final(self, spectrum: Spectrum) -> Path:
+        """Store a short scan around a maximum."""
+        ...
+
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Store what was measured with a standard."""
+        ...
+
+    def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Store what the instrument itself holds of a standard."""
         ...
 
     def log_traffic(self, record: Mapping[str, Any]) -> None:

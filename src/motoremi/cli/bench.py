@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.options import AsJson, Out, SessionPath, command
+from motoremi.cli.options import AsJson, Out, SessionPath, ask_once, command
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def run_(
     from motoremi.bench.runner import resumable, start_document
     from motoremi.data.session import SessionWriter, load, reopen
 
-    bench_file = load_bench_file(bench) if bench is not None else BenchFile()
+    bench_file = load_bench_file(bench, ask_once()) if bench is not None else BenchFile()
     if (procedure is None) == (resume is None):
         raise BadInput("name a procedure, or a session with --resume SESSION; not both")
     if resume is not None:
@@ -74,6 +74,8 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
         with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
             if not as_json:
                 writer.subscribe(tell)
+                for remark in procedure.remarks():
+                    say(f"note: {remark}")
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
@@ -125,6 +127,7 @@ def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> Non
                 "title": procedure.title,
                 "seconds": total,
                 "messages": sum(step.messages for step in steps),
+                "remarks": list(procedure.remarks()),
                 "steps": [step.to_dict() for step in steps],
             }
         )
@@ -132,6 +135,8 @@ def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> Non
     say(f"{procedure.title}: rehearsed on simulated instruments; nothing is sent to real ones.")
     say("Times are those of the simulators; fitting, diagnosis and the operator take their own.")
     say("Each message is followed by a look at the error queue.")
+    for remark in procedure.remarks():
+        say(f"note: {remark}")
     for step in steps:
         _show(step, len(steps))
     say(f"in all about {_duration(total)} of measuring, {sum(step.messages for step in steps)} messages")
@@ -156,6 +161,8 @@ def _show(step: Rehearsed, of: int) -> None:
 def _duration(seconds: float) -> str:
     if seconds < 60:
         return f"{seconds:.1f} s"
+    if seconds >= 3600:
+        return f"{seconds / 3600:.2f} h"
     return f"{seconds // 60:.0f} min {seconds % 60:.0f} s"
 
 
@@ -262,7 +269,7 @@ def procedures_(
 def tell(document: JsonDict) -> None:
     """What a run says of itself, a line for each thing worth knowing."""
     from motoremi.cli.output import say
-    from motoremi.quantities import show_band
+    from motoremi.quantities import show, show_band
 
     kind = document["kind"]
     if kind == "instrument":
@@ -271,6 +278,14 @@ def tell(document: JsonDict) -> None:
     elif kind in ("sweep", "spectrum", "standard"):
         what = " ".join(str(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
+    elif kind == "maxima":
+        chosen = ", ".join(show(one["frequency_hz"], "Hz") for one in document["maxima"])
+        say(f"  {len(document['maxima'])} maxima to read again: {chosen}" if chosen else "  no maximum is near the limit: nothing to read again")
+        if document["more"]:
+            say(f"  {document['more']} more are as near to the limit; a larger 'maxima' in the procedure reads them too")
+    elif kind == "final":
+        where = " ".join(str(document[key]) for key in ("line", "state") if key in document)
+        say(f"  {document['detector']} at {show(document['maximum_hz'], 'Hz')} {where}: reading {document['highest_dbuv']:.1f} dBuV")
     elif kind == "step-start":
         detail = " ".join(str(value) for value in document["parameters"].values())
         again = " (again, for what follows)" if document.get("again") else ""

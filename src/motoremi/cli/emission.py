@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command, plot_file
+from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file
 
 if TYPE_CHECKING:
     from motoremi.emission.fit import EmissionFit
@@ -20,6 +20,14 @@ def predict_(
     ] = None,
     limit: Annotated[str | None, typer.Option("--limit", metavar="NAME", help="A limit ('motoremi limits') or your own .toml; kept.")] = None,
     uncertainty_db: Annotated[float, typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty, the guard band.", min=0)] = 3.4,
+    corrections: Annotated[
+        Path | None,
+        typer.Option(
+            "--corrections",
+            metavar="FILE",
+            help="Pads, cables, transducers in front of the receiver (TOML with [[correction]]), in place of those told before; kept.",
+        ),
+    ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture as SVG, PNG or PDF.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -29,8 +37,9 @@ def predict_(
     from motoremi.workflow_emission import predict_session
 
     file = None if plot is None else plot_file(plot)
+    chain = None if corrections is None else corrections_of(corrections)
     with opened(path) as store:
-        result = predict_session(store, setup, limit, uncertainty_db)
+        result = predict_session(store, setup, limit, uncertainty_db, chain)
     if file is not None:
         result.plot().savefig(file)
     if as_json:
@@ -39,7 +48,7 @@ def predict_(
         say(repr(result))
         for remark in result.remarks():
             say(f"note: {remark}")
-        if result.spectra:
+        if result.spectra and result.predicted_dbuv:
             say(f"next: motoremi diagnose {path} --emission")
     raise typer.Exit(1 if result.verdict == "fail" else 0)
 

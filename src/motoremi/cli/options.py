@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from motoremi.errors import BadInput
+
+if TYPE_CHECKING:
+    from motoremi.data.corrections import Corrections
 
 SessionPath: TypeAlias = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.", show_default=False)]
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="One JSON document on standard output, for machines.")]
@@ -33,3 +37,15 @@ def plot_file(path: Path) -> Path:
     if not path.parent.is_dir():
         raise BadInput(f"{path}: there is no folder {path.parent}")
     return path
+
+
+def corrections_of(path: Path) -> Corrections:
+    """The corrections of a file; on a terminal a loss or gain of the wrong sign is asked about, once."""
+    from motoremi.data.corrections import read_corrections
+
+    return read_corrections(path, ask_once())
+
+
+def ask_once() -> Callable[[str], bool] | None:
+    """Asks a yes-or-no question where somebody can answer it; None where nobody can."""
+    return (lambda question: typer.confirm(question, err=True)) if sys.stdin.isatty() else None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command, plot_file
+from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file
 from motoremi.errors import BadInput
 from motoremi.report.kinds import PLOTS
 
@@ -31,7 +31,8 @@ def import_(
         typer.Option(
             "--analyser",
             metavar="NAME",
-            help="Who made the sweeps: 4294a, e4990a, nanovna, none (ideal); unknown, the default: the size of its errors is estimated.",
+            help="Who made the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); "
+            "unknown, the default: the size of its errors is estimated.",
         ),
     ] = None,
     fixture: Annotated[
@@ -44,6 +45,14 @@ def import_(
     accuracy: Annotated[
         str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|: a model that is as good is good enough.")
     ] = "",
+    corrections: Annotated[
+        Path | None,
+        typer.Option(
+            "--corrections",
+            metavar="FILE",
+            help="What stood between motor and instruments: TOML with [[correction]] tables (motoremi procedures --keys).",
+        ),
+    ] = None,
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
     operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
@@ -53,9 +62,11 @@ def import_(
     """Make a session from files that you already have."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.analyser import find_analyser
+    from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
     from motoremi.data.measurement import Measurement
     from motoremi.data.session import SessionWriter
+    from motoremi.data.text import clean_text
     from motoremi.emission.observe import observations
 
     if not short and not open_ and not spectrum:
@@ -65,20 +76,27 @@ def import_(
     sweeps = _sweeps(short or [], open_ or [], fixture, band, accuracy)
     if named is not None:
         sweeps = [sweep.with_metadata(analyser=named) for sweep in sweeps]
-    measurement = Measurement.of(sweeps) if sweeps else None
     spectra = [item for path in spectrum or [] for item in read_spectra(path)]
+    chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
+    corrected = [chain.corrected_spectrum(item) for item in spectra]
+    measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in sweeps]) if sweeps else None
     start = {
         "title": f"Imported: {motor}" if motor else "Imported sweeps",
         "motor": motor,
         "serial": serial,
         "operator": operator,
         "ambient": ambient,
+        "corrections": chain.to_list(),
         "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),
     }
     caveats = [] if measurement is None else measurement.caveats()
-    seen = observations(spectra)
+    caveats += chain.remarks()
+    for item in spectra:
+        if applied := str(item.metadata.get("transducer", "")).strip(" ;"):
+            caveats.append(f"{item.detector}: the receiver has applied its transducer {clean_text(applied, 60)!r}; it must not be in --corrections")
+    seen = observations(corrected)
     with SessionWriter.create(out, start) as writer:
         for sweep in sweeps:
             writer.add_sweep(sweep)
@@ -92,6 +110,7 @@ def import_(
                 "session": str(out),
                 "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
                 "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
+                "corrections": start["corrections"],
                 "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
                 "caveats": caveats,
@@ -101,9 +120,11 @@ def import_(
         return
     for sweep in sweeps:
         say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
-    for item in spectra:
+    for item in corrected:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
+    for entry in chain.entries:
+        say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:
         say("analyser not named: the size of its errors is estimated from the data; say --analyser NAME if you know it (none for ideal data)")
     for remark in [*caveats, *(one["text"] for one in seen)]:

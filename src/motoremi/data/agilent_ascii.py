@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.analyser import specification
 from motoremi.data.numbers import parse_number
 from motoremi.data.source import split_lines
 from motoremi.data.text import clean_text
@@ -22,6 +23,8 @@ _R_AND_X = (
     {"IMPEDANCE", "REAL", "IMAG"},
 )
 _VALUE_TITLE = "Data Trace Real"
+# How the header names an adapter, after the table of the Programming Manual, page 54; the spelling in files is unconfirmed.
+_ADAPTERS = {"1M": "1m", "2M": "2m", "42942": "42942a", "42941": "42941a"}
 _SECOND_TITLE = "Data Trace Imag"
 
 
@@ -57,7 +60,8 @@ def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray,
     if not np.array_equal(frequency, frequency_b):
         raise BadInput(f"{name}: traces A and B are not on the same frequencies; save both from one sweep")
     impedance, title = _impedance(header.get("MEASURE PARAMETER", ""), first, second, name)
-    return frequency, impedance, {**header, "analyser": "4294a", "read_as": title}
+    adapter = next((word for name_, word in _ADAPTERS.items() if name_ in header.get("ADAPTER", "").upper()), "")
+    return frequency, impedance, {**header, "analyser": specification("4294a", adapter, ""), "read_as": title}
 
 
 def _sections(text: str, name: str) -> tuple[dict[str, str], dict[str, _Trace]]:

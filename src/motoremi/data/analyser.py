@@ -192,18 +192,92 @@ ANALYSERS = (
 DEFAULT_ANALYSER = "unknown"
 
 
+@dataclass(frozen=True)
+class Between:
+    """What stands between an analyser with four-terminal-pair ports and the motor, and what it adds to the errors.
+
+    Parameters
+    ----------
+    name, title : str
+    gain_percent : callable
+        Frequency in Hz -> what is added to the tolerance of the gain, in percent.
+    residuals : float
+        Factor on what open and short compensation leave.
+    """
+
+    name: str
+    title: str
+    gain_percent: Callable[[FloatArray], FloatArray]
+    residuals: float = 1.0
+
+    def behind(self, analyser: Analyser) -> Analyser:
+        """The same analyser with this in front of it."""
+
+        def gain_sigma(frequency_hz: FloatArray) -> FloatArray:
+            return analyser.gain_sigma(frequency_hz) + self.gain_percent(frequency_hz) / 300
+
+        def conductance_sigma_s(frequency_hz: FloatArray) -> FloatArray:
+            return analyser.conductance_sigma_s(frequency_hz) * self.residuals
+
+        return dataclasses.replace(
+            analyser,
+            name=f"{analyser.name}+{self.name}",
+            title=f"{analyser.title}, {self.title}",
+            source=f"{analyser.source}; what {self.title} adds is an assumption, unconfirmed",
+            gain_sigma=gain_sigma,
+            conductance_sigma_s=conductance_sigma_s,
+            capacitance_sigma_f=analyser.capacitance_sigma_f * self.residuals,
+            resistance_sigma_ohm=analyser.resistance_sigma_ohm * self.residuals,
+            inductance_sigma_h=analyser.inductance_sigma_h * self.residuals,
+        )
+
+
+FOUR_TERMINAL_PAIR = ("4294a", "e4990a")
+# Sizes are assumptions in the form of the makers' tables: a share that does not depend on frequency and one that grows with it.
+ADAPTERS: Mapping[str, Between] = {
+    between.name: between
+    for between in (
+        Between("1m", "a 1 m extension cable", lambda f: 0.02 + 0.02e-6 * f),
+        Between("2m", "a 2 m extension cable", lambda f: 0.02 + 0.03e-6 * f),
+        Between("42942a", "a 42942A terminal adapter", lambda f: 0.1 + 0.02e-6 * f),
+        Between("42941a", "a 42941A impedance probe", lambda f: 0.2 + 0.03e-6 * f, residuals=2.0),
+    )
+}
+FIXTURES: Mapping[str, Between] = {
+    between.name: between
+    for between in (
+        Between("16034g", "a 16034G fixture", _zero),
+        Between("16047e", "a 16047E fixture", _zero),
+        Between("16089", "16089 clip leads", _zero, residuals=5.0),
+        Between("leads", "leads of one's own", _zero, residuals=5.0),
+    )
+}
+
+
 def find_analyser(name: str) -> Analyser:
-    """The analyser called `name`.
+    """The analyser called `name`, or with `name` in the form of `specification`.
 
     Raises
     ------
     BadInput
-        If it is not known.
+        If it is not known, or takes no such adapter or fixture.
     """
-    for analyser in ANALYSERS:
-        if analyser.name == name.strip().lower():
-            return analyser
-    raise BadInput(f"unknown analyser {name!r}: use one of {', '.join(a.name for a in ANALYSERS)}")
+    first, *parts = name.strip().lower().split("+")
+    found = next((analyser for analyser in ANALYSERS if analyser.name == first), None)
+    if found is None:
+        raise BadInput(f"unknown analyser {name!r}: use one of {', '.join(a.name for a in ANALYSERS)}")
+    for part in parts:
+        made = ADAPTERS.get(part) or FIXTURES.get(part)
+        if made is None or first not in FOUR_TERMINAL_PAIR:
+            takes = f"{first}+ADAPTER+FIXTURE with {', '.join((*ADAPTERS, *FIXTURES))}" if first in FOUR_TERMINAL_PAIR else f"{first} alone"
+            raise BadInput(f"unknown analyser {name!r}: {part!r} is no part of it; use {takes}")
+        found = made.behind(found)
+    return found
+
+
+def specification(analyser: str, adapter: str, fixture: str) -> str:
+    """Name of the error model of an analyser with what is connected to it, such as `4294a+42941a+leads`."""
+    return "+".join([analyser, *(part.lower() for part in (adapter, fixture) if part.lower() in ADAPTERS or part.lower() in FIXTURES)])
 
 
 # Correlation of the gain error along frequency: calibrations are interpolated between a handful of points, so the error is

@@ -134,7 +134,8 @@ _QUANTITIES = (
     # Columns named after a detector, as receivers' software writes them.
     _Quantity("level peak", _DBUV, ("peak", "max_peak", "maxpeak", "pk")),
     _Quantity("level quasi-peak", _DBUV, ("quasi_peak", "quasipeak", "qp", "qpk")),
-    _Quantity("level average", _DBUV, ("average", "avg", "av", "caverage", "cispr_average")),
+    _Quantity("level average", _DBUV, ("average", "avg", "av")),
+    _Quantity("level cispr-average", _DBUV, ("cispr_average", "caverage", "cav", "cispr_av")),
     _Quantity("level rms-average", _DBUV, ("rms_average", "cispr_rms", "crms", "rms_avg")),
     _Quantity("sigma_relative", _NUMBER, ("sigma_relative",)),
     _Quantity("overload", _NUMBER, ("overload",)),

@@ -11,7 +11,8 @@ DBUV_OF_0_DBM = 106.98970004336019
 _SPELLINGS = {
     "max-peak": "peak", "maxpeak": "peak", "pk": "peak", "pk+": "peak", "pos": "peak", "positive": "peak",
     "quasipeak": "quasi-peak", "qp": "quasi-peak", "qpk": "quasi-peak",
-    "av": "average", "avg": "average", "cispr-average": "average", "cispr-av": "average", "caverage": "average", "cav": "average",
+    "av": "average", "avg": "average",
+    "cispr-av": "cispr-average", "caverage": "cispr-average", "cav": "cispr-average", "emi-average": "cispr-average", "eav": "cispr-average",
     "cispr-rms": "rms-average", "crms": "rms-average", "rms-avg": "rms-average", "cispr-rms-average": "rms-average",
     "rms-av": "rms-average",
 }  # fmt: skip

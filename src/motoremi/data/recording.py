@@ -33,7 +33,7 @@ STATUSES: tuple[Status, ...] = get_args(Status)
 Listener = Callable[[JsonDict], None]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_@+.-]*")
 # Folders and files with a meaning of their own: `save_file` may not touch what was measured.
-_RESERVED = {"sweeps", "spectra", "standards", "analysis", SESSION, TRAFFIC, MANIFEST}
+_RESERVED = {"sweeps", "spectra", "standards", "compensation", "analysis", SESSION, TRAFFIC, MANIFEST}
 
 
 class SessionWriter:
@@ -140,11 +140,25 @@ class SessionWriter:
         stem = f"spectra/{spectrum.detector}{'-motor-off' if spectrum.is_background else ''}"
         return self._add_numbered("spectrum", stem, spectrum_csv(spectrum), content)
 
+    def add_final(self, spectrum: Spectrum) -> Path:
+        """Store a short scan around a maximum as `spectra/final-<detector>-<n>.csv` and emit a "final" document."""
+        low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
+        told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "state") if key in spectrum.metadata}
+        told["highest_dbuv"] = float(spectrum.level_dbuv.max())
+        content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high]}
+        return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum), content)
+
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Store what was measured with a standard in the fixture, as `standards/<standard>-<n>.csv`; it is no sweep of the motor."""
         low, high = sweep.span_hz
         content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
         return self._add_numbered("standard", f"standards/{standard}", impedance_csv(sweep), content)
+
+    def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
+        """Store what the instrument itself holds of a standard, as `compensation/<standard>-<n>.csv`, and emit a "compensation" document."""
+        low, high = sweep.span_hz
+        content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
+        return self._add_numbered("compensation", f"compensation/{standard}", impedance_csv(sweep), content)
 
     def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
         """Store `analysis/<name>.json`, in place of an older one, and emit an "analysis" document.

@@ -8,11 +8,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
 from motoremi.data.chain import Chain, read_chain
+from motoremi.data.corrections import Corrections
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
 from motoremi.data.manifest import parse_manifest, record_bytes
 from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
@@ -44,6 +46,8 @@ class Session:
         The first document.
     sweeps : tuple of ImpedanceSweep
     spectra : tuple of Spectrum
+    finals : tuple of Spectrum
+        Short scans around the maxima of a prescan.
     interrupted : bool
         True if the session, or the last addition to it, was not closed.
     status : str
@@ -55,6 +59,7 @@ class Session:
     start: JsonDict
     sweeps: tuple[ImpedanceSweep, ...]
     spectra: tuple[Spectrum, ...]
+    finals: tuple[Spectrum, ...]
     interrupted: bool
     status: str
     _analyses: Mapping[str, bytes]
@@ -68,7 +73,24 @@ class Session:
     def summary(self) -> str:
         """One line for a person."""
         ending = f"{self.status}, not closed" if self.interrupted and self.status != "interrupted" else self.status
-        return f"{len(self.sweeps)} sweeps, {len(self.spectra)} spectra, {len(self._analyses)} analyses, {ending}"
+        finals = f"{len(self.finals)} final scans, " if self.finals else ""
+        return f"{len(self.sweeps)} sweeps, {len(self.spectra)} spectra, {finals}{len(self._analyses)} analyses, {ending}"
+
+    @cached_property
+    def corrections(self) -> Corrections:
+        """What stood between the motor and the instruments: as told when the session was made, or since, in its place."""
+        told = self.analysis("corrections") or self.start
+        return Corrections.of(told.get("corrections") or (), self.path.name)
+
+    @cached_property
+    def corrected_sweeps(self) -> tuple[ImpedanceSweep, ...]:
+        """The sweeps with the analyser's fixtures taken off; `sweeps` holds what was read."""
+        return tuple(self.corrections.corrected_sweep(sweep) for sweep in self.sweeps)
+
+    @cached_property
+    def corrected_spectra(self) -> tuple[Spectrum, ...]:
+        """The spectra with levels at the motor's side of pad, cable and transducer; `spectra` holds what was read."""
+        return tuple(self.corrections.corrected_spectrum(spectrum) for spectrum in self.spectra)
 
     @property
     def analyses(self) -> tuple[str, ...]:
@@ -117,9 +139,9 @@ class Session:
         from motoremi.report.plots import measured_figure, spectrum_figure
 
         if self.sweeps:
-            return measured_figure(Measurement.of(self.sweeps))
+            return measured_figure(Measurement.of(self.corrected_sweeps))
         if self.spectra:
-            return spectrum_figure(self.spectra)
+            return spectrum_figure(self.corrected_spectra)
         raise BadInput(f"{self.path.name} holds neither sweep nor spectrum")
 
     def to_dict(self) -> JsonDict:
@@ -131,6 +153,8 @@ class Session:
             "documents": list(self.documents),
             "sweeps": [sweep.to_dict() for sweep in self.sweeps],
             "spectra": [spectrum.to_dict() for spectrum in self.spectra],
+            "finals": [spectrum.to_dict() for spectrum in self.finals],
+            "corrections": self.corrections.to_list(),
             "analyses": {name: self.analysis(name) for name in self.analyses},
         }
 
@@ -163,17 +187,17 @@ def load(path: str | os.PathLike[str]) -> Session:
     closed = _is_closed(folder, name, data, chain)
     vouched = vouched_sha256(chain)
     sweeps: list[ImpedanceSweep] = []
-    spectra: list[Spectrum] = []
+    spectra: dict[str, list[Spectrum]] = {"spectrum": [], "final": []}
     analyses: dict[str, bytes] = {}
     for document in chain.documents:
-        if document["kind"] in ("sweep", "spectrum", "analysis"):
+        if document["kind"] in ("sweep", "spectrum", "final", "analysis"):
             stored = _stored(folder, document, vouched)
             file = str(document["file"])
             if document["kind"] == "sweep":
                 text, label = decode(stored, file), f"{name}/{file}"
                 sweeps.append(parse_impedance_csv(text, label, str(document.get("termination"))))
-            elif document["kind"] == "spectrum":
-                spectra.append(parse_spectrum_csv(decode(stored, file), f"{name}/{file}"))
+            elif document["kind"] in spectra:
+                spectra[document["kind"]].append(parse_spectrum_csv(decode(stored, file), f"{name}/{file}"))
             else:
                 _check_json(stored, f"{name}/{file}")
                 analyses[str(document.get("name"))] = stored
@@ -183,7 +207,8 @@ def load(path: str | os.PathLike[str]) -> Session:
         documents=chain.documents,
         start=chain.documents[0],
         sweeps=tuple(sweeps),
-        spectra=tuple(spectra),
+        spectra=tuple(spectra["spectrum"]),
+        finals=tuple(spectra["final"]),
         interrupted=not closed,
         status=status,
         _analyses=analyses,

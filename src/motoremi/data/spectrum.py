@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-Detector = Literal["peak", "quasi-peak", "average", "rms-average"]
+Detector = Literal["peak", "quasi-peak", "average", "cispr-average", "rms-average"]
 DETECTORS: tuple[Detector, ...] = get_args(Detector)
 
 
@@ -29,7 +29,9 @@ class Spectrum:
 
     Parameters
     ----------
-    detector : {"peak", "quasi-peak", "average", "rms-average"}
+    detector : {"peak", "quasi-peak", "average", "cispr-average", "rms-average"}
+        "average" is linear over the dwell; "cispr-average" is the highest reading of a meter with the time constant of CISPR 16-1-1
+        (160 ms below 30 MHz).
     frequency_hz : array_like, shape (n,)
         Strictly increasing, in hertz.
     level_dbuv : array_like, shape (n,)

@@ -14,6 +14,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.numbers import looks_cut, parse_number
 from motoremi.data.source import split_lines
+from motoremi.data.sweep import checked_frequency
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
@@ -210,6 +211,25 @@ def _between_ports(file: _File, header: JsonDict, name: str, given: str | None) 
         raise BadInput(f"{name}: S21 at {frequency[point]:g} Hz gives no finite impedance of a {fixture} fixture; was it measured?")
     told = f"S21 of a {fixture} fixture, {formula}, Z0 = {reference[0].real:g} Ohm"
     return frequency, impedance, {**header, "fixture": fixture, "read_as": told}
+
+
+def parse_two_port(text: str, name: str) -> tuple[FloatArray, ComplexArray]:
+    """Frequencies in hertz and the S parameters, shape (n, 2, 2), of a two-port in 50 Ohm, whatever reference the file has.
+
+    Raises
+    ------
+    BadInput
+        If the file holds no two ports, other parameters, or frequencies that do not increase.
+    """
+    from skrf.network import renormalize_s
+
+    file = _checked(text, name)
+    if file.ports != 2 or file.options.parameter != "S":
+        raise BadInput(f"{name}: a correction needs the S parameters of two ports (.s2p)")
+    frequency, s, z0 = _by_library(file, name)
+    if not np.all(np.isfinite(s)) or np.any(s[:, 1, 0] == 0):
+        raise BadInput(f"{name}: S21 is zero or no number somewhere; was it measured?")
+    return checked_frequency(frequency, name, 2), np.asarray(renormalize_s(s, z0, np.full(z0.shape, 50.0)), dtype=np.complex128)
 
 
 def _fixture(header: JsonDict, given: str | None, name: str) -> str:

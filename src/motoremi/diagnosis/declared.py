@@ -67,8 +67,9 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
 def hypotheses(declared: Analyser) -> list[Analyser]:
     """What the analyser could have been instead."""
     # A network analyser with a fixture that nobody compensated could take up a lead or a stray capacitance: only its owner can declare that.
-    others = [one.compensated_here() for one in ANALYSERS if not one.ideal and one.name not in (declared.name, "e4990a", "unknown")]
-    return [one for one in others if not (declared.name in ("e4990a", "unknown") and one.name == "4294a")]
+    named = declared.name.partition("+")[0]
+    others = [one.compensated_here() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", "unknown")]
+    return [one for one in others if not (named in ("e4990a", "unknown") and one.name == "4294a")]
 
 
 def _refitted(fit: Fit, analyser: Analyser) -> Fit:

@@ -15,14 +15,14 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
-from motoremi.emission.limit import Limit
+from motoremi.emission.limit import Limit, LimitLine
 from motoremi.errors import BadInput
 
 Verdict: TypeAlias = Literal["pass", "marginal", "fail"]
 # CISPR 16-4-2, conducted at the mains port, k = 2; as recalled, not checked against the standard.
 EXPANDED_UNCERTAINTY_DB = 3.4
 # From the highest reading to the lowest.
-ORDER = ("peak", "quasi-peak", "rms-average", "average")
+ORDER = ("peak", "quasi-peak", "rms-average", "cispr-average", "average")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +57,15 @@ class Judged:
         return dict(vars(self))
 
 
+def line_for(limit: Limit, detector: str) -> LimitLine | None:
+    """The line that levels of a detector are held against, or None.
+
+    The average limits of CISPR standards are for the detector with the meter, which reads no lower than the linear average.
+    """
+    own = limit.line(detector)
+    return limit.line("average") if own is None and detector == "cispr-average" else own
+
+
 def judge_levels(
     detector: str,
     frequency_hz: FloatArray,
@@ -75,7 +84,7 @@ def judge_levels(
     if not (np.isfinite(expanded_uncertainty_db) and expanded_uncertainty_db >= 0):
         raise BadInput(f"the expanded uncertainty is {expanded_uncertainty_db} dB; it must be 0 or above")
     found = []
-    own = limit.line(detector)
+    own = line_for(limit, detector)
     for line in limit.lines:
         higher = ORDER.index(detector) < ORDER.index(line.detector)
         if line is not own and not higher:
@@ -89,7 +98,7 @@ def judge_levels(
         margin = (bound - level_dbuv)[usable]
         worst = int(np.argmin(margin))
         least, at_hz = float(margin[worst]), float(frequency_hz[usable][worst])
-        verdict: Verdict | None = _verdict(least, expanded_uncertainty_db)
+        verdict: Verdict | None = verdict_of(least, expanded_uncertainty_db)
         why = f"{'below' if least >= 0 else 'above'} the {line.detector} limit by {abs(least):.1f} dB at {at_hz / 1e6:.4g} MHz"
         if line is not own:
             if verdict == "pass":
@@ -100,7 +109,8 @@ def judge_levels(
     return found
 
 
-def _verdict(margin_db: float, uncertainty_db: float) -> Verdict:
+def verdict_of(margin_db: float, uncertainty_db: float) -> Verdict:
+    """Of a level so far below its limit."""
     if margin_db >= uncertainty_db - 1e-9:
         return "pass"
     return "fail" if margin_db < -uncertainty_db else "marginal"

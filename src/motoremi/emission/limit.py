@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.corrections import UNITS
 from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import DETECTORS, Detector
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
+
+LEVEL_UNITS = tuple(dict.fromkeys(UNITS.values()))
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,8 @@ class Limit:
     lisn : str
         The network that it is measured with.
     note : str
+    unit : {"dBuV", "dBuA", "dBuV/m"}
+        Of all its levels: a current limit is for levels behind a current probe, a field limit for those behind an antenna.
     """
 
     name: str
@@ -69,6 +74,7 @@ class Limit:
     port: str = ""
     lisn: str = "50uH"
     note: str = ""
+    unit: str = "dBuV"
 
     def line(self, detector: str) -> LimitLine | None:
         """The line of a detector, or None."""
@@ -95,6 +101,7 @@ class Limit:
             "title": self.title,
             "port": self.port,
             "lisn": self.lisn,
+            "unit": self.unit,
             "lines": [
                 {"detector": line.detector, "confirmed": line.confirmed, "source": line.source, "segments": [list(s) for s in line.segments]}
                 for line in self.lines
@@ -142,7 +149,10 @@ def _parse(text: str, name: str, shown: str) -> Limit:
     plain = {
         key: clean_text(str(content.get(key, default)), 200) for key, default in (("title", name), ("port", ""), ("lisn", "50uH"), ("note", ""))
     }
-    return Limit(clean_text(name), plain["title"], parsed, plain["port"], plain["lisn"], plain["note"])
+    unit = str(content.get("unit", "dBuV"))
+    if unit not in LEVEL_UNITS:
+        raise BadInput(f"{shown}: the unit {clean_text(unit, 20)!r} is unknown; use one of {', '.join(LEVEL_UNITS)}")
+    return Limit(clean_text(name), plain["title"], parsed, plain["port"], plain["lisn"], plain["note"], unit)
 
 
 def _line(entry: Any, shown: str) -> LimitLine:

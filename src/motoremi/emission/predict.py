@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.emission.background import ambient_of, split
+from motoremi.emission.finals import Final, final_values, judge_with_finals
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra, overall
 from motoremi.emission.limit import Limit, find_limit
 from motoremi.emission.setup import MotorImpedance, Setup, scan_frequencies
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DEFAULT_LIMIT = "cispr32-b"
-SHOWN: tuple[Detector, ...] = ("peak", "quasi-peak", "average", "rms-average")
+SHOWN: tuple[Detector, ...] = ("peak", "quasi-peak", "average", "cispr-average", "rms-average")
 # Bands of the paper's discussion.
 BANDS_HZ = ((150e3, 500e3), (500e3, 5e6), (5e6, 20e6), (20e6, 30e6))
 
@@ -40,22 +42,27 @@ class Prediction:
     predicted_dbuv : dict
         Detector -> levels.
     spectra : tuple of Spectrum
-        Measured, with the motor running.
+        Measured, with the motor running, corrected.
+    readings : tuple of Spectrum
+        The same as read.
     setup : Setup
     limit : Limit
     judged : tuple of Judged
-        Of the measured spectra if there are any, else of the prediction.
-    judged_what : {"measured", "predicted"}
+        Of the final values and the measured spectra if there are any, else of the prediction.
+    judged_what : {"final", "measured", "predicted"}
     verdict : {"pass", "marginal", "fail"}
     effects : tuple of str
         Source-side effects in the model.
     expanded_uncertainty_db : float
-        Guard band of the verdicts.
+        Guard band of the verdicts, with that of the corrections.
+    corrections : Corrections
+    finals : tuple of Final
     """
 
     frequency_hz: FloatArray
     predicted_dbuv: dict[Detector, FloatArray]
     spectra: tuple[Spectrum, ...]
+    readings: tuple[Spectrum, ...]
     setup: Setup
     limit: Limit
     judged: tuple[Judged, ...]
@@ -63,12 +70,17 @@ class Prediction:
     verdict: Verdict
     effects: tuple[str, ...] = ()
     expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
+    corrections: Corrections = NO_CORRECTIONS
+    finals: tuple[Final, ...] = ()
 
     def measured_dbuv(self) -> dict[str, FloatArray]:
-        """Measured levels at the frequencies of the prediction; NaN where nothing was measured within half a step."""
+        """Measured, corrected levels at the frequencies of the prediction; NaN where nothing was measured within half a step."""
+        return self._on_axis(self.spectra)
+
+    def _on_axis(self, spectra: Sequence[Spectrum]) -> dict[str, FloatArray]:
         step = float(np.min(np.diff(self.frequency_hz)))
         found: dict[str, FloatArray] = {}
-        for spectrum in self.spectra:
+        for spectrum in spectra:
             nearest = np.clip(np.searchsorted(spectrum.frequency_hz, self.frequency_hz - step / 2), 0, len(spectrum) - 1)
             near = np.abs(spectrum.frequency_hz[nearest] - self.frequency_hz) <= step / 2
             found.setdefault(spectrum.detector, np.where(near, spectrum.level_dbuv[nearest], np.nan))
@@ -81,7 +93,7 @@ class Prediction:
     def error_bands(self) -> list[JsonDict]:
         """Measured minus predicted, per detector and band: mean and rms in dB, without overloaded points."""
         rows = []
-        for spectrum in self.spectra:
+        for spectrum in self.spectra if self.predicted_dbuv else ():
             model = np.interp(spectrum.frequency_hz, self.frequency_hz, self.predicted_dbuv[spectrum.detector])
             inside = (spectrum.frequency_hz >= self.frequency_hz[0]) & (spectrum.frequency_hz <= self.frequency_hz[-1]) & ~spectrum.overload
             error = spectrum.level_dbuv - model
@@ -101,11 +113,14 @@ class Prediction:
 
     def remarks(self) -> list[str]:
         """What a reader has to know."""
-        found = [f"the {part} was not described: typical values are assumed" for part in self.setup.assumed]
+        parts = self.setup.assumed if self.predicted_dbuv else ()
+        found = [f"the {part} was not described: typical values are assumed" for part in parts]
         found += [f"{one.detector}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
         if self.limit.lisn != self.setup.path.lisn.name:
             found.append(f"{self.limit.title} is for the {self.limit.lisn} network, but the path has the {self.setup.path.lisn.name} one")
-        return list(dict.fromkeys([*found, *self.limit.remarks()]))
+        if self.finals and (late := [one for one in self.finals if one.overload]):
+            found.append(f"{len(late)} of {len(self.finals)} final values were overloaded: their true level is higher")
+        return list(dict.fromkeys([*found, *self.corrections.remarks(), *self.limit.remarks()]))
 
     def to_dict(self) -> JsonDict:
         """The contract's JSON; levels that do not exist are None."""
@@ -121,6 +136,10 @@ class Prediction:
             "limit": self.limit.to_dict(),
             "effects": list(self.effects),
             "expanded_uncertainty_db": self.expanded_uncertainty_db,
+            "corrections": self.corrections.to_list(),
+            "correction_db": self.corrections.added_db("receiver", self.frequency_hz).tolist(),
+            "readings_dbuv": _lists(self._on_axis(self.readings)),
+            "finals": [one.to_dict() for one in self.finals],
             "setup": self.setup.to_dict(),
             "error_bands": self.error_bands(),
             "remarks": self.remarks(),
@@ -128,6 +147,7 @@ class Prediction:
 
     def __repr__(self) -> str:
         lines = [f"Prediction: {self.verdict} ({self.judged_what}, {self.limit.title})"]
+        lines += [f"  corrected for {one.name} ({one.kind})" for one in self.corrections.role("receiver")]
         lines += [f"  {one.detector}: {one.verdict or 'no verdict'}, {one.why}" for one in self.judged]
         for row in self.error_bands():
             low, high = row["band_hz"]
@@ -152,24 +172,27 @@ def _lists(levels: dict[Detector, FloatArray] | dict[str, FloatArray]) -> dict[s
 
 
 def predict(
-    motor: Fit | MotorImpedance,
+    motor: Fit | MotorImpedance | None,
     setup: Setup | None = None,
     spectra: Sequence[Spectrum] = (),
     limit: Limit | str | File = DEFAULT_LIMIT,
     frequency_hz: ArrayLike | None = None,
     expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
     effects: Sequence[str] = (),
+    corrections: Corrections = NO_CORRECTIONS,
+    finals: Sequence[Spectrum] = (),
 ) -> Prediction:
-    """Common-mode spectrum at the LISN.
+    """Common-mode spectrum at the LISN, and the verdict on what was measured.
 
     Parameters
     ----------
-    motor : Fit or callable
-        A fitted motor, or its impedance in ohm as a function of frequencies in hertz.
+    motor : Fit or callable, optional
+        A fitted motor, or its impedance in ohm as a function of frequencies in hertz. Without it nothing is predicted, and the
+        measured levels alone are judged.
     setup : Setup, optional
         Source, path and receiver; typical values if not given, and the result says so.
     spectra : sequence of Spectrum
-        Measured. Those measured with the motor off (`condition: motor off`) are background: they go into the prediction.
+        Measured, as read. Those measured with the motor off (`condition: motor off`) are background: they go into the prediction.
     limit : Limit, str or path
         A limit, its name, or the path of a file.
     frequency_hz : array_like, shape (n,), optional
@@ -178,15 +201,27 @@ def predict(
         Guard band.
     effects : sequence of str
         Names of what `setup` holds already, for the record.
+    corrections : Corrections
+        What stands between LISN and receiver; applied to all measured levels. Their uncertainty widens the guard band.
+    finals : sequence of Spectrum
+        Short scans around the maxima, as read: where there are any, the verdict on their detectors rests on them.
 
     Raises
     ------
     BadInput
         If a limit or a spectrum cannot be used.
     """
-    chosen = setup if setup is not None else Setup()
+    chosen = replace(setup if setup is not None else Setup(), corrections=corrections)
     bound = limit if isinstance(limit, Limit) else find_limit(limit)
-    running, background = split(spectra)
+    if corrections.level_unit != bound.unit:
+        raise BadInput(f"the corrected levels are in {corrections.level_unit}, but {bound.title} is in {bound.unit}: choose a limit for them")
+    guard_db = float(np.hypot(expanded_uncertainty_db, corrections.uncertainty_db()))
+    readings, _ = split(spectra)
+    running, background = split([corrections.corrected_spectrum(spectrum) for spectrum in spectra])
+    if motor is None and not running:
+        raise BadInput("there is neither a motor's model nor a measured spectrum of the running motor: nothing to predict or judge")
+    if motor is not None and corrections.level_unit != "dBuV":
+        motor = None
     if frequency_hz is not None:
         frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
         if frequency.ndim != 1 or frequency.size < 2 or np.any(np.diff(frequency) <= 0) or frequency[0] <= 0:
@@ -194,26 +229,29 @@ def predict(
     else:
         frequency = running[0].frequency_hz if running else scan_frequencies(chosen.receiver.band)
     if background and chosen.ambient is None:
-        from dataclasses import replace
-
         chosen = replace(chosen, ambient=ambient_of(background))
-    levels = chosen.levels(frequency, motor_function(motor, chosen)(frequency))
-    judged = (
-        judge_spectra(running, bound, expanded_uncertainty_db)
-        if running
-        else judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, expanded_uncertainty_db)
-    )
+    levels = {} if motor is None else chosen.levels(frequency, motor_function(motor, chosen)(frequency))
+    values = final_values(finals, corrections, bound)
+    if values:
+        judged = judge_with_finals(values, running, bound, guard_db)
+    elif running:
+        judged = judge_spectra(running, bound, guard_db)
+    else:
+        judged = judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, guard_db)
     return Prediction(
         frequency,
         levels,
         tuple(running),
+        tuple(readings),
         chosen,
         bound,
         tuple(judged),
-        "measured" if running else "predicted",
+        "final" if values else "measured" if running else "predicted",
         overall(judged, bound),
         tuple(effects),
-        expanded_uncertainty_db,
+        guard_db,
+        corrections,
+        values,
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.corrections import Corrections
 from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import Detector
 from motoremi.emission.band import BAND_B, BANDS, Band
@@ -59,6 +60,8 @@ class Setup:
         Lines that stand in the ambient noise.
     ambient : Ambient, optional
         A sweep with the motor off.
+    corrections : Corrections
+        What stands in front of the receiver: levels are those before it, so the receiver's own noise is higher by as much.
     assumed : tuple of str
         What nobody stated.
     """
@@ -71,6 +74,7 @@ class Setup:
     broadband_slope_db: float = 0.0
     stations: tuple[Station, ...] = ()
     ambient: Ambient | None = None
+    corrections: Corrections = field(default_factory=Corrections)
     assumed: tuple[str, ...] = ("source", "cable", "receiver")
 
     def levels(self, frequency_hz: FloatArray, motor_ohm: ComplexArray, weigh: bool = True) -> dict[Detector, FloatArray]:
@@ -94,13 +98,14 @@ class Setup:
             average, peak = (np.interp(frequency_hz, known.frequency_hz, level) for level in (known.average_dbuv, known.peak_dbuv))
             return replace(self.receiver.noise(average), peak=1e-6 * 10 ** (peak / 20))
         floor = np.full(frequency_hz.shape, self.receiver.floor_dbuv if self.floor_dbuv is None else self.floor_dbuv)
+        floor = floor + self.corrections.added_db("receiver", frequency_hz)
         if self.broadband_dbuv is not None:
             ambient = self.broadband_dbuv - self.broadband_slope_db * np.log10(frequency_hz / 1e6)
             floor = 10 * np.log10(10 ** (floor / 10) + 10 ** (ambient / 10))
         return self.receiver.noise(floor)
 
     def to_dict(self) -> JsonDict:
-        """Plain data, SI units; `from_dict` reads it back. The ambient sweep stays in the session's spectra."""
+        """Plain data, SI units; `from_dict` reads it back. The ambient sweep and the corrections stay in the session."""
         cable = self.path.cable
         path: JsonDict = {"lisn": self.path.lisn.name, "mode": self.path.mode, "stray_f": self.path.stray_f}
         if cable is not None:

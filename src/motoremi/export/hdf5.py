@@ -27,15 +27,16 @@ def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
     with h5py.File(buffer, "w") as file:
         file.attrs["session"] = session.path.name
         count: dict[str, int] = {}
-        for sweep in session.sweeps:
+        for sweep in session.corrected_sweeps:
             count[sweep.termination] = count.get(sweep.termination, 0) + 1
             group = file.create_group(f"sweeps/{sweep.termination}-{count[sweep.termination]}")
             group["frequency_hz"], group["impedance_ohm"] = sweep.frequency_hz, sweep.impedance_ohm
             if sweep.sigma_relative is not None:
                 group["sigma_relative"] = sweep.sigma_relative
             group.attrs["metadata"] = to_page(sweep.metadata)
-        for number, spectrum in enumerate(session.spectra, start=1):
+        for number, (spectrum, read) in enumerate(zip(session.corrected_spectra, session.spectra, strict=True), start=1):
             group = file.create_group(f"spectra/{number}")
+            group["reading_dbuv"] = read.level_dbuv
             group["frequency_hz"], group["level_dbuv"], group["overload"] = spectrum.frequency_hz, spectrum.level_dbuv, spectrum.overload
             group.attrs["detector"] = spectrum.detector
             group.attrs["resolution_bandwidth_hz"] = spectrum.resolution_bandwidth_hz

@@ -36,7 +36,7 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to export")
     frames = []
     count: dict[str, int] = {}
-    for sweep in session.sweeps:
+    for sweep in session.corrected_sweeps:
         count[sweep.termination] = count.get(sweep.termination, 0) + 1
         columns = {
             "termination": sweep.termination,
@@ -79,7 +79,7 @@ def to_xarray(session: Session) -> xr.Dataset:
     import xarray as xr
 
     arrays = {}
-    for group in group_repeats(session.sweeps):
+    for group in group_repeats(session.corrected_sweeps):
         axis = f"{group.termination}_frequency_hz"
         arrays[f"{group.termination}_ohm"] = xr.DataArray(
             group.impedance_ohm,
@@ -87,7 +87,7 @@ def to_xarray(session: Session) -> xr.Dataset:
             coords={axis: group.frequency_hz, f"{group.termination}_repeat": np.arange(1, group.repeats + 1)},
             attrs={"units": "ohm"},
         )
-    for number, spectrum in enumerate(session.spectra, start=1):
+    for number, spectrum in enumerate(session.corrected_spectra, start=1):
         axis = f"spectrum_{number}_frequency_hz"
         attributes = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
         arrays[f"spectrum_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords={axis: spectrum.frequency_hz}, attrs=attributes)

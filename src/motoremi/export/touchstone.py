@@ -35,7 +35,7 @@ def session_touchstone(session: Session, termination: str | None, parameter: Lit
     BadInput
         If there is no such sweep.
     """
-    groups = {group.termination: group for group in group_repeats(session.sweeps)}
+    groups = {group.termination: group for group in group_repeats(session.corrected_sweeps)}
     chosen = termination or ("open" if "open" in groups else "short")
     if chosen not in groups:
         raise BadInput(f"{session.path.name} holds no {chosen}-circuit sweep")

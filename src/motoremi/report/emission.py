@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.quantities import show, show_band
-from motoremi.report.axes import BLACK, BLUE, ORANGE, PURPLE, frequency_axis, legend_above, panels
+from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_axis, legend_above, panels
 from motoremi.report.parts import Materials, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from motoremi.data.session import Session
     from motoremi.emission.fit import EmissionFit
 
-_COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "rms-average": BLACK}
+_COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "cispr-average": GREEN, "rms-average": BLACK}
 
 
 def prediction_figure(prediction: JsonDict) -> Figure:
@@ -31,7 +32,7 @@ def prediction_figure(prediction: JsonDict) -> Figure:
     prediction : dict
         As `Prediction.to_dict` gives it.
     """
-    below = bool(prediction["measured_dbuv"])
+    below = bool(prediction["measured_dbuv"] and prediction["predicted_dbuv"])
     figure, axes = panels(9.0, 5.4, 2, 1, height_ratios=(3, 1)) if below else panels(9.0, 4.2)
     panel = axes[0, 0]
     frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
@@ -42,14 +43,19 @@ def prediction_figure(prediction: JsonDict) -> Figure:
     for detector in shown:
         if detector in measured:
             panel.plot(frequency, _levels(measured[detector]), color=_COLOURS[detector], linewidth=0.6, alpha=0.6, label=f"{detector}, measured")
-        predicted = _levels(prediction["predicted_dbuv"][detector])
-        panel.plot(frequency, predicted, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, predicted")
+        if detector in prediction["predicted_dbuv"]:
+            predicted = _levels(prediction["predicted_dbuv"][detector])
+            panel.plot(frequency, predicted, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, predicted")
+    for detector in dict.fromkeys(one["detector"] for one in prediction.get("finals", ())):
+        own = [one for one in prediction["finals"] if one["detector"] == detector]
+        places, levels = [one["frequency_hz"] for one in own], [one["level_dbuv"] for one in own]
+        panel.plot(places, levels, "D", color=_COLOURS[detector], markersize=4, label=f"{detector}, final")
     for detector, bound in prediction["limit_dbuv"].items():
         level = _levels(bound)
         if np.isfinite(level).any():
             panel.plot(frequency, level, ":", color=_COLOURS[detector], linewidth=1.6, label=f"limit, {detector}, with guard band")
             panel.fill_between(frequency, level - guard, level + guard, color=_COLOURS[detector], alpha=0.15, linewidth=0)
-    panel.set_ylabel("level (dBµV)")
+    panel.set_ylabel(f"level ({prediction['limit'].get('unit', 'dBuV').replace('u', 'µ')})")
     frequency_axis(panel, frequency, label=not below)
     if below:
         errors = {name: (frequency, _levels(level) - _levels(prediction["predicted_dbuv"][name])) for name, level in measured.items()}
@@ -100,7 +106,10 @@ def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
         for one in prediction["judged"]
     )
     marked = frozenset(index for index, one in enumerate(prediction["judged"]) if one["verdict"] == "fail")
-    tables = [Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "smallest margin", "verdict", "why"), judged, marked)]
+    tables = [
+        *_finals_table(prediction),
+        Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "smallest margin", "verdict", "why"), judged, marked),
+    ]
     if prediction["error_bands"]:
         rows = tuple(
             (
@@ -115,10 +124,61 @@ def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
     return tuple(tables)
 
 
+def _finals_table(prediction: JsonDict) -> list[Table]:
+    """The final values, if any were measured; predictions of older sessions have none."""
+    finals = prediction.get("finals") or []
+    if not finals:
+        return []
+    unit = prediction["limit"].get("unit", "dBuV")
+    columns = (
+        "frequency", "detector", "reading", "correction", f"level ({unit})", "limit", "margin", "bandwidth", "dwell", "line", "operating state",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            show(one["frequency_hz"], "Hz"),
+            one["detector"],
+            f"{one['reading_dbuv']:.1f} dBuV",
+            f"{one['correction_db']:+.1f} dB",
+            f"{one['level_dbuv']:.1f}" + (" or more: overloaded" if one["overload"] else ""),
+            "-" if one["limit_dbuv"] is None else f"{one['limit_dbuv']:.1f}",
+            "-" if one["margin_db"] is None else f"{one['margin_db']:+.1f} dB",
+            show(one["resolution_bandwidth_hz"], "Hz"),
+            show(one["dwell_s"], "s"),
+            one["line"] or "-",
+            one["state"] or "-",
+        )
+        for one in finals
+    )
+    above = frozenset(index for index, one in enumerate(finals) if one["margin_db"] is not None and one["margin_db"] < 0)
+    return [Table("Final values, the highest over lines and operating states", columns, rows, above)]
+
+
+def correction_tables(session: Session) -> tuple[Table, ...]:
+    """What stood in front of the receiver, and raw and corrected levels where each spectrum is highest."""
+    entries = session.corrections.role("receiver")
+    if not entries:
+        return ()
+    parts = tuple((entry.name, entry.describe().removeprefix(f"{entry.name}: "), entry.file or "-") for entry in entries)
+    rows = []
+    for read, corrected in zip(session.spectra, session.corrected_spectra, strict=True):
+        top = int(np.argmax(corrected.level_dbuv))
+        at_hz = corrected.frequency_hz[top : top + 1]
+        each = [f"{entry.added_db(at_hz)[0]:+.2f} dB" for entry in entries]
+        levels = f"{read.level_dbuv[top]:.1f} dBuV", *each, f"{corrected.level_dbuv[top]:.1f} {session.corrections.level_unit}"
+        rows.append((read.detector, read.condition, show(float(at_hz[0]), "Hz"), *levels))
+    columns = ("detector", "condition", "at", "reading", *(entry.name for entry in entries), "corrected")
+    return (
+        Table("Corrections of the receiver's readings: reading + loss - gain + transducer", ("part", "is", "file"), parts),
+        Table("Readings and corrected levels, where each spectrum is highest", columns, tuple(rows)),
+    )
+
+
 def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[str, ...]:
     """The verdict in words, what is missing, and what a reader has to know."""
     effects = ", ".join(prediction["effects"]) or "no effect of source or path"
-    texts = [f"The {prediction['judged_what']} levels are judged: {str(prediction['verdict']).upper()}. The prediction holds {effects}."]
+    texts = [f"The {prediction['judged_what']} levels are judged: {str(prediction['verdict']).upper()}."]
+    if prediction["predicted_dbuv"]:
+        texts.append(f"The prediction holds {effects}.")
     if "expanded_uncertainty_db" in prediction:
         guard = prediction["expanded_uncertainty_db"]
         texts.append(f"Guard band {guard:g} dB (k = 2): below the limit by more is a pass, above by more a fail, between them marginal.")
@@ -133,27 +193,31 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
 
 def emission_section(materials: Materials) -> Section:
     """Measured levels; where a prediction is stored, against it and the limit, and what the spectra's diagnosis found."""
+    session = materials.session
+    spectra, unit = session.corrected_spectra, session.corrections.level_unit
     rows = tuple(
         (
             s.detector,
             s.condition,
+            str(s.metadata.get("line") or "-"),
             f"{len(s)}",
             show_band(float(s.frequency_hz[0]), float(s.frequency_hz[-1])),
             show(s.resolution_bandwidth_hz, "Hz"),
-            f"{s.level_dbuv.max():.1f} dBuV at {show(float(s.frequency_hz[np.argmax(s.level_dbuv)]), 'Hz')}",
+            f"{s.level_dbuv.max():.1f} {unit} at {show(float(s.frequency_hz[np.argmax(s.level_dbuv)]), 'Hz')}",
             f"{int(s.overload.sum())}",
         )
-        for s in materials.session.spectra
+        for s in spectra
     )
-    columns = ("detector", "condition", "points", "span", "bandwidth", "highest level", "overloaded points")
-    drawn = picture("spectrum", spectrum_figure(materials.session.spectra), "Conducted emission at the LISN.")
+    columns = ("detector", "condition", "line", "points", "span", "bandwidth", "highest level, corrected", "overloaded points")
+    drawn = picture("spectrum", spectrum_figure(spectra), "Conducted emission, corrected levels.")
     table, prediction = Table("Spectra", columns, rows), materials.stored("prediction")
+    corrected = correction_tables(session)
     if prediction is None:
-        return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (table,), (drawn,))
+        return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (table, *corrected), (drawn,))
     diagnosis = materials.stored("emission-diagnosis")
     caption = "Measured levels, the levels that source and fitted motor should produce, and the limit with its guard band."
     pictures = [picture("prediction", prediction_figure(prediction), caption), drawn]
-    tables = [table, *prediction_tables(prediction)]
+    tables = [table, *corrected, *prediction_tables(prediction)]
     steps = (materials.stored("emission") or {}).get("steps", ())
     if len(steps) > 1:
         tables.append(_ladder(steps))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
 from motoremi.fitting.result import Fit
+from motoremi.quantities import show_band
 from motoremi.report.parts import Materials, is_result, model_name
 from motoremi.report.words import findings_of
 
@@ -34,6 +35,11 @@ def gaps(materials: Materials) -> tuple[str, ...]:
         count = int(spectrum.overload.sum())
         if count:
             found.append(f"the receiver was overloaded at {count} of {len(spectrum)} points ({spectrum.detector}): they are not judged")
+        for part in spectrum.metadata.get("attenuation_raised") or ():
+            band = show_band(*part["band_hz"])
+            found.append(
+                f"the receiver was overloaded ({spectrum.detector}): {band} was measured again with {part['attenuation_db']:g} dB attenuation"
+            )
     return tuple(dict.fromkeys(found))
 
 
@@ -77,6 +83,10 @@ def _unrolled(steps: object) -> Iterator[JsonDict]:
 
 def _of_the_run(session: Session) -> list[str]:
     found = []
+    found += [str(remark) for remark in session.start.get("remarks") or ()]
+    for document in session.documents:
+        if document["kind"] == "maxima" and document.get("more"):
+            found.append(f"{document['more']} more maxima are as near to the limit as those that were read again: they were not read")
     if session.start.get("backend") == "sim":
         found.append("simulated bench: no real motor and no real instrument was measured")
     if session.status != "done" and not being_written(session):

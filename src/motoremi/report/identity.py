@@ -43,8 +43,12 @@ def identity_section(session: Session, session_sha256: str) -> Section:
             instruments.append((role, who or "did not say", *(str(value or "-") for value in others), _settings(document)))
     if instruments:
         tables.append(Table("Instruments", ("role", "instrument", "serial", "firmware", "resource", "calibrated", "settings"), tuple(instruments)))
-    measured = [d for d in session.documents if d["kind"] in ("sweep", "spectrum")]
-    sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {"sweep": iter(session.sweeps), "spectrum": iter(session.spectra)}
+    measured = [d for d in session.documents if d["kind"] in ("sweep", "spectrum", "final")]
+    sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
+        "sweep": iter(session.sweeps),
+        "spectrum": iter(session.spectra),
+        "final": iter(session.finals),
+    }
     files = tuple(
         (str(d.get("file")), str(source.metadata.get("source", "-")), str(d.get("points")), str(d.get("sha256")))
         for d, source in ((d, next(sources[d["kind"]])) for d in measured)

@@ -40,7 +40,7 @@ def session_hash(session: Session) -> str:
     """What ties a report to its session: a digest of the measured data, which later analyses do not change."""
     digest = hashlib.sha256()
     for document in session.documents:
-        if document["kind"] in ("sweep", "spectrum"):
+        if document["kind"] in ("sweep", "spectrum", "final"):
             digest.update(str(document["sha256"]).encode())
     return digest.hexdigest()
 
@@ -75,7 +75,8 @@ def _data(materials: Materials) -> JsonDict:
         "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
         "steps": [dict(zip(("number", "does", "with", "state"), step, strict=True)) for step in planned_steps(session)],
         "spectra": [
-            {"detector": s.detector, "condition": s.condition, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())} for s in session.spectra
+            {"detector": s.detector, "condition": s.condition, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())}
+            for s in session.corrected_spectra
         ],
         "ladder": [{**step.to_dict(), "result": is_result(step)} for step in materials.steps],
         "comparison": None if materials.comparison is None else materials.comparison.to_dict(),

@@ -279,16 +279,19 @@ def spectrum_figure(spectra: Sequence[Spectrum]) -> Figure:
     """Level over frequency for each detector; repeats of one detector look alike."""
     figure, axes = panels(9.0, 3.6)
     panel = axes[0, 0]
-    detectors = dict.fromkeys((spectrum.detector, spectrum.condition) for spectrum in spectra)
+    kinds = [(spectrum.detector, spectrum.condition, str(spectrum.metadata.get("line", ""))) for spectrum in spectra]
+    detectors = dict.fromkeys(kinds)
     looks = dict(zip(detectors, itertools.cycle(((BLUE, "-"), (ORANGE, "--"), (PURPLE, "-."), (BLACK, ":"))), strict=False))
-    for spectrum in spectra:
-        colour, style = looks[spectrum.detector, spectrum.condition]
-        label = f"{spectrum.detector}, {show(spectrum.resolution_bandwidth_hz, 'Hz')}" + (", motor off" if spectrum.is_background else "")
+    for spectrum, kind in zip(spectra, kinds, strict=True):
+        colour, style = looks[kind]
+        told = [spectrum.detector, show(spectrum.resolution_bandwidth_hz, "Hz"), str(spectrum.metadata.get("line", ""))]
+        label = ", ".join(text for text in (*told, "motor off" if spectrum.is_background else "") if text)
         panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=label)
         if spectrum.overload.any():
             marked = spectrum.overload
             panel.plot(spectrum.frequency_hz[marked], spectrum.level_dbuv[marked], "x", color=VERMILION, label="receiver overloaded: not judged")
-    panel.set_ylabel("level (dBµV)")
+    unit = str(spectra[0].metadata.get("level_unit", "dBuV"))
+    panel.set_ylabel(f"level ({unit.replace('u', 'µ')})")
     ends = np.array([min(s.frequency_hz[0] for s in spectra), max(s.frequency_hz[-1] for s in spectra)])
     frequency_axis(panel, ends)
     legend_above(figure, panel)

@@ -66,7 +66,7 @@ def _sweeps(materials: Materials) -> Section:
     if not session.sweeps:
         return Section("Sweeps", ("This session holds no impedance sweep.",))
     try:
-        measurement = results[0].measurement if results else Measurement.of(session.sweeps)
+        measurement = results[0].measurement if results else Measurement.of(session.corrected_sweeps)
     except BadInput as error:
         return Section("Sweeps", (f"The sweeps cannot be used together: {error}.",))
     rows = tuple(

@@ -95,7 +95,7 @@ def _sweeps(materials: Materials) -> dict[str, RepeatedSweep]:
 
 
 def _measurement(materials: Materials) -> Measurement:
-    return materials.steps[-1].measurement if materials.steps else Measurement.of(materials.session.sweeps)
+    return materials.steps[-1].measurement if materials.steps else Measurement.of(materials.session.corrected_sweeps)
 
 
 def _uncertainty(materials: Materials, termination: str) -> FloatArray:
@@ -222,7 +222,7 @@ def _sections(
         yield Section("Sweeps", (text,), (_band_table(data["bands"]),) if data["bands"] else (), (drawn,))
     if data["parameters"]:
         yield _parameter_section(materials, data["parameters"])
-    running = {name: [s for s in own.session.spectra if not s.is_background] for name, own in materials.items()}
+    running = {name: [s for s in own.session.corrected_spectra if not s.is_background] for name, own in materials.items()}
     if any(running.values()):
         drawn = picture("spectra", spectra_overlay({n: s for n, s in running.items() if s}), "Conducted emission with the motor running.")
         yield Section("Emission", (), (), (drawn,))

@@ -187,6 +187,7 @@ class SimulatedAnalyser:
         true_impedance: ArrayLike,
         connection: int = 0,
         bandwidth_factor: int = 5,
+        averages: int = 1,
     ) -> ComplexArray:
         """One sweep.
 
@@ -200,6 +201,8 @@ class SimulatedAnalyser:
             Sweeps of one number were taken without touching the leads and share their residuals.
         bandwidth_factor : int
             1 (fastest) to 5 (best).
+        averages : int
+            Of how many readings each point is the mean.
 
         Returns
         -------
@@ -219,7 +222,7 @@ class SimulatedAnalyser:
         impedance = impedance * (1 + self.gain_error(frequency))
         impedance = self._residuals(termination, connection).apply(impedance, frequency)
         noise = self._noise.standard_normal((2, frequency.size))
-        sd = noise_sd_ohm(frequency, impedance, bandwidth_factor)
+        sd = noise_sd_ohm(frequency, impedance, bandwidth_factor) / np.sqrt(averages)
         measured: ComplexArray = impedance + sd * (noise[0] + 1j * noise[1])
         return measured
 

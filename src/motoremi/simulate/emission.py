@@ -308,7 +308,8 @@ def spectrum(
         None for the background, with the motor off.
     frequency_hz : array_like, shape (n,)
         Equally spaced, 150 kHz to 30 MHz.
-    detector : {"peak", "quasi-peak", "average"}
+    detector : {"peak", "quasi-peak", "average", "cispr-average", "rms-average"}
+        As read after any time that the meters need; pulses of a motor come so fast that the CISPR-average reads the average.
     seed : int
         One seed is one running motor on one stand.
     effects : sequence of str
@@ -319,11 +320,14 @@ def spectrum(
     ndarray, shape (n,)
         In dBuV.
     """
-    if detector not in DETECTORS:
-        raise BadInput(f"unknown detector {detector!r}: use {', '.join(DETECTORS)}")
+    known = {name: name for name in (*DETECTORS, "rms-average")} | {"cispr-average": "average"}
+    if detector not in known:
+        raise BadInput(f"unknown detector {detector!r}: use {', '.join(known)}")
     frequency: FloatArray = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     step = float(frequency[1] - frequency[0]) if frequency.size > 1 else 4.5e3
-    level = _scanned(_Running(motor), seed, (float(frequency[0]), step, frequency.size), tuple(effects), detector == "quasi-peak").level(detector)
+    level = _scanned(_Running(motor), seed, (float(frequency[0]), step, frequency.size), tuple(effects), detector == "quasi-peak").level(
+        known[detector]
+    )
     return level.copy()
 
 

@@ -25,7 +25,7 @@ def spectra(desk: Desk) -> JsonDict:
                 "overload": int(one.overload.sum()),
                 "summary": one.summary(),
             }
-            for one in session.spectra
+            for one in session.corrected_spectra
         ],
         "prediction": session.analysis("prediction"),
         "usual_limit": DEFAULT_LIMIT,

@@ -33,6 +33,7 @@ TERMS: dict[str, str] = {
     "peak": "Detector that shows the largest level within the measuring time.",
     "quasi-peak": "Detector that weighs by how often pulses come, as a listener to radio would.",
     "average": "Detector that shows the mean level.",
+    "cispr-average": "Average behind a meter that takes 160 ms to settle: what average limits mean; higher than average where pulses come slowly.",
     "rms-average": "Detector between rms and average, weighted for digital radio.",
     "background": "Spectrum with the motor off: what the room and the supply bring.",
     "limit": "Level that a standard allows for a detector.",

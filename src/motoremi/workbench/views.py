@@ -50,7 +50,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
             if document["kind"] == "instrument"
         ],
         "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
-        "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.spectra],
+        "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.corrected_spectra],
         "challenge": "sealed_sha256" in start,
         "sealed": is_open_challenge(session),
         "diagnosed": session.analysis("diagnosis") is not None,
@@ -112,7 +112,7 @@ def curves(desk: Desk) -> JsonDict:
 
 def _first(session: Session) -> list[Any]:
     """One sweep of each termination."""
-    return list({sweep.termination: sweep for sweep in reversed(session.sweeps)}.values())[::-1]
+    return list({sweep.termination: sweep for sweep in reversed(session.corrected_sweeps)}.values())[::-1]
 
 
 def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: Any) -> JsonDict:

@@ -1,0 +1,79 @@
+"""Tables of corrections as laboratories have them: CSV over frequency, Touchstone of a two-port."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.columns import columns_found, find_columns
+from motoremi.data.source import decode, read_bytes, show_name
+from motoremi.data.sweep import checked_frequency
+from motoremi.data.table import parse_table
+from motoremi.data.text import clean_text
+from motoremi.data.touchstone import is_touchstone, parse_two_port
+from motoremi.errors import BadInput
+
+# `db`, `loss_db`, `Loss (dB)`, `factor [dB/m]`, `dB(1/Ohm)`.
+_DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\([^)]*\))?)[)\]]?$", re.IGNORECASE)
+# As written by many, and as told here.
+_UNITS = {"db": "", "db/m": "dB/m", "db(1/m)": "dB(1/m)", "db(1/ohm)": "dB(1/Ohm)", "db(s)": "dB(S)"}
+
+
+def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
+    """Values in dB over frequency.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with `frequency_hz,db`; a line `# unit: dB/m` may say the unit of a transducer. Or Touchstone of two ports: the loss or gain
+        is that of S21.
+    kind : {"loss", "gain", "transducer"}
+
+    Returns
+    -------
+    frequency_hz, db : ndarray, shape (n,)
+    unit : str
+        Empty if the file does not say another one than dB.
+
+    Raises
+    ------
+    BadInput
+        For frequencies that do not increase, a value that is missing, or a column that is not in dB.
+    """
+    shown = show_name(path)
+    text = decode(read_bytes(path), shown)
+    if is_touchstone(text):
+        if kind == "transducer":
+            raise BadInput(f"{shown}: a Touchstone file holds a loss or a gain, no transducer")
+        frequency_hz, s = read_two_port(path)
+        level: FloatArray = 20 * np.log10(np.abs(s[:, 1, 0]))
+        return frequency_hz, level if kind == "gain" else -level, ""
+    table = parse_table(text, shown)
+    found = find_columns(table)
+    if "frequency" not in found:
+        raise BadInput(f"{shown}: found {columns_found(table)}, but a correction needs the columns frequency_hz,db")
+    others = [(index, match[1]) for index, title in enumerate(table.columns) if (match := _DECIBEL.search(title.strip()))]
+    if len(others) != 1:
+        raise BadInput(f"{shown}: found {columns_found(table)}, but a correction needs one column in dB, named db; convert other units first")
+    index, unit = others[0]
+    frequency = np.array(table.numbers(found["frequency"].index)) * found["frequency"].factor
+    values = np.array(table.numbers(index))
+    axis = checked_frequency(frequency, shown, 2)
+    if not np.all(np.isfinite(values)):
+        raise BadInput(f"{shown}: a value is not a finite number")
+    for row in np.flatnonzero(np.abs(values) > 200)[:1]:
+        raise BadInput(f"{table.where(int(row))}: {values[row]:g} dB is no correction; is the column in dB?")
+    written = str(table.header.get("unit", unit)).strip()
+    plain = written.replace(" ", "").replace("Ω", "Ohm").lower()
+    if plain not in _UNITS:
+        raise BadInput(f"{shown}: the unit {clean_text(written, 40)!r} is not in decibel; use dB, dB(1/Ohm) or dB/m")
+    return axis, values, _UNITS[plain]
+
+
+def read_two_port(path: Path) -> tuple[FloatArray, ComplexArray]:
+    """S-parameters in 50 Ohm, shape (n, 2, 2), and their frequencies in hertz, shape (n,)."""
+    shown = show_name(path)
+    return parse_two_port(decode(read_bytes(path), shown), shown)

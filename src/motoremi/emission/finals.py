@@ -1,0 +1,230 @@
+"""Final measurement: which maxima of a prescan are read again with the detectors of the limit, and what those readings come to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.corrections import Corrections
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.judge import ORDER, Judged, judge_spectra, line_for, verdict_of
+from motoremi.emission.limit import Limit
+from motoremi.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How maxima are chosen.
+
+    Parameters
+    ----------
+    margin_db : float
+        Only maxima less than this below the limit, or above it.
+    maxima : int
+        So many at most, those nearest to the limit first.
+    apart_hz : float
+        Two maxima are at least so far from each other.
+    subranges : int
+        The span is divided into so many parts, equal in the logarithm of frequency; each gives its maxima in turn, so that
+        one strong part does not take all of them.
+    """
+
+    margin_db: float = 10.0
+    maxima: int = 6
+    apart_hz: float = 50e3
+    subranges: int = 10
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """A maximum of the prescan.
+
+    Parameters
+    ----------
+    frequency_hz, level_dbuv : float
+        Corrected level.
+    margin_db : float
+        Limit minus level, of the limit line that it comes nearest to.
+    detector, line, state : str
+        Of the spectrum that it was found in.
+    """
+
+    frequency_hz: float
+    level_dbuv: float
+    margin_db: float
+    detector: str
+    line: str
+    state: str
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return dict(vars(self))
+
+
+def choose_maxima(spectra: Sequence[Spectrum], limit: Limit, rules: Rules) -> tuple[tuple[Maximum, ...], int]:
+    """The maxima to read again, by frequency, and how many more were as near to the limit.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Corrected, with the motor running; those with the motor off are left out. Overloaded points count: their true level is higher.
+    limit : Limit
+    rules : Rules
+
+    Raises
+    ------
+    BadInput
+        If no spectrum of the running motor can be held against the limit.
+    """
+    found = [one for spectrum in spectra if not spectrum.is_background for one in _maxima_of(spectrum, limit)]
+    if not found:
+        raise BadInput(f"there is no prescan of the running motor that {limit.title} covers; add a step 'spectrum' before 'final'")
+    near = sorted((one for one in found if one.margin_db < rules.margin_db), key=lambda one: one.margin_db)
+    chosen: list[Maximum] = []
+    for one in near:
+        if all(abs(one.frequency_hz - other.frequency_hz) >= rules.apart_hz for other in chosen):
+            chosen.append(one)
+    span = [one.frequency_hz for one in found]
+    edges = np.geomspace(min(span), max(span) * (1 + 1e-9), rules.subranges + 1)
+    groups: dict[int, list[Maximum]] = {}
+    for one in chosen:
+        groups.setdefault(int(np.searchsorted(edges, one.frequency_hz, "right")), []).append(one)
+    # Every subrange's nearest to the limit first, then every subrange's second, and so on.
+    turns = sorted((turn, one.margin_db, one) for group in groups.values() for turn, one in enumerate(group))
+    taken = sorted((one for _, _, one in turns[: rules.maxima]), key=lambda one: one.frequency_hz)
+    return tuple(taken), len(chosen) - len(taken)
+
+
+def _maxima_of(spectrum: Spectrum, limit: Limit) -> Iterable[Maximum]:
+    """Points that are no lower than their neighbours, against the nearest limit line that a detector reading no higher has."""
+    level = spectrum.level_dbuv
+    padded = np.concatenate([[-np.inf], level, [-np.inf]])
+    tops = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
+    rank = ORDER.index(spectrum.detector)
+    lines = [line for line in limit.lines if line is line_for(limit, spectrum.detector) or rank < ORDER.index(line.detector)]
+    for line in lines:
+        margin = line.level_dbuv(spectrum.frequency_hz) - level
+        for index in np.flatnonzero(tops & np.isfinite(margin)):
+            yield Maximum(
+                float(spectrum.frequency_hz[index]),
+                float(level[index]),
+                float(margin[index]),
+                spectrum.detector,
+                str(spectrum.metadata.get("line", "")),
+                str(spectrum.metadata.get("state", "")),
+            )
+
+
+@dataclass(frozen=True)
+class Final:
+    """One final value: the highest reading over lines and operating states.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Of the highest reading near the maximum.
+    detector : str
+    reading_dbuv, correction_db, level_dbuv : float
+        What the receiver showed, what was added, and their sum.
+    limit_dbuv, margin_db : float, optional
+        None where the limit has no line for the detector, or none at this frequency.
+    resolution_bandwidth_hz, dwell_s : float
+    line, state : str
+        Where it was highest; empty if not told.
+    overload : bool
+        The receiver was overloaded: the true level is higher.
+    """
+
+    frequency_hz: float
+    detector: str
+    reading_dbuv: float
+    correction_db: float
+    level_dbuv: float
+    limit_dbuv: float | None
+    margin_db: float | None
+    resolution_bandwidth_hz: float
+    dwell_s: float
+    line: str
+    state: str
+    overload: bool
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return dict(vars(self))
+
+
+def final_values(finals: Sequence[Spectrum], corrections: Corrections, limit: Limit) -> tuple[Final, ...]:
+    """The table of final values, by frequency and detector.
+
+    Parameters
+    ----------
+    finals : sequence of Spectrum
+        Short scans around the maxima, as read, with `maximum_hz` in their metadata.
+    corrections : Corrections
+    limit : Limit
+    """
+    best: dict[tuple[float, str], Final] = {}
+    for spectrum in finals:
+        one = _final(spectrum, corrections, limit)
+        key = float(spectrum.metadata.get("maximum_hz", one.frequency_hz)), one.detector
+        if key not in best or one.level_dbuv > best[key].level_dbuv:
+            best[key] = one
+    return tuple(best[key] for key in sorted(best, key=lambda key: (key[0], ORDER.index(key[1]))))
+
+
+def _final(spectrum: Spectrum, corrections: Corrections, limit: Limit) -> Final:
+    added: FloatArray = corrections.added_db("receiver", spectrum.frequency_hz)
+    level = spectrum.level_dbuv + added
+    top = int(np.argmax(level))
+    line = line_for(limit, spectrum.detector)
+    bound = float(line.level_dbuv(spectrum.frequency_hz[top : top + 1])[0]) if line is not None else np.nan
+    limit_dbuv = bound if np.isfinite(bound) else None
+    return Final(
+        float(spectrum.frequency_hz[top]),
+        spectrum.detector,
+        float(spectrum.level_dbuv[top]),
+        float(added[top]),
+        float(level[top]),
+        limit_dbuv,
+        None if limit_dbuv is None else limit_dbuv - float(level[top]),
+        spectrum.resolution_bandwidth_hz,
+        float(spectrum.metadata.get("dwell_s", 0.0)),
+        str(spectrum.metadata.get("line", "")),
+        str(spectrum.metadata.get("state", "")),
+        bool(spectrum.overload.any()),
+    )
+
+
+def judge_with_finals(values: Sequence[Final], running: Sequence[Spectrum], limit: Limit, expanded_uncertainty_db: float) -> list[Judged]:
+    """The verdict rests on the final values; a prescan is judged where the limit has a line that no final value is of."""
+    judged = judge_finals(values, limit, expanded_uncertainty_db)
+    settled = {one.line for one in judged}
+    return judged + [one for one in judge_spectra(running, limit, expanded_uncertainty_db) if one.line not in settled]
+
+
+def judge_finals(values: Sequence[Final], limit: Limit, expanded_uncertainty_db: float) -> list[Judged]:
+    """Final values against the limit line of their detector; an overloaded one below its limit shows nothing."""
+    judged = []
+    for detector in dict.fromkeys(value.detector for value in values):
+        line = line_for(limit, detector)
+        own = [value for value in values if value.detector == detector and value.margin_db is not None]
+        if line is None or not own:
+            continue
+        usable = [value for value in own if not (value.overload and (value.margin_db or 0.0) >= 0)]
+        if not usable:
+            why = "the receiver was overloaded at every final value: measure again with more attenuation"
+            judged.append(Judged(detector, line.detector, None, None, None, 0, len(own), why))
+            continue
+        worst = min(usable, key=lambda value: value.margin_db or 0.0)
+        margin = worst.margin_db or 0.0
+        side = "below" if margin >= 0 else "above"
+        why = f"final value {side} the {line.detector} limit by {abs(margin):.1f} dB at {worst.frequency_hz / 1e6:.4g} MHz"
+        left_out = len(own) - len(usable)
+        verdict = verdict_of(margin, expanded_uncertainty_db)
+        if left_out and verdict == "pass":
+            verdict, why = "marginal", f"{why}; {left_out} overloaded not judged"
+        judged.append(Judged(detector, line.detector, verdict, margin, worst.frequency_hz, len(usable), left_out, why))
+    return judged
