@@ -110,8 +110,8 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
         """Impedance in ohm, with the analyser and the fixture taken out by the three standards."""
         ohm, henry = self._load_ohm_henry
-        load: ComplexArray = ohm + 2j * np.pi * self.read_axis() * henry
-        known: dict[Standard, complex | ComplexArray] = {"open": 1.0, "short": -1.0, "load": reflection_of(load)}
+        load = reflection_of((ohm + 2j * np.pi * self.read_axis() * henry).astype(np.complex128))
+        known: dict[Standard, complex | ComplexArray] = {"open": 1.0, "short": -1.0, "load": load}
         try:
             gamma = calibrated(reflection, self._standards, known)
         except InstrumentError as error:
