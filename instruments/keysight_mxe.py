@@ -25,7 +25,7 @@ class KeysightMXE(EmiReceiver):
     model = r"N90(38|48)[AB]"
     error_query = ":SYST:ERR?"
     safe_commands = (":ABOR", ":INIT2:CONT OFF")
-    start_command = start_and_hold = ":INIT2:IMM"
+    start_command = ":INIT2:IMM"
 
     start_hz = number(":FSC:SCAN2:STAR", "Hz", (2.0, 44e9), "Control the first frequency of the scan.")
     stop_hz = number(":FSC:SCAN2:STOP", "Hz", (2.0, 44e9), "Control the last frequency of the scan.")
@@ -87,7 +87,8 @@ class KeysightMXE(EmiReceiver):
         settings = self.settings()
         frequency_hz = np.linspace(settings["start_hz"], settings["stop_hz"], settings["points"])
         self.run_scan(10.0 + 3 * float(settings["scan_time_s"]))
-        level_dbuv = self._levels()
+        with self.transport.patience(self.transfer_s(frequency_hz.size)):
+            level_dbuv = self._levels()
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} points; was the scan stopped?")
         metadata = {"receiver": "mxe", "resource": self.transport.resource_name, "settings": settings}

@@ -20,7 +20,6 @@ class RohdeSchwarzESR(EmiReceiver):
     error_query = "SYST:ERR?"
     safe_commands = ("ABOR", "INIT2:CONT OFF", "INP:ATT:PROT ON")
     start_command = "INIT2"
-    start_and_hold = "INIT2;*WAI"
 
     start_hz = number("SCAN1:STAR", "Hz", (10.0, 26.5e9), "Control the first frequency of the scan.")
     stop_hz = number("SCAN1:STOP", "Hz", (10.0, 26.5e9), "Control the last frequency of the scan.")
@@ -87,7 +86,8 @@ class RohdeSchwarzESR(EmiReceiver):
         frequency_hz = self._axis(settings)
         # It begins with *CLS, which empties the event registers: an overload found afterwards is of this scan.
         self.run_scan(10.0 + 3 * frequency_hz.size * float(settings["dwell_s"]))
-        level_dbuv = self._levels("TRAC? TRACE1")
+        with self.transport.patience(self.transfer_s(frequency_hz.size)):
+            level_dbuv = self._levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?")
         metadata = {"receiver": "esr", "resource": self.transport.resource_name, "settings": settings}

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 # As the command line does: small matrices want one thread, and the tests run in parallel.
@@ -16,12 +18,38 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+# A test run in the background of a script has Ctrl-C ignored, and would hand that on to every program that a test starts and stops.
+if threading.current_thread() is threading.main_thread():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.simulate.analyser import SimulatedAnalyser
 from motoremi.simulate.effects import split_effects
 from motoremi.simulate.motor import SimulatedMotor
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
+
+
+# Longer than any test takes on a slow machine with its fixtures.
+LONGEST_TEST_S = 900
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """A test that waits for something that never comes fails, instead of holding up the whole run."""
+    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
+        return (yield)
+
+    def end(number: int, frame: object) -> None:
+        raise TimeoutError(f"{item.nodeid} did not end within {LONGEST_TEST_S} s")
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.alarm(LONGEST_TEST_S)
+    try:
+        return (yield)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def simulated_sweeps(seed: int, effects: tuple[str, ...] = (), repeats: int = 3) -> tuple[list[ImpedanceSweep], SimulatedMotor]:

@@ -30,6 +30,10 @@ from motoremi.data.session import SessionWriter, load, reopen, verify
 
 MEASURED = ("sweep", "spectrum")
 STOPPED = 130
+# A run takes a fraction of a second; one that hangs is ended by an alarm, and told as a problem.
+DEADLINE_S = 60
+# Runs for each one to be stopped: most are, because the moments are drawn from the time that a run takes.
+ATTEMPTS = 4
 
 
 def forked(work: Callable[[], None]) -> int:
@@ -39,6 +43,9 @@ def forked(work: Callable[[], None]) -> int:
     child = os.fork()
     if child == 0:
         status = 1
+        # Started in the background, this program inherits Ctrl-C as ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.alarm(DEADLINE_S)
         try:
             work()
             status = 0
@@ -71,7 +78,13 @@ def stored(folder: Path) -> dict[str, str]:
 
 
 def one(folder: Path, bench: SimulatedBench, number: signal.Signals, after_s: float | None) -> tuple[bool, int]:
-    """Run, and send a signal after so long; whether that stopped it, and how many measurements it had told of."""
+    """Run, and send a signal after so long; whether that stopped it, and how many measurements it had told of.
+
+    Raises
+    ------
+    RuntimeError
+        If the run hung.
+    """
     hears, tells = os.pipe()
     child = forked(lambda: begin(folder, bench, tells))
     os.close(tells)
@@ -84,6 +97,8 @@ def one(folder: Path, bench: SimulatedBench, number: signal.Signals, after_s: fl
     while part := os.read(hears, 1000):
         told += part
     os.close(hears)
+    if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM:
+        raise RuntimeError(f"a run hung for {DEADLINE_S} s after {number.name}")
     return os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == STOPPED, told.count(b"m")
 
 
@@ -96,7 +111,9 @@ def main(number: signal.Signals, count: int, root: Path) -> dict[str, object]:
     reference = stored(root / "whole")
     randomly = random.Random(1)
     kills, lost, kept, problems = 0, 0, Counter[int](), []
-    while kills < count:
+    for _ in range(ATTEMPTS * count):
+        if kills == count:
+            break
         folder = root / "run"
         killed, told = one(folder, bench, number, randomly.uniform(0, duration_s))
         if killed:

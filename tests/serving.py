@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -26,3 +30,23 @@ def served(name: str, over: str = "tcp", bench: SimulatedBench | None = None) ->
     with server:
         yield server, bench
     bench.close()
+
+
+@contextmanager
+def started(*arguments: str, in_background: bool = False) -> Iterator[tuple[dict[str, str], subprocess.Popen[str]]]:
+    """`motoremi simulate` as users start it, and what it says when it is ready.
+
+    `in_background`: with Ctrl-C ignored from the start, as `nohup`, a script's `&` and many CI runners start programs.
+    """
+
+    def ignore() -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    command = [sys.executable, "-c", "from motoremi.cli import main; main()", "simulate", *arguments]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(command, **pipes, text=True, preexec_fn=ignore if in_background else None)  # type: ignore[call-overload]
+    try:
+        yield json.loads(process.stdout.readline()), process
+    finally:
+        process.kill()
+        process.communicate()

@@ -11,7 +11,7 @@ from pymeasure.instruments.agilent import Agilent4294A as PyMeasure4294A
 from pymeasure.instruments.rohdeschwarz import FSL
 from pynanovna.hardware.Hardware import Interface, get_VNA
 from RsInstrument import RsInstrument, StatusException
-from serving import served
+from serving import served, started
 from skrf import Frequency, Network
 from skrf.calibration import OnePort
 from skrf.vi.vna.nanovna import NanoVNAv2
@@ -68,6 +68,17 @@ def test_rsinstrument_scans_with_an_esr() -> None:
     assert len(text) == len(block) == 189
     np.testing.assert_allclose(text, expected, atol=5e-4)
     np.testing.assert_allclose(block, expected, rtol=1e-6)
+
+
+def test_rsinstrument_meets_an_esr_as_users_start_one() -> None:
+    """At its default speed, which is real time: the first thing that this client sends is an *OPC? while nothing is busy."""
+    with started("esr", "--tcp", "0") as (ready, _):
+        client = RsInstrument(ready["resource"], True, True, "SelectVisa='socket'")
+        client.write_str("SCAN1:STAR 150 kHz;:SCAN1:STOP 159 kHz;:SCAN1:STEP 4.5 kHz;:SCAN1:TIME 100 ms;:FORM ASC")
+        client.write_str_with_opc("INIT2")
+        assert len(client.query_bin_or_ascii_float_list("TRAC? TRACE1")) == 3
+        assert client.query_opc()
+        client.close()
 
 
 def test_pymeasure_sweeps_with_an_esr_as_analyser() -> None:

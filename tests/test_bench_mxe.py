@@ -9,6 +9,7 @@ import pytest
 import pyvisa
 
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.simulated_receiver import settling_db
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.keysight_mxe import KeysightMXE
 
@@ -53,7 +54,8 @@ def test_a_scan_reads_what_arrives(bench: SimulatedBench, receiver: KeysightMXE,
     assert (len(spectrum), spectrum.frequency_hz[-1]) == (665, 30e6)
     assert not spectrum.overload.any()
     # The wire carries thousandths of a dB.
-    np.testing.assert_allclose(spectrum.level_dbuv, bench.level_dbuv(spectrum.frequency_hz, detector), atol=6e-4)
+    expected = bench.level_dbuv(spectrum.frequency_hz, detector) + settling_db(detector, 0.05)
+    np.testing.assert_allclose(spectrum.level_dbuv, expected, atol=6e-4)
 
 
 def test_an_overload_marks_the_scan(bench: SimulatedBench, receiver: KeysightMXE, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from motoremi.bench.difference import ReplayDifference
 from motoremi.bench.faults import FaultLayer
 from motoremi.bench.procedure import load_procedure, ready_procedures
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.rerun import Replayed, rerun
+from motoremi.bench.rerun import MEASURED, Replayed, rerun
 from motoremi.bench.runner import resumable, run, start_document
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import main
@@ -58,7 +58,7 @@ def bench() -> Any:
 def test_every_ready_procedure_replays_bit_for_bit(tmp_path: Path, bench: SimulatedBench, name: str) -> None:
     recorded = measured(tmp_path / "first", load_procedure(name), bench)
     result = again(recorded, tmp_path / "again")
-    files = [str(d["file"]) for d in recorded.documents if d["kind"] in ("sweep", "spectrum", "standard")]
+    files = [str(d["file"]) for d in recorded.documents if d["kind"] in MEASURED]
     assert result.same
     assert result.compared == len(files) > 0
     for file in files:

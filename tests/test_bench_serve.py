@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import copy
 import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,20 +15,20 @@ import numpy as np
 import pytest
 import pyvisa
 from fault_matrix import SEED, small
-from serving import SPEED, served
+from serving import SPEED, served, started
 
 from motoremi.bench.analyser import ImpedanceAnalyser
-from motoremi.bench.clock import FastClock
+from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
 from motoremi.bench.connections import INSTRUCTIONS, STANDARDS
-from motoremi.bench.procedure import BenchFile
+from motoremi.bench.procedure import BenchFile, parse_procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import make_bench, run, start_document
+from motoremi.bench.runner import make_bench, resumable, run, start_document
 from motoremi.bench.serve import SocketServer
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
-from motoremi.data.session import SessionWriter, load, verify
+from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.errors import InstrumentError
 
 ANALYSERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "analyser")
@@ -75,7 +74,7 @@ def test_an_analyser_measures_a_motor_over_a_real_link(name: str, over: str, man
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_a_receiver_scans_over_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
     with served(name, over) as (server, bench):
-        receiver = driver_class(name)(open_transport(manager, server.resource, clock=FastClock(SPEED)))
+        receiver = driver_class(name)(open_transport(manager, server.resource))
         assert isinstance(receiver, EmiReceiver)
         receiver.identify()
         receiver.reset()
@@ -133,13 +132,9 @@ def test_a_server_stops_while_a_client_does_not_read() -> None:
 
 @pytest.mark.parametrize("link", [["--tcp", "0"], ["--pty"]])
 def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa.ResourceManager) -> None:
-    command = [sys.executable, "-c", "from motoremi.cli import main; main()", "simulate", "4294a", *link, "--speed", "1000"]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdin is not None
-    assert process.stdout is not None
-    assert process.stderr is not None
-    try:
-        ready = json.loads(process.stdout.readline())
+    with started("4294a", *link, "--speed", "1000") as (ready, process):
+        assert process.stdin is not None
+        assert process.stderr is not None
         analyser = driver_class("4294a")(open_transport(manager, ready["resource"]))
         assert analyser.identify().model == "4294A"
         assert isinstance(analyser, ImpedanceAnalyser)
@@ -157,9 +152,53 @@ def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa
         analyser.close()
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 0
-    finally:
-        process.kill()
-        process.communicate()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_is_stopped_from_a_script_too(number: signal.Signals) -> None:
+    with started("tinysa", "--tcp", "0", in_background=True) as (_, process):
+        process.send_signal(number)
+        assert process.wait(10) == 0
+
+
+@pytest.mark.parametrize("name", ["4294a", "e4990a", "esr", "mxe"])
+def test_an_idle_instrument_answers_at_real_speed(name: str, manager: pyvisa.ResourceManager) -> None:
+    """Nothing is busy: there is no time to wait for, and on a real clock it has even passed."""
+    bench = SimulatedBench(7, clock=WallClock())
+    with served(name, bench=bench) as (server, _):
+        link = open_transport(manager, server.resource, timeout_s=5.0)
+        assert link.query("*OPC?") == "1"
+        link.write("*WAI")
+        assert link.query("*OPC?") == "1"
+        link.close()
+
+
+@pytest.mark.parametrize("over", LINKS)
+def test_a_fault_in_one_message_does_not_end_the_server(
+    over: str, manager: pyvisa.ResourceManager, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with served("4294a", over) as (server, _):
+        device = server._device
+        healthy = device._match
+
+        def faulty(query: bytes) -> object:
+            if query.startswith(b"*TRG"):
+                raise ZeroDivisionError("two\nlines")
+            return healthy(query)
+
+        monkeypatch.setattr(device, "_match", faulty)
+        link = open_transport(manager, server.resource, timeout_s=0.3)
+        link.write("*TRG")
+        with pytest.raises(InstrumentError):
+            link.query("*TRG")
+        link.close()
+        link = open_transport(manager, server.resource, timeout_s=5.0)
+        assert link.query("POIN?") == "+201"
+        link.close()
+    assert {record.getMessage() for record in caplog.records if record.name == "motoremi.bench.serve"} == {
+        f"motoremi: {server.resource}: a message could not be answered (ZeroDivisionError: two\\x0alines); report it"
+    }
 
 
 def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.ResourceManager) -> None:
@@ -175,6 +214,39 @@ def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.Re
         assert float(analyser.ask("POWE?")) == 0.005
         assert analyser.transport.timeout_s == 0.5
         analyser.close()
+
+
+@pytest.mark.parametrize("name", ["esr", "mxe"])
+def test_ctrl_c_stops_a_scan_on_a_plain_socket(tmp_path: Path, name: str) -> None:
+    """There is no service request and no device clear: the receiver must hear ABOR while it scans, or it scans on for minutes."""
+    source = copy.deepcopy(small("emission_only").source)
+    source["instruments"]["receiver"]["driver"] = name
+    source["spectrum"] |= {"step": "1 MHz", "dwell": "10 s"}
+    source["steps"] = [step for step in source["steps"] if step["do"] in ("identify", "spectrum")]
+    procedure = parse_procedure(source, "long")
+    clock = FastClock(1.0)
+    with served(name, bench=SimulatedBench(SEED, clock=clock)) as (server, _):
+        bench_file = BenchFile(backend="@py", resources={"receiver": server.resource})
+        writer = SessionWriter.create(tmp_path / "s", start_document(procedure, bench_file))
+        device = server._device
+
+        def stop() -> None:
+            if device.busy_until() > clock.now() + 60.0:
+                raise KeyboardInterrupt
+
+        visa = make_bench(bench_file)
+        with pytest.raises(KeyboardInterrupt):
+            run(procedure, visa, writer, analyse=lambda *_: None, prompt=lambda text: None, tick=stop)
+        visa.close()
+        assert device.busy_until() <= clock.now()
+        session = load(tmp_path / "s")
+        assert [(document["safe"], document["problem"]) for document in session.documents if document["kind"] == "safe"] == [(True, "")]
+        clock.speed = 10_000.0
+        visa = make_bench(bench_file)
+        going_on, done = resumable(session, bench_file)
+        run(going_on, visa, reopen(tmp_path / "s"), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+        visa.close()
+    assert len(load(tmp_path / "s").spectra) == sum(step["do"] == "spectrum" for step in source["steps"])
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
+from serving import served
 
 from motoremi.bench.connect import VisaBench, attach, driver_class, open_manager, open_transport
 from motoremi.bench.recording import RecordingTransport, decode_bytes, encode_bytes
@@ -167,6 +171,99 @@ def test_a_block_over_a_socket_may_hold_newlines() -> None:
     assert link.query("*OPC?") == "after"
     link.close()
     server.close()
+
+
+class Peer:
+    """The other end of a socket: answers what it is asked as slowly as it is told, and counts who connects."""
+
+    def __init__(self, answer: bytes, every_s: float) -> None:
+        self.links = 0
+        self._answer, self._every_s = answer, every_s
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.resource = f"TCPIP0::127.0.0.1::{self._listener.getsockname()[1]}::SOCKET"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            while True:
+                connection, _ = self._listener.accept()
+                self.links += 1
+                threading.Thread(target=self._talk, args=(connection, self.links), daemon=True).start()
+
+    def _talk(self, connection: socket.socket, number: int) -> None:
+        with suppress(OSError), connection:
+            while connection.recv(100):
+                # Only the first link is slow: what is opened anew shall be seen to work.
+                for position in range(len(self._answer)) if number == 1 else ():
+                    time.sleep(self._every_s)
+                    connection.sendall(self._answer[position : position + 1])
+                if number > 1:
+                    connection.sendall(b"healthy\n")
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+@pytest.mark.parametrize(
+    ("answer", "block"),
+    [(b"x" * 60 + b"\n", False), (b"#260" + b"\n" * 61, True), (b"#260" + b"x" * 60 + b"\n", True)],
+    ids=["text", "block of newlines", "block without"],
+)
+def test_the_deadline_is_of_the_exchange_and_not_of_the_byte(answer: bytes, block: bool) -> None:
+    """A byte comes long before the deadline, again and again; all of them would take seconds."""
+    peer = Peer(answer, 0.05)
+    link = open_transport(open_manager("@py"), peer.resource, timeout_s=0.3)
+    with pytest.raises(InstrumentError, match=r"did not finish its answer to '\*IDN\?' within 0.3 s; check power") as caught:
+        link.query_block("*IDN?") if block else link.query("*IDN?")
+    assert "\n" not in str(caught.value)
+    assert link.timeout_s == 0.3
+    # What still trickles in belongs to nobody: the next exchange is on a new link.
+    link.clear()
+    assert link.query("*IDN?") == "healthy"
+    assert peer.links == 2
+    link.close()
+    peer.close()
+
+
+def test_a_link_that_never_falls_silent_is_opened_anew() -> None:
+    peer = Peer(b"noise " * 30, 0.02)
+    link = open_transport(open_manager("@py"), peer.resource, timeout_s=0.3)
+    link.write("*IDN?")
+    link.clear()
+    assert link.query("*IDN?") == "healthy"
+    link.close()
+    peer.close()
+
+
+def test_a_link_that_the_other_side_has_closed_is_opened_anew() -> None:
+    with served("4294a") as (server, _):
+        link = open_transport(open_manager("@py"), server.resource)
+        assert link.query("POIN?") == "+201"
+        server.drop_client()  # type: ignore[attr-defined]
+        link.clear()
+        assert link.query("POIN?") == "+201"
+        link.close()
+
+
+@pytest.mark.parametrize("count", [0, 100], ids=["a line", "so many bytes"])
+def test_a_serial_line_that_trickles_meets_its_deadline(count: int) -> None:
+    with served("4294a", "pty") as (server, _):
+        server._send = lambda *_: None  # type: ignore[method-assign]
+        link = open_transport(open_manager("@py"), server.resource, timeout_s=0.3)
+        link.write("*IDN?")
+        ended = threading.Event()
+
+        def trickle() -> None:
+            while not ended.wait(0.05):
+                os.write(server._master, b"x")  # type: ignore[attr-defined]
+
+        thread = threading.Thread(target=trickle)
+        thread.start()
+        with pytest.raises(InstrumentError, match=r"'\*IDN\?' within 0.3 s"):
+            link.receive_bytes(count) if count else link.read()
+        ended.set()
+        thread.join()
+        link.close()
 
 
 def test_a_closed_port_is_one_clear_line() -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C waits for what must not stop half-way."""
+"""Signals that stop a program: heard wherever it was started from, and held back for what must not stop half-way."""
 
 from __future__ import annotations
 
@@ -10,6 +10,26 @@ from types import FrameType
 
 # Those that the command line turns into an exception.
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+@contextmanager
+def stopped_by_signals() -> Iterator[None]:
+    """Ctrl-C, a polite kill and a closed terminal raise `KeyboardInterrupt` while the block runs.
+
+    The handlers are set even where a signal was ignored from the start, as Ctrl-C is in a program that a script started in the background:
+    otherwise nothing but a hard kill would end it. Only a hang-up that is ignored stays so, because `nohup` asks for exactly that.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    hang_up = getattr(signal, "SIGHUP", None)
+    heard = [number for number in _SIGNALS if not (number == hang_up and signal.getsignal(number) is signal.SIG_IGN)]
+    before = {number: signal.signal(number, signal.default_int_handler) for number in heard}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -26,8 +26,8 @@ class WallClock:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait that many real seconds."""
-        time.sleep(seconds)
+        """Wait that many real seconds; a moment that has passed is not waited for."""
+        time.sleep(max(0.0, seconds))
 
 
 class FastClock:

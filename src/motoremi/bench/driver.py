@@ -278,7 +278,8 @@ class Driver(abc.ABC):
         """Wait for a request, or a while; False if a request was waited for in vain."""
         if self.transport.service_requests:
             return self.transport.await_request(longest_s)
-        self.transport.clock.sleep(self.poll_s)
+        # What takes hours is looked at each second, or its record would be of looking only.
+        self.transport.clock.sleep(max(self.poll_s, min(1.0, longest_s / 1000)))
         return True
 
     def close(self) -> None:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import select
 import socket
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from types import TracebackType
 from typing import Self
 
 from motoremi.bench.simulated_device import SimulatedDevice
+from motoremi.data.text import clean_text
 from motoremi.errors import BadInput, InstrumentError
 
 LOOPBACK = "127.0.0.1"
 _CHUNK = 65536
 _NEWLINE = b"\n"
+_LOG = logging.getLogger(__name__)
 
 
 class Server(ABC):
@@ -60,6 +63,17 @@ class Server(ABC):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    @contextmanager
+    def _survived(self) -> Iterator[None]:
+        """A fault of the simulation in one message is told in one line and ends that conversation, not the server."""
+        try:
+            yield
+        except ConnectionError:
+            raise
+        except Exception as error:
+            _LOG.error(clean_text(f"motoremi: {self.resource}: a message could not be answered ({type(error).__name__}: {error}); report it"))
+            self._device.device_clear()
 
     def _readable(self, source: int) -> bool:
         """Wait for data from there; False when it is time to stop."""
@@ -111,12 +125,12 @@ class SocketServer(Server):
         """Answer one client after the other."""
         while self._readable(self._listener.fileno()):
             client, _ = self._listener.accept()
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             # What a client that went away has left unread is not for the next one.
             self._device.device_clear()
-            client.setblocking(False)
             self._client = client
-            with client, suppress(ConnectionError):
+            with client, suppress(ConnectionError), self._survived():
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                client.setblocking(False)
                 while self._readable(client.fileno()) and (data := client.recv(_CHUNK)):
                     self._send(client.fileno(), client.send, converse(self._device, data))
 
@@ -157,8 +171,9 @@ class TerminalServer(Server):
     def serve_forever(self) -> None:
         """Answer whoever opens the port; the port stays open in between."""
         while self._readable(self._master):
-            answer = converse(self._device, os.read(self._master, _CHUNK))
-            self._send(self._master, partial(os.write, self._master), answer)
+            data = os.read(self._master, _CHUNK)
+            with self._survived():
+                self._send(self._master, partial(os.write, self._master), converse(self._device, data))
 
     def close(self) -> None:
         """Stop serving."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import ceil
@@ -11,6 +12,7 @@ import pyvisa
 from pyvisa import constants
 from pyvisa.resources import MessageBasedResource
 
+from motoremi.bench.arrivals import at_hand, fell_silent, socket_of
 from motoremi.bench.clock import Clock, WallClock
 from motoremi.errors import InstrumentError
 
@@ -23,6 +25,10 @@ _SERIAL_BUFFERS = (
 )
 # Nobody is heard while a VISA library waits: neither Ctrl-C nor the workbench's stop.
 _LONGEST_WAIT_S = 0.5
+# VISA counts in milliseconds.
+_CLOSE_ENOUGH_S = 1e-3
+# A part of a message was read, and there is more of it.
+_MORE = constants.StatusCode.success_max_count_read
 # Bit 6 of the status byte in a serial poll.
 _REQUESTS_SERVICE = 0x40
 
@@ -187,6 +193,9 @@ class VisaTransport(Transport):
         self._resource = resource
         self._reopen = reopen
         self._failed = False
+        self._timeout_s = timeout_s
+        # When the exchange must have ended, in seconds of the machine's clock, as the deadlines of VISA are; set when its answer is waited for.
+        self._ends_s: float | None = None
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
         self.service_requests = not stream and self._hears_requests()
@@ -195,11 +204,13 @@ class VisaTransport(Transport):
     @property
     def timeout_s(self) -> float:
         """Deadline of one exchange in seconds."""
-        return float(self._resource.timeout) / 1000
+        return self._timeout_s
 
     @timeout_s.setter
     def timeout_s(self, seconds: float) -> None:
-        self._resource.timeout = max(1, round(seconds * 1000))
+        self._timeout_s = seconds
+        self._ends_s = None
+        self._wait_at_most(seconds)
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
         """Use other ends of messages than a newline; an empty one is none."""
@@ -208,18 +219,51 @@ class VisaTransport(Transport):
 
     def send(self, data: bytes) -> None:
         """Send one message."""
+        self._ends_s = None
         with self._one_line("did not accept", "check cable, address and power"):
             self._resource.write_raw(data)
 
     def receive(self) -> bytes:
-        """Receive one message."""
-        with self._one_line("gave no answer to", "check power, cable and address, and that no other program uses it"):
-            return bytes(self._resource.read_raw())
+        """Receive one message; all that is received after one message was sent shares one deadline, however slowly it comes."""
+        begun = self._ends_s is not None
+        if self._ends_s is None:
+            self._ends_s = time.monotonic() + self._timeout_s
+        message = bytearray()
+        status = _MORE
+        with self._resource.ignore_warning(_MORE, constants.StatusCode.success_device_not_present):
+            while status == _MORE:
+                trouble = "did not finish its answer to" if begun or message else "gave no answer to"
+                with self._one_line(trouble, "check power, cable and address, and that no other program uses it"):
+                    part, status = self._receive_part(self._ends_s)
+                message += part
+        return bytes(message)
 
     def receive_bytes(self, count: int) -> bytes:
-        """Receive so many bytes."""
-        with self._one_line("gave no whole answer to", "check power, cable and address, and that no other program uses it"):
-            return bytes(self._resource.read_bytes(count))
+        """Receive so many bytes, within one deadline."""
+        ends_s = time.monotonic() + self._timeout_s
+        answer = bytearray()
+        with self._resource.ignore_warning(_MORE, constants.StatusCode.success_device_not_present):
+            while len(answer) < count:
+                with self._one_line("gave no whole answer to", "check power, cable and address, and that no other program uses it"):
+                    answer += self._receive_part(ends_s, count - len(answer))[0]
+        return bytes(answer)
+
+    def _receive_part(self, ends_s: float, most: int | None = None) -> tuple[bytes, constants.StatusCode]:
+        left_s = ends_s - time.monotonic()
+        if left_s <= 0:
+            raise pyvisa.VisaIOError(constants.StatusCode.error_timeout)
+        is_later = left_s < self._timeout_s - _CLOSE_ENOUGH_S
+        if is_later:
+            self._wait_at_most(left_s)
+        try:
+            ready = at_hand(self._resource)
+            return self._resource.visalib.read(self._resource.session, ready if most is None else min(ready, most))
+        finally:
+            if is_later:
+                self._wait_at_most(self._timeout_s)
+
+    def _wait_at_most(self, seconds: float) -> None:
+        self._resource.timeout = max(1, round(seconds * 1000))
 
     def await_request(self, seconds: float) -> bool:
         """Wait for the event, and poll the instrument for whether it was the one that asked."""
@@ -236,10 +280,17 @@ class VisaTransport(Transport):
 
     def clear(self) -> None:
         """Send a device clear, on a new link if the last exchange failed. Nothing is sent twice: what to repeat is the caller's to know."""
+        self._ends_s = None
         with self._one_line("could not be cleared after", "switch it off and on"):
+            link = socket_of(self._resource)
+            if link is not None and not self._failed:
+                # A socket has no device clear either, and one that was closed, or never falls silent, is of no more use.
+                self._failed = not fell_silent(link, self._timeout_s)
             if self._failed and self._reopen is not None:
                 self._reconnect(self._reopen)
-            if self._resource.interface_type == constants.InterfaceType.asrl:
+            if link is not None:
+                self._resource.flush(constants.BufferOperation.discard_receive_buffer)
+            elif self._resource.interface_type == constants.InterfaceType.asrl:
                 # A serial line has no device clear: what is on its way is dropped.
                 for buffer in _SERIAL_BUFFERS:
                     self._resource.flush(buffer)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -67,11 +65,12 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
+    from motoremi.interrupts import stopped_by_signals
 
     bench_file.refuse_unless_allowed(procedure)
     made = make_bench(bench_file)
     try:
-        with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
+        with stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
             if not as_json:
                 writer.subscribe(tell)
                 for remark in procedure.remarks():
@@ -164,18 +163,6 @@ def _duration(seconds: float) -> str:
     if seconds >= 3600:
         return f"{seconds / 3600:.2f} h"
     return f"{seconds // 60:.0f} min {seconds % 60:.0f} s"
-
-
-@contextmanager
-def _stopped_by_signals() -> Iterator[None]:
-    """A closed terminal or a polite kill ends a run as Ctrl-C does: instruments safe, data kept."""
-    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), signal.default_int_handler) for name in names}
-    try:
-        yield
-    finally:
-        for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)
 
 
 def _ask(text: str) -> None:

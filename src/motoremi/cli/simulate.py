@@ -28,33 +28,28 @@ def simulate_(
     Type what to connect (short, open, open-standard, ...) and press Enter to change the connection while it runs.
     """
     import json
+    from contextlib import closing, suppress
 
     from motoremi.bench.clock import FastClock, WallClock
     from motoremi.bench.serve import Server, SocketServer, TerminalServer
     from motoremi.bench.simulated import SimulatedBench
     from motoremi.bench.virtual import virtual_instrument
     from motoremi.errors import BadInput
+    from motoremi.interrupts import stopped_by_signals
 
     if (tcp is None) != pty:
         raise BadInput("say where to serve: either --tcp PORT or --pty")
     instrument = virtual_instrument(name)
     clock = WallClock() if speed == 1 else FastClock(speed)
-    bench = SimulatedBench(seed, tuple(effect or ()), clock)
-    try:
+    with stopped_by_signals(), closing(SimulatedBench(seed, tuple(effect or ()), clock)) as bench:
         _connect(bench, connected or bench.at_work(instrument.role))
         device = instrument.make(bench, clock)
         server: Server = TerminalServer(device) if tcp is None else SocketServer(device, tcp)
-        sys.stdout.write(json.dumps({"resource": server.resource, "instrument": name}) + "\n")
-        sys.stdout.flush()
-        threading.Thread(target=_obey_operator, args=(bench,), daemon=True).start()
-        try:
+        with closing(server), suppress(KeyboardInterrupt):
+            sys.stdout.write(json.dumps({"resource": server.resource, "instrument": name}) + "\n")
+            sys.stdout.flush()
+            threading.Thread(target=_obey_operator, args=(bench,), daemon=True).start()
             server.serve_forever()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            server.close()
-    finally:
-        bench.close()
 
 
 def _obey_operator(bench: SimulatedBench) -> None:
