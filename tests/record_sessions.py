@@ -27,6 +27,7 @@ PROCEDURES = {
     "e4990a": "impedance_only",
     "nanovna": "impedance_only",
     **dict.fromkeys(("esr", "esrp", "esw", "esci", "esu", "mxe", "n6141", "xseries", "dsa800", "rsa", "ssa3000x"), "emission_only"),
+    **dict.fromkeys(("nanovna-v2", "librevna"), "impedance_only"),
     "tinysa": "nanovna_bench",
 }
 REQUESTS = "-requests"
@@ -38,6 +39,9 @@ def procedure(driver: str) -> Procedure:
     data = copy.deepcopy(small(PROCEDURES[driver]).source)
     role = virtual_instrument(driver).role
     data["instruments"] = {role: {**data["instruments"][role], "driver": driver}}
+    if driver == "nanovna-v2":
+        first = next(at for at, step in enumerate(data["steps"]) if step["do"] == "compensate")
+        data["steps"].insert(first, {"do": "compensate", "standard": "load", "nominal": "100 Ohm"})
     if role == "receiver":
         data.pop("sweep", None)
         data["steps"] = [step for step in data["steps"] if step["do"] in ("identify", "connect", "wait", "spectrum", "report")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+
 import numpy as np
 import pytest
 from pymeasure.instruments import Instrument, SCPIMixin
@@ -11,6 +13,9 @@ from pymeasure.instruments.rohdeschwarz import FSL
 from pynanovna.hardware.Hardware import Interface, get_VNA
 from RsInstrument import RsInstrument, StatusException
 from serving import served, started
+from skrf import Frequency, Network
+from skrf.calibration import OnePort
+from skrf.vi.vna.nanovna import NanoVNAv2
 from tsapython import tinySA
 
 from motoremi.bench.simulated_receiver import BAND_B_HZ
@@ -175,6 +180,89 @@ def test_pynanovna_reads_a_nanovna() -> None:
     expected = (truth - 50) / (truth + 50)
     # Clips of 8 nH and 2 pF turn S11 by some hundredths at 30 MHz; the rest is below 0.02.
     assert np.max(np.abs(reflection - expected)) < 0.1
+
+
+def test_scikit_rf_calibrates_a_nanovna_v2() -> None:
+    """As its documentation does: raw networks of the standards, ideal ones, and the correction of one port."""
+    with served("nanovna-v2", "pty") as (server, bench):
+        client = NanoVNAv2(server.resource, backend="@py")
+        assert client.id == "2"
+        assert "Protocol Version:1" in client.device_info
+        # The step is a whole number of hertz then.
+        client.frequency = Frequency(150e3, 30e6, 51, unit="Hz")
+        client.get_s11_s21()
+        client.get_s11_s21()
+        raw: dict[str, Network] = {}
+        for what in ("open-standard", "short-standard", "load-standard", "short"):
+            bench.connect(what)  # type: ignore[arg-type]
+            raw[what], through = client.get_s11_s21()
+        client._resource.close()
+        frequency_hz = raw["short"].f
+        truth = bench.motor.impedance("short", frequency_hz)
+    np.testing.assert_allclose(frequency_hz, np.linspace(150e3, 30e6, 51), atol=0.5)
+    assert not through.s.any()
+    ideals = [Network(frequency=raw["short"].frequency, s=np.full(51, gamma, dtype=complex), z0=50) for gamma in (1.0, -1.0, 1 / 3)]
+    calibration = OnePort(ideals=ideals, measured=[raw[f"{name}-standard"] for name in ("open", "short", "load")])
+    impedance = calibration.apply_cal(raw["short"]).z[:, 0, 0]
+    usable = (np.abs(truth) > 5) & (np.abs(truth) < 500)
+    # Noise of 3e-4 of S11 in each of four networks is 2 % of Z at 5 and 500 Ohm.
+    assert np.median(np.abs(impedance / truth - 1)[usable]) < 0.02
+    assert np.median(np.abs(raw["short"].z[:, 0, 0] / truth - 1)[usable]) > 0.05
+
+
+def test_pynanovna_reads_a_nanovna_v2() -> None:
+    with served("nanovna-v2", "pty") as (server, bench):
+        bench.connect("short-standard")
+        interface = Interface("serial", "simulated")
+        interface.port = server.path  # type: ignore[attr-defined]
+        interface.open()
+        client = get_VNA(interface)
+        assert client.name == "NanoVNA-V2"
+        assert str(client.read_version()).startswith("1.0.3")
+        client.datapoints = 51
+        client.set_sweep(150_000, 30_000_000)
+        frequency_hz = np.array(client.read_frequencies(), dtype=float)
+        reflection = np.array([complex(*map(float, pair.split())) for pair in client.read_values("data 0")])
+        interface.close()
+    np.testing.assert_allclose(frequency_hz, np.linspace(150e3, 30e6, 51), atol=0.5)
+    assert reflection.size == 51
+    # A short, raw: directivity, tracking and match of some per cent each, and clips of 8 nH.
+    assert 0.02 < np.max(np.abs(reflection + 1)) < 0.6
+
+
+def test_a_librevna_is_read_in_the_order_of_its_programming_guide() -> None:
+    """What the project's own client sends, written anew from the guide over a plain socket: that client may not be distributed here."""
+    with served("librevna") as (server, bench), socket.create_connection(("127.0.0.1", server.port), 5) as link:  # type: ignore[attr-defined]
+        lines = link.makefile("rw", newline="\n")
+
+        def query(command: str) -> str:
+            lines.write(f"{command}\n")
+            lines.flush()
+            return lines.readline().strip()
+
+        def tell(command: str) -> None:
+            lines.write(f"{command}\n")
+            assert int(query("*ESR?")) & 0x3C == 0
+
+        assert query("*IDN?").startswith("LibreVNA,LibreVNA-GUI,")
+        tell(":DEV:CONN")
+        assert query(":DEV:CONN?") != "Not connected"
+        for command in (
+            ":DEV:MODE VNA", ":VNA:SWEEP FREQUENCY", ":VNA:STIM:LVL -10", ":VNA:ACQ:IFBW 100", ":VNA:ACQ:AVG 1", ":VNA:ACQ:POINTS 51",
+            ":VNA:FREQuency:START 150000", ":VNA:FREQuency:STOP 30000000", ":VNA:ACQ:SINGLE 1", ":VNA:ACQ:RUN",
+        ):  # fmt: skip
+            tell(command)
+        for _ in range(1000):
+            if query(":VNA:ACQ:FIN?") == "TRUE":
+                break
+        else:
+            pytest.fail("the sweep does not end")
+        rows = np.array([float(value) for value in query(":VNA:TRACE:DATA? S11").replace("[", "").replace("]", "").split(",")]).reshape(-1, 3)
+        lines.close()
+        truth = bench.motor.impedance("open", rows[:, 0])
+    np.testing.assert_allclose(rows[:, 0], np.linspace(150e3, 30e6, 51), atol=1)
+    # Clips of 8 nH and 2 pF turn S11 by some hundredths at 30 MHz; the rest is below 0.02.
+    assert np.max(np.abs(rows[:, 1] + 1j * rows[:, 2] - (truth - 50) / (truth + 50))) < 0.1
 
 
 def test_tsapython_reads_a_tinysa(capsys: pytest.CaptureFixture[str]) -> None:

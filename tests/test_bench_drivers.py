@@ -14,6 +14,7 @@ from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.connect import BUILT_IN, DRIVER_GROUP, driver_class, driver_names
 from motoremi.bench.driver import Driver, Setting
 from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.registers import RegisterDriver
 from motoremi.bench.shell import ShellDriver
 
 UNITS = {"_hz": "Hz", "_volt": "V", "_s": "s", "_db": "dB"}
@@ -28,7 +29,7 @@ def test_a_driver_is_complete(name: str) -> None:
     assert not inspect.isabstract(driver)
     assert issubclass(driver, ImpedanceAnalyser | EmiReceiver)
     re.compile(driver.model)
-    assert driver.error_query.endswith("?") or issubclass(driver, ShellDriver)
+    assert driver.error_query.endswith("?") or issubclass(driver, ShellDriver | RegisterDriver)
     assert driver.safe_commands
     assert driver.__doc__
     assert driver.table()

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import pyvisa
@@ -70,6 +71,19 @@ def test_who_is_silent_is_told(manager: pyvisa.ResourceManager) -> None:
     answer = survey(manager, ["TCPIP::127.0.0.1::9::SOCKET"])[0]
     assert (answer.identity, answer.drivers) == ("", ())
     assert "TCPIP" in answer.trouble
+
+
+@pytest.mark.parametrize(("vendor", "product", "asked"), [(0x0483, 0x5740, True), (0x04B4, 0x0008, True), (0x0403, 0x6001, False)])
+def test_only_serial_ports_of_known_instruments_are_asked(
+    vendor: int, product: int, asked: bool, manager: pyvisa.ResourceManager, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served("nanovna-v2", "pty") as (server, _):
+        port = SimpleNamespace(device=server.path, vid=vendor, pid=product)  # type: ignore[attr-defined]
+        monkeypatch.setattr("motoremi.bench.survey.list_ports.comports", lambda: [port])
+        monkeypatch.setattr(manager, "list_resources", lambda query: (server.resource,))
+        answer = survey(manager)[0]
+    assert answer.drivers == (("nanovna-v2",) if asked else ())
+    assert answer.trouble == ("" if asked else "not asked: a serial port of no known instrument")
 
 
 @pytest.mark.usefixtures("other_package")

@@ -245,7 +245,8 @@ def test_a_link_that_the_other_side_has_closed_is_opened_anew() -> None:
         link.close()
 
 
-def test_a_serial_line_that_trickles_meets_its_deadline() -> None:
+@pytest.mark.parametrize("count", [0, 100], ids=["a line", "so many bytes"])
+def test_a_serial_line_that_trickles_meets_its_deadline(count: int) -> None:
     with served("4294a", "pty") as (server, _):
         server._send = lambda *_: None  # type: ignore[method-assign]
         link = open_transport(open_manager("@py"), server.resource, timeout_s=0.3)
@@ -259,7 +260,7 @@ def test_a_serial_line_that_trickles_meets_its_deadline() -> None:
         thread = threading.Thread(target=trickle)
         thread.start()
         with pytest.raises(InstrumentError, match=r"'\*IDN\?' within 0.3 s"):
-            link.read()
+            link.receive_bytes(count) if count else link.read()
         ended.set()
         thread.join()
         link.close()

@@ -34,6 +34,8 @@ class ImpedanceAnalyser(Driver):
     # Which standards its compensation takes, and which options of a sweep it has, by their keys in a procedure.
     COMPENSATES: ClassVar[frozenset[Standard]] = frozenset({"open", "short"})
     OPTIONS: ClassVar[frozenset[str]] = frozenset()
+    # Standards without which it cannot measure at all.
+    REQUIRED: ClassVar[frozenset[Standard]] = frozenset()
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)

@@ -24,6 +24,8 @@ BUILT_IN = {
     "4294a": "motoremi.instruments.agilent_4294a:Agilent4294A",
     "e4990a": "motoremi.instruments.keysight_e4990a:KeysightE4990A",
     "nanovna": "motoremi.instruments.nanovna:NanoVna",
+    "nanovna-v2": "motoremi.instruments.nanovna_v2:NanoVnaV2",
+    "librevna": "motoremi.instruments.librevna:LibreVna",
     "esr": "motoremi.instruments.rohde_schwarz_esr:RohdeSchwarzESR",
     "esrp": "motoremi.instruments.rohde_schwarz_receivers:RohdeSchwarzESRP",
     "esw": "motoremi.instruments.rohde_schwarz_receivers:RohdeSchwarzESW",

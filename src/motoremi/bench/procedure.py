@@ -282,6 +282,9 @@ class Procedure(Strict):
         wanted = {step.standard for step in measuring if isinstance(step, Compensate)}
         if lacking := wanted - kind.COMPENSATES:
             raise BadInput(f"the {name} compensates no {', '.join(sorted(lacking))}; leave that step out")
+        if missing := kind.REQUIRED - wanted:
+            needed = ", ".join(sorted(kind.REQUIRED))
+            raise BadInput(f"the {name} measures only after steps that compensate with {needed}: {', '.join(sorted(missing))} missing")
 
     def _refuse_beyond_driver(self, role: Role, table: str) -> None:
         driver = self.instruments[role].driver

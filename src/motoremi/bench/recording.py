@@ -71,14 +71,10 @@ class RecordingTransport(Transport):
         super().end_messages_with(sent, received)
         self._inner.end_messages_with(sent, received)
 
-    def write(self, command: str) -> None:
-        """Send a command."""
-        # The inner transport names the command when it fails.
-        self._inner._last_command = command
-        super().write(command)
-
     def send(self, data: bytes) -> None:
         """Record, then send: an attempt that fails is evidence too."""
+        # The inner transport names the command when it fails.
+        self._inner._last_command = self._last_command
         self._record("write", **encode_bytes(data))
         with self._errors_recorded("write"):
             self._inner.send(data)
@@ -87,6 +83,13 @@ class RecordingTransport(Transport):
         """Receive, then record."""
         with self._errors_recorded("read"):
             data = self._inner.receive()
+        self._record("read", **encode_bytes(data))
+        return data
+
+    def receive_bytes(self, count: int) -> bytes:
+        """Receive, then record."""
+        with self._errors_recorded("read"):
+            data = self._inner.receive_bytes(count)
         self._record("read", **encode_bytes(data))
         return data
 

@@ -80,10 +80,13 @@ class BenchLibrary(SimVisaLibrary):
         return part, constants.StatusCode.success
 
     def _read_line(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
-        """Read from a serial line up to the character that ends an answer."""
+        """Read from a serial line up to the character that ends an answer, or so many bytes where none does."""
         link, device = self.sessions[session], self._device(session)
         waiting = device.take_answers()
-        end = waiting.find(bytes([link.get_attribute(constants.ResourceAttribute.termchar)[0]])) + 1
+        if link.get_attribute(constants.ResourceAttribute.termchar_enabled)[0]:
+            end = waiting.find(bytes([link.get_attribute(constants.ResourceAttribute.termchar)[0]])) + 1
+        else:
+            end = count if len(waiting) >= count else 0
         wait_s = device.answer_due_s - device.clock.now() if end else np.inf
         timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
         device.clock.sleep(min(wait_s, timeout_s))

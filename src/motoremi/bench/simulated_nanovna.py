@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray
+from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.bench.clock import Clock
 from motoremi.bench.simulated_device import Wiring
 from motoremi.bench.simulated_shell import SimulatedShell, integer_axis, lines, whole
@@ -130,10 +130,8 @@ class SimulatedNanoVna(SimulatedShell):
     def _measure(self) -> ComplexArray:
         """S11 behind the clips, in the 32 bits that the firmware computes with."""
         frequency_hz = np.array(self._axis, dtype=np.float64)
-        s = 2j * np.pi * frequency_hz
-        device = self.wiring.connected_ohm(frequency_hz)
-        seen = CLIP_OHM + s * CLIP_HENRY + device / (1 + device * s * CLIP_FARAD)
         bandwidth_hz = MOST_BANDWIDTH_HZ / (int(self.value("bandwidth")) + 1)
+        seen = behind_clips(self.wiring, frequency_hz)
         return self._vna.reflection(frequency_hz, seen, bandwidth_hz).astype(np.complex64).astype(np.complex128)
 
     def _print_data(self, arguments: list[str]) -> str:
@@ -172,3 +170,11 @@ class SimulatedNanoVna(SimulatedShell):
             case _:
                 return lines("usage: cal [load|open|short|thru|isoln|done|on|off|reset]")
         return ""
+
+
+def behind_clips(wiring: Wiring, frequency_hz: FloatArray) -> ComplexArray:
+    """Impedance in ohm at the connector of an analyser whose clips hold what is connected."""
+    s = 2j * np.pi * frequency_hz
+    device = wiring.connected_ohm(frequency_hz)
+    seen: ComplexArray = CLIP_OHM + s * CLIP_HENRY + device / (1 + device * s * CLIP_FARAD)
+    return seen

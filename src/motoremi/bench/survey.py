@@ -14,13 +14,15 @@ from serial.tools import list_ports
 from motoremi.arrays import JsonDict
 from motoremi.bench.connect import driver_class, driver_names, open_transport
 from motoremi.bench.driver import Driver
+from motoremi.bench.registers import RegisterDriver
 from motoremi.bench.shell import ShellDriver
 from motoremi.errors import BadInput, InstrumentError
 
 # A healthy instrument identifies itself at once; one that is busy may be asked again by hand.
 ANSWER_S = 1.0
-# USB vendor and product of NanoVNA and tinySA. Other serial ports are left alone: what is behind them may take offence at any word.
-SHELL_USB_IDS = ((0x0483, 0x5740),)
+# USB vendor and product of NanoVNA and tinySA, and of NanoVNA V2 and LiteVNA. Other serial ports are left alone: what is behind them may
+# take offence at any word.
+KNOWN_USB_IDS = ((0x0483, 0x5740), (0x04B4, 0x0008))
 
 
 @dataclass(frozen=True)
@@ -93,13 +95,13 @@ def _may_be_asked(resource: str) -> bool:
     if not resource.upper().startswith("ASRL"):
         return True
     port = resource[4:].partition("::")[0]
-    return any(entry.device == port and (entry.vid, entry.pid) in SHELL_USB_IDS for entry in list_ports.comports())
+    return any(entry.device == port and (entry.vid, entry.pid) in KNOWN_USB_IDS for entry in list_ports.comports())
 
 
 def _ask(manager: pyvisa.ResourceManager, resource: str) -> Answer:
     trouble = ""
-    # What speaks no SCPI may have a shell, but only on a stream.
-    for ask in (_ask_scpi, _ask_shell):
+    # What speaks no SCPI may have a shell or registers, but only on a stream.
+    for ask in (_ask_scpi, _ask_shell, _ask_registers):
         try:
             return ask(manager, resource)
         except InstrumentError as error:
@@ -118,7 +120,7 @@ def _ask_scpi(manager: pyvisa.ResourceManager, resource: str) -> Answer:
     fields = [field.strip() for field in identity.split(",")]
     if len(fields) < 4:
         raise InstrumentError(f"{resource}: answered {identity!r} to '*IDN?'")
-    return Answer(resource, identity, _fitting(fields[1], shells=False))
+    return Answer(resource, identity, _fitting(fields[1], Driver))
 
 
 def _ask_shell(manager: pyvisa.ResourceManager, resource: str) -> Answer:
@@ -130,7 +132,18 @@ def _ask_shell(manager: pyvisa.ResourceManager, resource: str) -> Answer:
         identity = shell.identify()
     finally:
         link.close()
-    return Answer(resource, f"{identity.model},{identity.firmware}", _fitting(identity.model, shells=True))
+    return Answer(resource, f"{identity.model},{identity.firmware}", _fitting(identity.model, ShellDriver))
+
+
+def _ask_registers(manager: pyvisa.ResourceManager, resource: str) -> Answer:
+    link = open_transport(manager, resource, ANSWER_S)
+    try:
+        if not link.stream:
+            raise InstrumentError(f"{resource}: has no registers")
+        identity = _AnyRegisters(link).identify()
+    finally:
+        link.close()
+    return Answer(resource, f"{identity.model},{identity.serial},{identity.firmware}", _fitting(identity.model, RegisterDriver))
 
 
 class _AnyShell(ShellDriver):
@@ -141,10 +154,18 @@ class _AnyShell(ShellDriver):
     safe_commands = ()
 
 
-def _fitting(model: str, shells: bool) -> tuple[str, ...]:
+class _AnyRegisters(RegisterDriver):
+    """Registers, whoever has them."""
+
+    model = r".*"
+    safe_commands = ()
+
+
+def _fitting(model: str, language: type[Driver]) -> tuple[str, ...]:
     names = [name for name in driver_names() if name not in load_trouble()]
-    return tuple(sorted(name for name in names if _fits(driver_class(name), model, shells)))
+    return tuple(sorted(name for name in names if _fits(driver_class(name), model, language)))
 
 
-def _fits(driver: type[Driver], model: str, shells: bool) -> bool:
-    return issubclass(driver, ShellDriver) == shells and re.fullmatch(driver.model, model) is not None
+def _fits(driver: type[Driver], model: str, language: type[Driver]) -> bool:
+    spoken = next((base for base in (ShellDriver, RegisterDriver) if issubclass(driver, base)), Driver)
+    return spoken is language and re.fullmatch(driver.model, model) is not None

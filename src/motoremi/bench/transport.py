@@ -74,6 +74,10 @@ class Transport(abc.ABC):
         """Receive one message, terminator included; `InstrumentError` if none comes within `timeout_s`."""
 
     @abc.abstractmethod
+    def receive_bytes(self, count: int) -> bytes:
+        """Receive so many bytes, of an answer that no character ends; `InstrumentError` if they do not come within `timeout_s`."""
+
+    @abc.abstractmethod
     def clear(self) -> None:
         """Clear the link: the instrument forgets unread answers and half commands."""
 
@@ -95,7 +99,7 @@ class Transport(abc.ABC):
         raise InstrumentError(f"{self.resource_name}: this link carries no service requests")
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer."""
+        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer, if any."""
         self.terminator = sent
 
     @contextmanager
@@ -116,6 +120,11 @@ class Transport(abc.ABC):
             raise InstrumentError(f"{self.resource_name}: {command!r} is not ASCII; no instrument takes it") from error
         self._last_command = command
         self.send(data + self.terminator)
+
+    def write_bytes(self, data: bytes, command: str) -> None:
+        """Send bytes that are no text; `command` is what messages call them."""
+        self._last_command = command
+        self.send(data)
 
     def read(self) -> str:
         """Read a text answer, without its terminator."""
@@ -204,9 +213,9 @@ class VisaTransport(Transport):
         self._wait_at_most(seconds)
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline."""
+        """Use other ends of messages than a newline; an empty one is none."""
         super().end_messages_with(sent, received)
-        self._resource.read_termination = received
+        self._resource.read_termination = received or None
 
     def send(self, data: bytes) -> None:
         """Send one message."""
@@ -229,7 +238,17 @@ class VisaTransport(Transport):
                 message += part
         return bytes(message)
 
-    def _receive_part(self, ends_s: float) -> tuple[bytes, constants.StatusCode]:
+    def receive_bytes(self, count: int) -> bytes:
+        """Receive so many bytes, within one deadline."""
+        ends_s = time.monotonic() + self._timeout_s
+        answer = bytearray()
+        with self._resource.ignore_warning(_MORE, constants.StatusCode.success_device_not_present):
+            while len(answer) < count:
+                with self._one_line("gave no whole answer to", "check power, cable and address, and that no other program uses it"):
+                    answer += self._receive_part(ends_s, count - len(answer))[0]
+        return bytes(answer)
+
+    def _receive_part(self, ends_s: float, most: int | None = None) -> tuple[bytes, constants.StatusCode]:
         left_s = ends_s - time.monotonic()
         if left_s <= 0:
             raise pyvisa.VisaIOError(constants.StatusCode.error_timeout)
@@ -237,7 +256,8 @@ class VisaTransport(Transport):
         if is_later:
             self._wait_at_most(left_s)
         try:
-            return self._resource.visalib.read(self._resource.session, at_hand(self._resource))
+            ready = at_hand(self._resource)
+            return self._resource.visalib.read(self._resource.session, ready if most is None else min(ready, most))
         finally:
             if is_later:
                 self._wait_at_most(self._timeout_s)

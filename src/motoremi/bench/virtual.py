@@ -43,6 +43,8 @@ VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
     "4294a": VirtualInstrument("motoremi.bench.simulated_4294a:Simulated4294A", "GPIB0::17::INSTR", "analyser"),
     "e4990a": VirtualInstrument("motoremi.bench.simulated_e4990a:SimulatedE4990A", "GPIB0::18::INSTR", "analyser"),
     "nanovna": VirtualInstrument("motoremi.bench.simulated_nanovna:SimulatedNanoVna", "ASRL1::INSTR", "analyser"),
+    "nanovna-v2": VirtualInstrument("motoremi.bench.simulated_nanovna_v2:SimulatedNanoVnaV2", "ASRL3::INSTR", "analyser"),
+    "librevna": VirtualInstrument("motoremi.bench.simulated_librevna:SimulatedLibreVna", "TCPIP0::127.0.0.1::19542::SOCKET", "analyser"),
     "esr": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESR", "GPIB0::20::INSTR", "receiver"),
     "esrp": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESRP", "GPIB1::20::INSTR", "receiver"),
     "esw": VirtualInstrument("motoremi.bench.simulated_esr:SimulatedESW", "GPIB1::21::INSTR", "receiver"),

@@ -1,7 +1,8 @@
-"""The simulated reflection measurement of a pocket network analyser, calibrated at its connector.
+"""The simulated reflection measurement of a pocket network analyser.
 
-Three error terms that a calibration with cheap standards leaves, smooth in frequency and the same until the next one, and noise. The
-sizes are estimates from what users publish, not from a data sheet.
+Three error terms, smooth in frequency and the same until the next calibration, and noise. Of one that is calibrated at its connector they are
+what cheap standards leave; of one that sends raw data they are those of its bridge. The sizes are estimates from what users publish, not
+from a data sheet.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from scipy.interpolate import PchipInterpolator
 from motoremi.arrays import ComplexArray, FloatArray
 
 REFERENCE_OHM = 50.0
-_DIRECTIVITY, _MATCH, _TRACKING = 2e-3, 5e-3, 3e-3
+# Directivity, match and tracking.
+CALIBRATED = (2e-3, 5e-3, 3e-3)
+RAW = (0.05, 0.05, 0.1)
 # Noise of S11 at 1 kHz bandwidth; it grows with the root of the bandwidth.
 _NOISE = 1e-4
 _KNOTS = 5
@@ -26,10 +29,13 @@ class SimulatedVna:
     Parameters
     ----------
     seed : int
+    errors : (float, float, float)
+        Sizes of directivity, match and tracking.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, errors: tuple[float, float, float] = CALIBRATED) -> None:
         self.seed = seed
+        self._errors = errors
         self._noise = np.random.default_rng([seed, zlib.crc32(b"vna noise")])
 
     def reflection(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray, bandwidth_hz: float) -> ComplexArray:
@@ -44,7 +50,7 @@ class SimulatedVna:
         """
         true = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
         directivity, match, tracking = (
-            size * self._smooth(name, frequency_hz) for name, size in (("directivity", _DIRECTIVITY), ("match", _MATCH), ("tracking", _TRACKING))
+            size * self._smooth(name, frequency_hz) for name, size in zip(("directivity", "match", "tracking"), self._errors, strict=True)
         )
         shown = directivity + (1 + tracking) * true / (1 - match * true)
         parts = self._noise.standard_normal((2, frequency_hz.size))

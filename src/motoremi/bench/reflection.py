@@ -1,0 +1,170 @@
+"""What network analysers share that measure impedance by reflection: calibration, fixture, and how little S11 tells far from 50 Ohm."""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Mapping
+from itertools import combinations, pairwise
+from typing import ClassVar
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, JsonDict
+from motoremi.bench.analyser import ImpedanceAnalyser, Spacing, Standard
+from motoremi.bench.transport import Transport
+from motoremi.errors import BadInput, InstrumentError
+from motoremi.quantities import show
+
+
+class ReflectionAnalyser(ImpedanceAnalyser):
+    """A network analyser that measures S11 at one port.
+
+    One that is calibrated at its connector has its fixture taken out here, with open and short. A driver of an analyser that sends raw
+    data replaces `impedance_of`.
+    """
+
+    analyser = "nanovna"
+    REFERENCE_OHM: ClassVar[float] = 50.0
+    # A tenth of what a careless calibration leaves: an estimate, not from a data sheet.
+    GAMMA_ERROR: ClassVar[float] = 5e-3
+    # Noise of a standard is in every sweep after it and does not show in their scatter: it has to be far below theirs.
+    SCANS_OF_A_STANDARD: ClassVar[int] = 16
+
+    def __init__(self, transport: Transport) -> None:
+        super().__init__(transport)
+        self._measured: ComplexArray | None = None
+        # S11 of each standard, as measured.
+        self._standards: dict[Standard, ComplexArray] = {}
+
+    @abc.abstractmethod
+    def scan(self) -> ComplexArray:
+        """S11 of one sweep, at the frequencies of `read_axis`."""
+
+    def scan_mean(self, scans: int) -> ComplexArray:
+        """Mean of S11 over so many sweeps."""
+        # The mean of S11, not of impedances: that of an open fixture is mostly noise.
+        mean: ComplexArray = np.mean([self.scan() for _ in range(scans)], axis=0)
+        return mean
+
+    def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
+        """Impedance in ohm, from what was measured as S11."""
+        open_ohm, short_ohm = (
+            impedance_from_reflection(self._standards[name], self.REFERENCE_OHM) if name in self._standards else None for name in ("open", "short")
+        )
+        return without_fixture(impedance_from_reflection(reflection, self.REFERENCE_OHM), open_ohm, short_ohm)
+
+    def measure_standard(self, standard: Standard) -> None:
+        """Measure the standard that is connected."""
+        self._standards.pop(standard, None)
+        self._standards[standard] = self.scan_mean(self.SCANS_OF_A_STANDARD)
+
+    def trigger(self) -> None:
+        """Nothing to start: `wait_until_complete` scans."""
+        self._measured = None
+
+    def wait_until_complete(self) -> None:
+        """Scan, and correct what came."""
+        self._measured = self.impedance_of(self.scan_mean(1))
+
+    def read_impedance(self) -> ComplexArray:
+        """Impedance in ohm of the last complete sweep."""
+        if self._measured is None:
+            raise InstrumentError(f"{self}: the sweep is not complete; there are no data yet")
+        return self._measured
+
+    def metadata(self) -> JsonDict:
+        """Reference plane, and how many points lie where S11 tells little."""
+        magnitude = np.abs(self.read_impedance())
+        error = self.GAMMA_ERROR * (magnitude + self.REFERENCE_OHM) ** 2 / (2 * self.REFERENCE_OHM * magnitude)
+        return {
+            "reference_plane": "fixture" if {"open", "short"} <= self._standards.keys() else "connector",
+            "reference_ohm": self.REFERENCE_OHM,
+            "points_beyond_10_percent": int(np.count_nonzero(error > 0.1)),
+        }
+
+    def refuse_outside(self, name: str, value: float, span: tuple[float, float], unit: str = "") -> None:
+        """Raise `BadInput` for a value that the instrument cannot take."""
+        if not span[0] <= value <= span[1]:
+            raise BadInput(
+                f"{self}: {name} = {show(value, unit) if unit else value} is outside the range "
+                f"{show(span[0], unit) if unit else span[0]} to {show(span[1], unit) if unit else span[1]}"
+            )
+
+
+def pieces(start_hz: int, stop_hz: int, points: int, spacing: Spacing, most: int) -> list[tuple[int, int, int]]:
+    """Linear scans, each with first and last frequency and number of points, that make up a sweep.
+
+    Parameters
+    ----------
+    start_hz, stop_hz, points : int
+        Of the whole sweep; both edges are measured.
+    spacing : {"log", "linear"}
+        Logarithmic sweeps change their step at each octave.
+    most : int
+        Most points of one scan.
+    """
+    if spacing == "linear":
+        axis = np.linspace(start_hz, stop_hz, points)
+        knots = np.unique(np.append(np.arange(0, points - 1, most - 1), points - 1))
+    else:
+        axis = np.geomspace(start_hz, stop_hz, points)
+        octaves = max(1, math.ceil(np.log2(stop_hz / start_hz)), -(-(points - 1) // (most - 1)))
+        knots = np.unique(np.linspace(0, points - 1, min(octaves, points - 1) + 1).round().astype(int))
+    edges = axis[knots].round().astype(int)
+    made = []
+    for index, (first, last) in enumerate(pairwise(edges)):
+        count = int(knots[index + 1] - knots[index])
+        if index == len(edges) - 2:
+            made.append((int(first), int(last), count + 1))
+        else:
+            # The last point of a piece is the first one of the next.
+            made.append((int(first), round(last - (last - first) / count), count))
+    return made
+
+
+def impedance_from_reflection(gamma: ComplexArray, reference_ohm: float) -> ComplexArray:
+    """Z = Z0 (1 + S11)/(1 - S11), in ohm."""
+    # Nothing connected may be read as exactly 1; half a step of the nine decimals that are printed keeps that finite.
+    impedance: ComplexArray = reference_ohm * (1 + gamma) / np.where(gamma == 1, 5e-10, 1 - gamma)
+    return impedance
+
+
+def without_fixture(impedance: ComplexArray, open_ohm: ComplexArray | None, short_ohm: ComplexArray | None) -> ComplexArray:
+    """Take out what was measured with the fixture open and shorted: a series impedance with an admittance behind it."""
+    series = short_ohm if short_ohm is not None else np.zeros_like(impedance)
+    behind = impedance - series
+    result: ComplexArray = behind if open_ohm is None else behind / (1 - behind / (open_ohm - series))
+    return result
+
+
+def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], known: Mapping[Standard, complex | ComplexArray]) -> ComplexArray:
+    """Reflection coefficient at the plane where three known standards were measured.
+
+    The three-term error model of one port (D. Rytting, Network Analyzer Error Models and Calibration Methods, one-port case): with
+    directivity e00, match e11 and tracking e01, raw = e00 + e01 G/(1 - e11 G) for a reflection coefficient G. Multiplied out it is linear,
+    raw = a + b G + c G raw with a = e00, b = e01 - e00 e11, c = e11, and three standards determine a, b, c at each frequency.
+
+    Parameters
+    ----------
+    raw : ndarray of complex, shape (n,)
+    standards : mapping
+        Raw reflection of open, short and load, shape (n,) each.
+    known : mapping
+        Their true reflection coefficients, numbers or shape (n,).
+
+    Raises
+    ------
+    InstrumentError
+        If two of them read alike: a standard that was not connected.
+    """
+    for one, other in combinations(known, 2):
+        # Of standards that differ by 1 or 2, an analyser that works shows more than a tenth, whatever its errors.
+        if np.any(np.abs(standards[one] - standards[other]) < 0.02 * np.abs(known[one] - known[other])):
+            raise InstrumentError(f"the {one} and the {other} standard read alike; was each of them connected? Compensate again")
+    measured = np.stack([standards[name] for name in known], axis=1)
+    true = np.stack([np.broadcast_to(known[name], raw.shape) for name in known], axis=1)
+    matrix = np.stack([np.ones_like(measured), true, true * measured], axis=2)
+    a, b, c = np.linalg.solve(matrix, measured[:, :, None])[:, :, 0].T
+    corrected: ComplexArray = (raw - a) / (b + c * raw)
+    return corrected
