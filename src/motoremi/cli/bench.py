@@ -62,17 +62,19 @@ def run_(
 
 
 def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
+    from motoremi.bench.calibration import refuse_unless_calibrated, tell_doubts
     from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
     from motoremi.interrupts import stopped_by_signals
 
     bench_file.refuse_unless_allowed(procedure)
+    refuse_unless_calibrated(procedure, bench_file)
     made = make_bench(bench_file)
     try:
         with stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
-            if not as_json:
-                writer.subscribe(tell)
+            writer.subscribe(warn if as_json else tell)
+            tell_doubts(procedure, bench_file, writer)
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
@@ -266,8 +268,19 @@ def tell(document: JsonDict) -> None:
         say(f"going on at step {document['step']}" + (f", of which {document['stored']} are stored" if document["stored"] else ""))
     elif kind == "verdict":
         _tell_verdict(document)
+    elif kind == "doubt":
+        warn(document)
     elif kind == "safe" and not document["safe"]:
         say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
+
+
+def warn(document: JsonDict) -> None:
+    """What a run says that somebody should see even where a program reads what it prints."""
+    from motoremi.data.text import clean_text
+
+    if document["kind"] == "doubt":
+        sys.stderr.write(f"motoremi: {clean_text(str(document['says']))}\n")
+        sys.stderr.flush()
 
 
 def _tell_verdict(document: JsonDict) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class, driver_names
 from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, ready_procedures
 from motoremi.bench.runner import make_bench, resumable, start_document
@@ -173,6 +174,7 @@ class Workplace:
             self.run.wait()
 
     def _start(self, procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Any, ask: bool, done: Any) -> JsonDict:
+        refuse_unless_calibrated(procedure, bench_file)
         with self._turn:
             self._refuse_while_running()
             identifier = self._shelf.place(folder)
