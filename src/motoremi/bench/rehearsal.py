@@ -137,5 +137,8 @@ class _Notes:
         """Nothing is stored."""
         return self.path
 
+    def end(self) -> None:
+        """Nothing is stored."""
+
     def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
         """Nothing is stored."""

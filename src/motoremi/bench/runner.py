@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -13,6 +14,7 @@ from motoremi.bench.execution import Analyse, Execution, Prompt
 from motoremi.bench.procedure import BenchFile, Procedure, parse_procedure
 from motoremi.bench.resume import Done, needed_again
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.steps import ReportStep
 from motoremi.bench.writer import Writer
 from motoremi.data.session import Session, StorageError
 from motoremi.errors import BadInput, InstrumentError
@@ -34,9 +36,15 @@ class Outcome:
     verdicts: tuple[JsonDict, ...]
 
     @property
+    def verdict(self) -> str:
+        """ "fail" if a judging step said so, "pass" if none did and one said "pass", "done" if nothing was judged."""
+        said = {verdict.get("verdict") for verdict in self.verdicts}
+        return next((word for word in ("fail", "pass") if word in said), "done")
+
+    @property
     def passed(self) -> bool:
         """Whether no judging step said "fail"."""
-        return all(verdict.get("verdict") != "fail" for verdict in self.verdicts)
+        return self.verdict != "fail"
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
@@ -147,19 +155,26 @@ def run(
     """
     state = Execution(procedure, bench, writer, analyse, prompt, tick, done or Done())
     plan = procedure.plan
+    # What is reported at the end is a run that has ended: its instruments are safe, and the session says how it ended.
+    reports = tuple(itertools.takewhile(lambda planned: isinstance(planned.step, ReportStep), reversed(plan)))
     try:
         again: set[int] = set()
         if done is not None:
             again = needed_again(plan, done)
             writer.emit("resume", step=done.steps + 1, stored=done.stored, again=sorted(again))
+        left = [planned for planned in plan if planned.number > state.done.steps or planned.number in again]
         try:
-            for planned in plan:
-                if planned.number > state.done.steps or planned.number in again:
+            for planned in left:
+                if planned not in reports:
                     state.step(planned)
         finally:
             unsafe = state.leave_safe()
         if unsafe:
             raise InstrumentError("; ".join(f"{role} could not be brought into its safe state ({problem})" for role, problem in unsafe.items()))
+        writer.end()
+        for planned in left:
+            if planned in reports:
+                state.step(planned)
     except KeyboardInterrupt:
         writer.close("interrupted", f"stopped by the operator in {state.where}")
         raise

@@ -79,9 +79,9 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     finally:
         made.close()
     if as_json:
-        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": "pass" if outcome.passed else "fail", **outcome.to_dict()})
+        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": outcome.verdict, **outcome.to_dict()})
     else:
-        say(f"{'PASS' if outcome.passed else 'FAIL'}: session {folder}")
+        say(f"{outcome.verdict.upper()}: session {folder}")
     raise typer.Exit(0 if outcome.passed else 1)
 
 

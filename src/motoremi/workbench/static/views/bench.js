@@ -153,7 +153,7 @@ function words(document) {
     case "safe": return document.safe ? `  ${document.role} is in its safe state` : `  ${document.role} could NOT be brought into its safe state: ${document.problem}`;
     case "doubt": return document.says;
     case "resume": return `going on at step ${document.step}`;
-    case "stop": return `session closed: ${document.status} ${document.reason ?? ""}`;
+    case "stop": return `the run has ended: ${document.status} ${document.reason ?? ""}`;
     default: return "";
   }
 }
