@@ -68,17 +68,24 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
         "operator": bench_file.operator,
         "ambient": bench_file.ambient,
         "backend": bench_file.backend or "visa",
-        **_simulated(bench_file),
+        **_fingerprint(bench_file),
+        **({"simulated_seed": bench_file.seed} if bench_file.backend == "sim" else {}),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
         "calibration_age_days": {role: (date.today() - day).days for role, day in bench_file.calibrated.items()},
     }
 
 
-def _simulated(bench_file: BenchFile) -> JsonDict:
+def _fingerprint(bench_file: BenchFile) -> JsonDict:
     """Which simulated bench, without telling what it hides."""
     if bench_file.backend != "sim":
         return {}
     return {"simulated_sha256": hashlib.sha256(repr((bench_file.seed, bench_file.effects)).encode()).hexdigest()}
+
+
+def was_begun_on(session: Session, bench_file: BenchFile) -> bool:
+    """Whether this is the bench that a session was begun on, as far as it can be told."""
+    now = {"backend": bench_file.backend or "visa", **_fingerprint(bench_file)}
+    return all(session.start.get(key) == value for key, value in now.items())
 
 
 def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]:
@@ -95,10 +102,8 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
     # Done but not closed lacks only its manifest.
     if session.status == "done" and not session.interrupted:
         raise BadInput(f"{name} is complete: there is nothing to resume")
-    now = {"backend": bench_file.backend or "visa", **_simulated(bench_file)}
-    before = {key: session.start.get(key) for key in now}
-    if before != now:
-        raise BadInput(f"{name} was begun on another bench (backend {before['backend']!r}); resume it with the same --bench")
+    if not was_begun_on(session, bench_file):
+        raise BadInput(f"{name} was begun on another bench (backend {session.start.get('backend')!r}); resume it with the same --bench")
     return parse_procedure(session.start["procedure"], name), done_by(session, session.documents)
 
 

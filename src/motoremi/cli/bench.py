@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -72,7 +73,7 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     refuse_unless_calibrated(procedure, bench_file)
     made = make_bench(bench_file)
     try:
-        with stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
+        with stopped_by_signals(), keeping(folder), progress_bars(as_json) as bars, begin() as writer:
             writer.subscribe(warn if as_json else tell)
             tell_doubts(procedure, bench_file, writer)
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
@@ -295,6 +296,20 @@ def _tell_verdict(document: JsonDict) -> None:
     say(f"  {document['do']}: {result.get('verdict')}{detail}")
     for finding in result.get("serious_findings", []):
         say(f"  found in the data: {finding}")
+
+
+@contextmanager
+def keeping(folder: Path) -> Iterator[None]:
+    """Say where what was measured is kept if somebody stops a run; nothing is said before there is a session."""
+    from motoremi.data.paths import SESSION
+    from motoremi.errors import Stopped
+
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if not (folder / SESSION).is_file():
+            raise
+        raise Stopped(f"stopped; what was measured is kept in {folder}") from stop
 
 
 def fresh_folder(prefix: str) -> Path:
