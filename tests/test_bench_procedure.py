@@ -20,6 +20,7 @@ from motoremi.bench.procedure import (
     parse_procedure,
 )
 from motoremi.errors import BadInput
+from motoremi.quantities import parse
 
 GOOD: dict[str, Any] = {
     "title": "Test",
@@ -162,3 +163,9 @@ def test_mistakes_in_a_bench_file(tmp_path: Path) -> None:
     path.write_text('alow = ["x"]\n', encoding="utf-8")
     with pytest.raises(BadInput, match=r"bench.toml: alow: unknown key$"):
         load_bench_file(path)
+
+
+@pytest.mark.parametrize("text", ["nan kHz", "inf kHz", "-inf Hz", "nan", "NaN MHz"])
+def test_a_quantity_that_is_no_number_is_told_as_that(text: str) -> None:
+    with pytest.raises(BadInput, match=f"'{text}' is not a finite number"):
+        parse(text, "Hz")

@@ -176,7 +176,7 @@ def test_the_command_line_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(SystemExit) as caught:
         main()
     assert caught.value.code == 0
-    assert json.loads(capsys.readouterr().out)["verdict"] == "pass"
+    assert json.loads(capsys.readouterr().out)["verdict"] == "done"
     assert len(load(tmp_path / "s").sweeps) == 6
     for arguments in (["full_motor_test", "--resume", "x"], [], ["--resume", str(tmp_path / "s"), "--out", "y"]):
         monkeypatch.setattr("sys.argv", ["motoremi", "run", *arguments])

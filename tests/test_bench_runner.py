@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,13 @@ from motoremi.arrays import JsonDict
 from motoremi.bench.connect import VisaBench
 from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
 from motoremi.bench.replay import ReplayBench
-from motoremi.bench.runner import Outcome, make_bench, run, start_document
+from motoremi.bench.rerun import rerun
+from motoremi.bench.runner import Outcome, make_bench, resumable, run, start_document
 from motoremi.bench.simulated import SimulatedBench
-from motoremi.data.session import Session, SessionWriter, StorageError, load, verify
+from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.report.identity import identity_section
+from motoremi.workflow import report_session
 
 
 @pytest.fixture
@@ -75,7 +79,8 @@ def test_a_full_run(tmp_path: Path, procedure: Procedure, bench: SimulatedBench)
     assert sorted(spectrum.detector for spectrum in session.spectra) == ["average", "average", "peak", "peak"]
     assert [d["kind"] for d in seen] == kinds(session)[1:]
     assert kinds(session).count("step-start") == kinds(session).count("step-stop") == 13
-    assert kinds(session)[-3:] == ["safe", "safe", "stop"]
+    # What is reported has ended: its instruments are safe, and the session says so.
+    assert kinds(session)[-5:] == ["safe", "safe", "stop", "step-start", "step-stop"]
     instruments = [document for document in session.documents if document["kind"] == "instrument"]
     assert [document["identity"]["model"] for document in instruments] == ["4294A", "ESR3"]
     assert instruments[0]["settings"]["points"] == 21
@@ -83,6 +88,56 @@ def test_a_full_run(tmp_path: Path, procedure: Procedure, bench: SimulatedBench)
     for sweep in session.sweeps:
         truth = bench.motor.impedance(sweep.termination, sweep.frequency_hz)
         assert np.median(np.abs(sweep.impedance_ohm / truth - 1)) < 0.02
+
+
+def test_the_report_of_a_run_says_how_the_run_ended(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
+    """It is a step of the run, but the run has ended when it is written."""
+    data = copy.deepcopy(procedure.source)
+    data["steps"] = [step for step in data["steps"] if step["do"] in ("identify", "sweep", "report")]
+    short = parse_procedure(data, "x")
+    measure(tmp_path / "s", short, bench, analyse=lambda kind, store, _: report_session(store) and None)
+    told = json.loads((tmp_path / "s" / "report" / "report.json").read_text(encoding="utf-8"))
+    assert told["status"] == "done"
+    session = load(tmp_path / "s")
+    assert ("ended", "done") in identity_section(session, "").tables[0].rows
+    assert "<td>interrupted</td>" not in (tmp_path / "s" / "report" / "report.html").read_text(encoding="utf-8")
+    assert [d["status"] for d in session.documents if d["kind"] == "stop"] == ["done"]
+    assert (session.status, session.interrupted, verify(tmp_path / "s")) == ("done", False, [])
+
+
+@pytest.mark.parametrize(("trouble", "status"), [(BadInput("no paper"), "failed"), (KeyboardInterrupt(), "interrupted")])
+def test_a_report_that_fails_is_made_when_the_run_goes_on(
+    tmp_path: Path, procedure: Procedure, bench: SimulatedBench, trouble: BaseException, status: str
+) -> None:
+    def broken(kind: str, session: Any, parameters: JsonDict) -> JsonDict | None:
+        if kind == "report":
+            raise trouble
+        return None
+
+    with pytest.raises(type(trouble)):
+        measure(tmp_path / "s", procedure, bench, analyse=broken)
+    session = load(tmp_path / "s")
+    assert session.status == status
+    assert verify(tmp_path / "s") == []
+    if status == "failed":
+        recorded = rerun(session, tmp_path / "again", lambda: broken)
+        assert recorded.same
+        assert recorded.ended == session.documents[-1]["reason"] == "step 13 (report): no paper"
+    bench_file = BenchFile(backend="sim")
+    going_on, done = resumable(session, bench_file)
+    asked: list[str] = []
+    run(going_on, bench, reopen(tmp_path / "s"), analyse=lambda kind, *_: asked.append(kind), prompt=lambda text: None, done=done)  # type: ignore[func-returns-value]
+    assert asked == ["report"]
+    assert load(tmp_path / "s").status == "done"
+
+
+@pytest.mark.parametrize(
+    ("said", "verdict"),
+    [([], "done"), (["missing-effect"], "done"), (["pass"], "pass"), (["pass", "missing-effect"], "pass"), (["pass", "fail"], "fail")],
+)
+def test_a_run_passes_only_if_something_was_judged(said: list[str], verdict: str) -> None:
+    outcome = Outcome(3, tuple({"verdict": word} for word in said))
+    assert (outcome.verdict, outcome.passed) == (verdict, verdict != "fail")
 
 
 def test_one_seed_is_one_session(tmp_path: Path, procedure: Procedure) -> None:

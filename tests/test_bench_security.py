@@ -159,8 +159,9 @@ def test_a_ready_procedure_is_found_by_its_name_only() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path) -> None:
-    """On a prompt, where a run spends most of its time."""
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path, number: signal.Signals) -> None:
+    """On a prompt, where a run spends most of its time; and where a script has started it in the background, with Ctrl-C ignored."""
     code = (
         "import sys; from motoremi.bench import runner; from motoremi.bench.simulated import SimulatedBench;"
         f"runner.make_bench = lambda file: SimulatedBench({SEED});"
@@ -170,6 +171,7 @@ def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path / "s")],
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN) and None,
     )  # fmt: skip
     assert process.stderr is not None
     assert process.stdin is not None
@@ -177,7 +179,7 @@ def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path) -> None:
     until = time.monotonic() + 60
     while "Ctrl-C stops" not in said and time.monotonic() < until:
         said += process.stderr.read(1)
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(number)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "stopped; what was measured is kept" in error

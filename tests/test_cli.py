@@ -304,3 +304,25 @@ def test_several_files_behind_one_option():
     assert expanded(given) == ["import", "out", "--short", "a", "--short", "b", "--open", "c", "--analyser", "none"]
     assert expanded(["import", "--short", "a", "--open", "c", "out"]) == ["import", "out", "--short", "a", "--open", "c"]
     assert expanded(["fit", "--short"]) == ["fit", "--short"]
+
+
+@pytest.mark.parametrize("where", ["while loading", "before the session", "in the session"])
+def test_ctrl_c_says_what_is_kept_only_where_something_is(tmp_path, monkeypatch, capsys, where):
+    from motoremi.cli import main
+    from motoremi.data.recording import SessionWriter
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sys.argv", ["motoremi", "run", "impedance_only", "--bench", "sim", "--out", str(tmp_path / "s")])
+    if where == "while loading":
+        monkeypatch.setitem(sys.modules, "motoremi.cli.app", type("Slow", (), {"__getattr__": stop})())
+    elif where == "before the session":
+        monkeypatch.setattr(SessionWriter, "create", stop)
+    else:
+        monkeypatch.setattr("motoremi.bench.runner.run", stop)
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 130
+    kept = f"; what was measured is kept in {tmp_path / 's'}" if where == "in the session" else ""
+    assert capsys.readouterr().err.splitlines()[-1] == f"motoremi: stopped{kept}"

@@ -324,6 +324,23 @@ def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path):
     assert len(client.get(f"/api/sessions/{identifier}").json()["sweeps"]) == 6
 
 
+@pytest.mark.parametrize("seed", [7, 8])
+def test_a_run_that_hides_something_can_go_on(tmp_path, seed):
+    """What it hides was drawn and nobody is told; a page opened anew does not even know which motor it was."""
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    unknown = {**RUN, "hides": "something"}
+    identifier = client.post("/api/run", json={**unknown, "ask": True, "seed": seed}).json()["session"]
+    run = workbench.place.run
+    until(lambda: run.state()["prompt"])
+    client.post("/api/run/stop", json={})
+    run.wait()
+    assert run.state()["status"] == "stopped"
+    assert "error" not in client.post(f"/api/sessions/{identifier}/resume", json={**unknown, "seed": 1}).json()
+    workbench.place.run.wait()
+    assert workbench.place.state()["run"]["status"] == "done"
+
+
 def test_a_run_that_fails_says_why(tmp_path, monkeypatch):
     workbench = bench_of(tmp_path)
 

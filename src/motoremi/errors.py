@@ -20,3 +20,10 @@ class InstrumentError(MotoremiError):
     """An instrument or the link to it did not do what was asked."""
 
     exit_status = 3
+
+
+class Stopped(MotoremiError):
+    """The user stopped a measurement; the line says where what was measured is kept."""
+
+    # What a shell makes of Ctrl-C.
+    exit_status = 130

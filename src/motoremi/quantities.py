@@ -31,12 +31,13 @@ def parse(text: str | float | int, unit: str) -> float:
         quantity = Quantity(str(text).replace("Ω", "Ohm").replace("ohm", "Ohm"))
     except QuantiPhyError as error:
         raise BadInput(f"cannot read {str(text)!r} as a quantity in {unit} (write for example '150 kHz')") from error
+    value = float(quantity)
+    # Before the unit: QuantiPhy takes the prefix of "nan kHz" for a part of it.
+    if not math.isfinite(value):
+        raise BadInput(f"{str(text)!r} is not a finite number")
     wanted = unit.replace("Ω", "Ohm").replace("ohm", "Ohm")
     if quantity.units and quantity.units != wanted:
         raise BadInput(f"{str(text)!r} has the unit {quantity.units!r}, expected {unit}")
-    value = float(quantity)
-    if not math.isfinite(value):
-        raise BadInput(f"{str(text)!r} is not a finite number")
     return value
 
 
@@ -61,7 +62,7 @@ def show(value: float, unit: str, digits: int = 4) -> str:
     """Write a value with an SI prefix: `show(1.21e-5, "H")` gives `12.1 uH`."""
     if not math.isfinite(value):
         return f"{value} {unit}".strip()
-    if unit in ("", "1", "%", "dB", "deg", "dBuV"):
+    if unit in ("", "1", "%", "dB", "deg", "dBuV", "d"):
         return f"{value:.{digits}g} {unit if unit != '1' else ''}".strip()
     return str(Quantity(float(value), unit).render(prec=digits - 1, form="si", strip_zeros=True)).replace("µ", "u")
 

@@ -190,6 +190,9 @@ class Procedure(Strict):
 
     title: str = Field(min_length=1, max_length=200, description="what it is, for the report")
     instruments: dict[Role, InstrumentSpec] = Field(description="analyser, receiver, or both")
+    calibration_within: Annotated[float, Quantity("d", 1, 3650)] | None = Field(
+        default=None, description="no run with an instrument whose calibration is older, lies in the future or is not stated"
+    )
     sweep: SweepSpec | None = None
     spectrum: SpectrumSpec | None = None
     steps: tuple[Step, ...] = Field(min_length=1, description="what is done, in order")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class
 from motoremi.bench.procedure import BenchFile, Procedure
 from motoremi.bench.runner import run
@@ -63,10 +64,12 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
     Raises
     ------
     BadInput
-        If a resource is not on the bench's allow-list, or a driver has no simulated instrument.
+        If a resource is not on the bench's allow-list, a calibration is not what the procedure asks for, or a driver has no simulated
+        instrument.
     """
     bench_file.refuse_unless_allowed(procedure)
     bench_file.refuse_uncovered(procedure)
+    refuse_unless_calibrated(procedure, bench_file)
     bench = SimulatedBench(bench_file.seed)
     notes = _Notes(procedure, bench)
     try:
@@ -142,6 +145,9 @@ class _Notes:
     def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Nothing is stored."""
         return self.path
+
+    def end(self) -> None:
+        """Nothing is stored."""
 
     def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
         """Nothing is stored."""

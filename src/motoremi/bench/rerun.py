@@ -133,7 +133,9 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str]]:
     starts = [i for i, d in enumerate(session.documents) if d["kind"] == "resume"]
     edges = [0, *starts, len(session.documents)]
     for first, end in itertools.pairwise(edges):
-        stop = next((d for d in session.documents[first:end] if d["kind"] == "stop"), None)
+        own = itertools.takewhile(lambda d: d["kind"] != "reopen", session.documents[first:end])
+        # A run whose report failed has two: the measurement's and its own.
+        stop = next(reversed([d for d in own if d["kind"] == "stop"]), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
         yield (done_by(session, session.documents[:first]) if first else None), reason
 

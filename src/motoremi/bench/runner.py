@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -13,6 +14,7 @@ from motoremi.bench.execution import Analyse, Execution, Prompt
 from motoremi.bench.procedure import BenchFile, Procedure, parse_procedure
 from motoremi.bench.resume import Done, needed_again
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.steps import ReportStep
 from motoremi.bench.writer import Writer
 from motoremi.data.session import Session, StorageError
 from motoremi.errors import BadInput, InstrumentError
@@ -34,9 +36,15 @@ class Outcome:
     verdicts: tuple[JsonDict, ...]
 
     @property
+    def verdict(self) -> str:
+        """ "fail" if a judging step said so, "pass" if none did and one said "pass", "done" if nothing was judged."""
+        said = {verdict.get("verdict") for verdict in self.verdicts}
+        return next((word for word in ("fail", "pass") if word in said), "done")
+
+    @property
     def passed(self) -> bool:
         """Whether no judging step said "fail"."""
-        return all(verdict.get("verdict") != "fail" for verdict in self.verdicts)
+        return self.verdict != "fail"
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
@@ -67,7 +75,8 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
         "operator": bench_file.operator,
         "ambient": bench_file.ambient,
         "backend": bench_file.backend or "visa",
-        **_simulated(bench_file),
+        **_fingerprint(bench_file),
+        **({"simulated_seed": bench_file.seed} if bench_file.backend == "sim" else {}),
         "remarks": list(procedure.remarks()),
         "corrections": bench_file.corrections.to_list(),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
@@ -75,11 +84,17 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
     }
 
 
-def _simulated(bench_file: BenchFile) -> JsonDict:
+def _fingerprint(bench_file: BenchFile) -> JsonDict:
     """Which simulated bench, without telling what it hides."""
     if bench_file.backend != "sim":
         return {}
     return {"simulated_sha256": hashlib.sha256(repr((bench_file.seed, bench_file.effects)).encode()).hexdigest()}
+
+
+def was_begun_on(session: Session, bench_file: BenchFile) -> bool:
+    """Whether this is the bench that a session was begun on, as far as it can be told."""
+    now = {"backend": bench_file.backend or "visa", **_fingerprint(bench_file)}
+    return all(session.start.get(key) == value for key, value in now.items())
 
 
 def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]:
@@ -96,10 +111,8 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
     # Done but not closed lacks only its manifest.
     if session.status == "done" and not session.interrupted:
         raise BadInput(f"{name} is complete: there is nothing to resume")
-    now = {"backend": bench_file.backend or "visa", **_simulated(bench_file)}
-    before = {key: session.start.get(key) for key in now}
-    if before != now:
-        raise BadInput(f"{name} was begun on another bench (backend {before['backend']!r}); resume it with the same --bench")
+    if not was_begun_on(session, bench_file):
+        raise BadInput(f"{name} was begun on another bench (backend {session.start.get('backend')!r}); resume it with the same --bench")
     if session.start.get("corrections", []) != bench_file.corrections.to_list():
         raise BadInput(f"{name} was begun with other corrections; resume it with the same bench file, or begin a new session")
     return parse_procedure(session.start["procedure"], name), done_by(session, session.documents)
@@ -158,19 +171,26 @@ def run(
     """
     state = Execution(procedure, bench, writer, analyse, prompt, tick, done or Done())
     plan = procedure.plan
+    # What is reported at the end is a run that has ended: its instruments are safe, and the session says how it ended.
+    reports = tuple(itertools.takewhile(lambda planned: isinstance(planned.step, ReportStep), reversed(plan)))
     try:
         again: set[int] = set()
         if done is not None:
             again = needed_again(plan, done)
             writer.emit("resume", step=done.steps + 1, stored=done.stored, again=sorted(again))
+        left = [planned for planned in plan if planned.number > state.done.steps or planned.number in again]
         try:
-            for planned in plan:
-                if planned.number > state.done.steps or planned.number in again:
+            for planned in left:
+                if planned not in reports:
                     state.step(planned)
         finally:
             unsafe = state.leave_safe()
         if unsafe:
             raise InstrumentError("; ".join(f"{role} could not be brought into its safe state ({problem})" for role, problem in unsafe.items()))
+        writer.end()
+        for planned in left:
+            if planned in reports:
+                state.step(planned)
     except KeyboardInterrupt:
         writer.close("interrupted", f"stopped by the operator in {state.where}")
         raise

@@ -42,6 +42,10 @@ class Writer(Protocol):
         """Store one exchange."""
         ...
 
+    def end(self) -> None:
+        """Write the stop document of a measurement that is done; only its report follows."""
+        ...
+
     def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
-        """Write the stop document and the manifest."""
+        """Write the stop document, unless the measurement has ended well and so has what followed, and the manifest."""
         ...

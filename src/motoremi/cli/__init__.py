@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Any
+from typing import Any, NoReturn
 
 # What a shell, and typer, make of Ctrl-C.
 STOPPED = 130
@@ -15,7 +15,17 @@ def main() -> None:
     # The matrices here are small: a second thread in the linear algebra costs more than it brings.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    try:
+        status = _obeyed()
+    except KeyboardInterrupt:
+        status = STOPPED
+    if status == STOPPED:
+        fail("stopped", STOPPED)
+    sys.exit(status or 0)
 
+
+def _obeyed() -> int | None:
+    """Do what the command line says; its exit status."""
     import typer
 
     from motoremi.cli.app import app
@@ -27,31 +37,29 @@ def main() -> None:
     wrong_use: Any = typer.BadParameter.__mro__[2]
     try:
         front, rest = hoisted(sys.argv[1:])
-        status = app(args=[*front, *expanded(rest)], prog_name="motoremi", standalone_mode=False)
+        status: int | None = app(args=[*front, *expanded(rest)], prog_name="motoremi", standalone_mode=False)
+        return status
     except typer.Exit as error:
-        status = error.exit_code
+        return error.exit_code
     except wrong_use as error:
         fail(getattr(error, "format_message", error.__str__)(), 2)
     except MotoremiError as error:
         fail(str(error), error.exit_status)
-    except (KeyboardInterrupt, typer.Abort):
-        status = STOPPED
+    except typer.Abort:
+        return STOPPED
     except BrokenPipeError:
         # The reader of our output went away: nothing is wrong on our side.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = 0
+        return 0
     except OSError as error:
         fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 2)
     except Exception as error:
         if os.environ.get("MOTOREMI_DEBUG"):
             raise
         fail(f"internal error ({type(error).__name__}: {error}); set MOTOREMI_DEBUG=1 for the details and report it", 2)
-    if status == STOPPED:
-        fail("stopped; what was measured is kept", STOPPED)
-    sys.exit(status or 0)
 
 
-def fail(message: str, status: int) -> None:
+def fail(message: str, status: int) -> NoReturn:
     """Say what is wrong in one line and leave."""
     from motoremi.data.text import clean_text
 

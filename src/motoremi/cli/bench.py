@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -62,26 +63,29 @@ def run_(
 
 
 def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
+    from motoremi.bench.calibration import refuse_unless_calibrated, tell_doubts
     from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
     from motoremi.interrupts import stopped_by_signals
 
     bench_file.refuse_unless_allowed(procedure)
+    refuse_unless_calibrated(procedure, bench_file)
     made = make_bench(bench_file)
     try:
-        with stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
+        with stopped_by_signals(), keeping(folder), progress_bars(as_json) as bars, begin() as writer:
+            writer.subscribe(warn if as_json else tell)
+            tell_doubts(procedure, bench_file, writer)
             if not as_json:
-                writer.subscribe(tell)
                 for remark in procedure.remarks():
                     say(f"note: {remark}")
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
     if as_json:
-        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": "pass" if outcome.passed else "fail", **outcome.to_dict()})
+        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": outcome.verdict, **outcome.to_dict()})
     else:
-        say(f"{'PASS' if outcome.passed else 'FAIL'}: session {folder}")
+        say(f"{outcome.verdict.upper()}: session {folder}")
     raise typer.Exit(0 if outcome.passed else 1)
 
 
@@ -281,8 +285,19 @@ def tell(document: JsonDict) -> None:
         say(f"going on at step {document['step']}" + (f", of which {document['stored']} are stored" if document["stored"] else ""))
     elif kind == "verdict":
         _tell_verdict(document)
+    elif kind == "doubt":
+        warn(document)
     elif kind == "safe" and not document["safe"]:
         say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
+
+
+def warn(document: JsonDict) -> None:
+    """What a run says that somebody should see even where a program reads what it prints."""
+    from motoremi.data.text import clean_text
+
+    if document["kind"] == "doubt":
+        sys.stderr.write(f"motoremi: {clean_text(str(document['says']))}\n")
+        sys.stderr.flush()
 
 
 def _tell_verdict(document: JsonDict) -> None:
@@ -297,6 +312,20 @@ def _tell_verdict(document: JsonDict) -> None:
     say(f"  {document['do']}: {result.get('verdict')}{detail}")
     for finding in result.get("serious_findings", []):
         say(f"  found in the data: {finding}")
+
+
+@contextmanager
+def keeping(folder: Path) -> Iterator[None]:
+    """Say where what was measured is kept if somebody stops a run; nothing is said before there is a session."""
+    from motoremi.data.paths import SESSION
+    from motoremi.errors import Stopped
+
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if not (folder / SESSION).is_file():
+            raise
+        raise Stopped(f"stopped; what was measured is kept in {folder}") from stop
 
 
 def fresh_folder(prefix: str) -> Path:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.bench import fresh_folder, tell
+from motoremi.cli.bench import fresh_folder, keeping, tell
 from motoremi.cli.options import AsJson, Out, command
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def demo_(
         if not as_json:
             say("A simulated motor on the embedded bench hides something; motoremi does not know what.\n")
             writer.subscribe(tell)
-        with progress_bars(as_json) as bars:
+        with keeping(folder), progress_bars(as_json) as bars:
             run(procedure, bench, writer, analyse=analyse(bars.bar("diagnosing")), prompt=lambda text: None)
     finally:
         bench.close()

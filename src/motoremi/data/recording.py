@@ -52,6 +52,7 @@ class SessionWriter:
         self._previous = previous_sha256
         self._traffic: AppendFile | None = None
         self._listeners: list[Listener] = []
+        self._ended = False
         self._closed = False
         # The recorder of an instrument's traffic may run in another thread than the procedure.
         self._turn = threading.RLock()
@@ -192,8 +193,15 @@ class SessionWriter:
                 self._traffic = AppendFile(inside(self.path, TRAFFIC), new=False)
             self._traffic.append(to_line(record), sync=False)
 
+    def end(self) -> None:
+        """Emit the "stop" document of a measurement that is done, while the session stays open for the report of it."""
+        with self._turn:
+            self._sync_traffic()
+            self._ended = True
+            self.emit("stop", status="done", reason="")
+
     def close(self, status: Status, reason: str = "") -> None:
-        """Emit the "stop" document, then write the manifest. Closing twice does nothing.
+        """Emit the "stop" document unless that has been done and nothing has gone wrong since; then write the manifest. Closing twice does nothing.
 
         Parameters
         ----------
@@ -208,12 +216,14 @@ class SessionWriter:
                 return
             with unbroken():
                 document = self._closing(status, reason)
-            self._tell(document)
+            if document is not None:
+                self._tell(document)
 
-    def _closing(self, status: Status, reason: str) -> JsonDict:
+    def _closing(self, status: Status, reason: str) -> JsonDict | None:
         try:
             self._sync_traffic()
-            document = self._append("stop", {"status": status, "reason": clean_text(reason)})
+            has_stop = self._ended and status == "done"
+            document = None if has_stop else self._append("stop", {"status": status, "reason": clean_text(reason)})
             with told_as_storage_error(self.path / MANIFEST):
                 files, _ = list_files(self.path)
                 records = {name: record_file(self.path / name) for name in files}

@@ -247,12 +247,13 @@ def _check_json(data: bytes, name: str) -> None:
 
 def _run_status(chain: Chain) -> str:
     """How the measurement itself ended: later additions do not make an interrupted run a complete one, only a run that went on does."""
-    status = None
+    status, is_addition = "interrupted", False
     for document in chain.documents:
         if document["kind"] == "stop" and document.get("status") in STATUSES:
-            status = status or str(document["status"])
+            # A run whose report failed has two: the measurement's and its own.
+            status = status if is_addition else str(document["status"])
         elif document["kind"] == "resume":
-            status = None
+            status, is_addition = "interrupted", False
         elif document["kind"] == "reopen":
-            status = status or "interrupted"
-    return status or "interrupted"
+            is_addition = True
+    return status

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from motoremi.arrays import JsonDict
+from motoremi.data.calibration import calibration_doubt
 from motoremi.data.session import Session
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
@@ -23,8 +24,6 @@ STORED = {
     "emission": "motoremi diagnose --emission",
     "prediction": "motoremi predict",
 }
-# Calibration laboratories recommend a year for impedance analysers and receivers alike.
-OLD_CALIBRATION_DAYS = 365
 
 
 def gaps(materials: Materials) -> tuple[str, ...]:
@@ -109,8 +108,11 @@ def _of_the_run(session: Session) -> list[str]:
 
 def _of_the_set_up(session: Session) -> list[str]:
     found = []
-    ages = session.start.get("calibration_age_days") or {}
-    found += [f"the calibration of the {role} is {age} days old" for role, age in ages.items() if age > OLD_CALIBRATION_DAYS]
+    found += [str(d["says"]) for d in session.documents if d["kind"] == "doubt"]
+    # A procedure with an interval of its own was refused where it is exceeded.
+    if "calibration_within" not in (session.start.get("procedure") or {}):
+        ages = session.start.get("calibration_age_days") or {}
+        found += [doubt for role, age in ages.items() if (doubt := calibration_doubt(role, age))]
     if session.start.get("analyser_assumed"):
         found.append("the analyser was not named: the size of its errors is estimated from the data")
     for sweep in session.sweeps:

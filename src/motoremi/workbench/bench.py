@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class, driver_names
 from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, ready_procedures
-from motoremi.bench.runner import make_bench, resumable, start_document
+from motoremi.bench.runner import make_bench, resumable, start_document, was_begun_on
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
 from motoremi.data.paths import inside
-from motoremi.data.session import SessionWriter, load, reopen
+from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.data.source import decode, read_bytes
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.simulate.effects import DEMO_EFFECTS
@@ -136,8 +137,10 @@ class Workplace:
 
     def resume(self, identifier: str, asked: Asked) -> JsonDict:
         """Go on with an interrupted session."""
-        folder, bench_file = self._shelf.desk(identifier).path, self._bench(asked)
-        procedure, done = resumable(load(folder), bench_file)
+        folder = self._shelf.desk(identifier).path
+        session = load(folder)
+        bench_file = self._bench_of(session, asked)
+        procedure, done = resumable(session, bench_file)
         return self._start(procedure, bench_file, folder, lambda: reopen(folder), asked.ask, done)
 
     def trace(self, seq: int) -> JsonDict:
@@ -173,6 +176,7 @@ class Workplace:
             self.run.wait()
 
     def _start(self, procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Any, ask: bool, done: Any) -> JsonDict:
+        refuse_unless_calibrated(procedure, bench_file)
         with self._turn:
             self._refuse_while_running()
             identifier = self._shelf.place(folder)
@@ -185,6 +189,15 @@ class Workplace:
     def _refuse_while_running(self) -> None:
         if self.run is not None and self.run.active:
             raise BadInput("a run is going on: wait for its end or stop it first")
+
+    def _bench_of(self, session: Session, asked: Asked) -> BenchFile:
+        """The bench that a session was begun on. What a simulated one hides may have been drawn, and the session holds its fingerprint only."""
+        bench_file = self._bench(asked)
+        if bench_file.backend != "sim":
+            return bench_file
+        seed = session.start.get("simulated_seed", asked.seed)
+        benches = [bench_file.model_copy(update={"seed": seed, "effects": effects}) for effects in ((), *((name,) for name in DEMO_EFFECTS))]
+        return next((bench for bench in benches if was_begun_on(session, bench)), bench_file)
 
     def _bench(self, asked: Asked) -> BenchFile:
         if asked.bench == REAL:

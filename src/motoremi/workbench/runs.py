@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.calibration import tell_doubts
 from motoremi.bench.procedure import BenchFile, Procedure
 from motoremi.bench.progress import RunProgress
 from motoremi.bench.rehearsal import rehearse
@@ -142,6 +143,7 @@ class Run:
         try:
             with self._begin() as writer:
                 writer.subscribe(self._document)
+                tell_doubts(self._procedure, self._bench_file, writer)
                 ticks = [self._tick]
                 try:
                     rehearsed = rehearse(self._procedure, self._bench_file)

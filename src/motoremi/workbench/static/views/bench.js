@@ -151,8 +151,9 @@ function words(document) {
     case "sweep": case "spectrum": case "standard": return `  ${[document.termination, document.detector, document.standard, document.condition].filter(Boolean).join(" ")} ${document.kind}: ${document.points} points`;
     case "verdict": return `  ${document.do}: ${document.result.verdict ?? document.result.next_measurement?.id ?? ""} ${[...(document.result.effects ?? []), ...(document.result.serious_findings ?? [])].join(", ")}`;
     case "safe": return document.safe ? `  ${document.role} is in its safe state` : `  ${document.role} could NOT be brought into its safe state: ${document.problem}`;
+    case "doubt": return document.says;
     case "resume": return `going on at step ${document.step}`;
-    case "stop": return `session closed: ${document.status} ${document.reason ?? ""}`;
+    case "stop": return `the run has ended: ${document.status} ${document.reason ?? ""}`;
     default: return "";
   }
 }
