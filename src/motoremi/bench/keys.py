@@ -10,14 +10,17 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.lines import Lines
 from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SpectrumSpec, SweepSpec
 from motoremi.bench.quantity import Quantity
-from motoremi.bench.steps import STEPS, Strict
+from motoremi.bench.steps import STEPS
+from motoremi.bench.strict import Strict
 from motoremi.quantities import show
 
 TABLES: tuple[tuple[str, type[Strict]], ...] = (
     ("procedure", Procedure),
-    ("[instruments] analyser, receiver", InstrumentSpec),
+    ("[instruments] by role", InstrumentSpec),
+    ("[instruments.ROLE.lines]", Lines),
     ("[sweep]", SweepSpec),
     ("[spectrum]", SpectrumSpec),
 )

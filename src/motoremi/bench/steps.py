@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connections import Condition, ConnectionName
 from motoremi.bench.quantity import Quantity
+from motoremi.bench.state_steps import SupplyStep, WaitFor
+from motoremi.bench.strict import Strict
 from motoremi.data.spectrum import Detector
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 
 Repeats = Annotated[int, Field(ge=1, le=100, description="how many, one after the other on the same connection")]
-
-
-class Strict(BaseModel):
-    """A table whose keys are all known and that does not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    def parameters(self) -> JsonDict:
-        """What a step does it with: its keys that matter."""
-        return self.model_dump(exclude={"do"}, exclude_none=True)
 
 
 class Identify(Strict):
@@ -133,7 +125,7 @@ class ReportStep(Strict):
 
 AnalysisStep = FitStep | CompareStep | DiagnoseStep | NextStep | ReportStep
 MeasuringStep = Compensate | Sweep | Check | Scan
-PlainStep = Identify | Connect | Wait | MeasuringStep | AnalysisStep
+PlainStep = Identify | Connect | Wait | SupplyStep | WaitFor | MeasuringStep | AnalysisStep
 
 
 class Repeat(Strict):
@@ -146,5 +138,5 @@ class Repeat(Strict):
 
 Step = Annotated[PlainStep | Repeat, Field(discriminator="do")]
 STEPS: tuple[type[Strict], ...] = (
-    Identify, Compensate, Connect, Sweep, Check, Scan, Wait, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep, ReportStep,
+    Identify, Compensate, Connect, Sweep, Check, Scan, Wait, SupplyStep, WaitFor, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep, ReportStep,
 )  # fmt: skip

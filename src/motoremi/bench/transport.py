@@ -6,6 +6,7 @@ import abc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import ceil
+from typing import Literal
 
 import pyvisa
 from pyvisa import constants
@@ -23,6 +24,7 @@ _SERIAL_BUFFERS = (
 )
 # Nobody is heard while a VISA library waits: neither Ctrl-C nor the workbench's stop.
 _LONGEST_WAIT_S = 0.5
+Parity = Literal["none", "even", "odd"]
 # Bit 6 of the status byte in a serial poll.
 _REQUESTS_SERVICE = 0x40
 
@@ -48,6 +50,8 @@ class Transport(abc.ABC):
         Whether the instrument can be waited for with `await_request`; False unless the link says otherwise.
     while_waiting : callable
         Called again and again in that wait; what it raises ends the wait.
+    answered_at : str
+        UTC time of the last answer, where the link records it; a replay gives the recorded one.
     """
 
     def __init__(self, resource_name: str, clock: Clock, stream: bool = False) -> None:
@@ -57,6 +61,7 @@ class Transport(abc.ABC):
         self.service_requests = False
         self.while_waiting: Callable[[], None] = lambda: None
         self.terminator = TERMINATOR
+        self.answered_at = ""
         self._last_command = ""
 
     @abc.abstractmethod
@@ -91,6 +96,9 @@ class Transport(abc.ABC):
     def end_messages_with(self, sent: bytes, received: str) -> None:
         """Use other ends of messages than a newline: what follows each command, and the character that ends each answer."""
         self.terminator = sent
+
+    def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:  # noqa: B027
+        """Set a serial line up; other links have no such thing."""
 
     @contextmanager
     def patience(self, seconds: float) -> Iterator[None]:
@@ -178,6 +186,7 @@ class VisaTransport(Transport):
         self._resource = resource
         self._reopen = reopen
         self._failed = False
+        self._serial: tuple[int, int, Parity] | None = None
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
         self.service_requests = not stream and self._hears_requests()
@@ -196,6 +205,16 @@ class VisaTransport(Transport):
         """Use other ends of messages than a newline."""
         super().end_messages_with(sent, received)
         self._resource.read_termination = received
+
+    def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:
+        """Set a serial line up."""
+        if self._resource.interface_type != constants.InterfaceType.asrl:
+            return
+        self._serial = (baud, data_bits, parity)
+        with self._one_line("cannot be set up as a serial line after", "check baud rate, data bits and parity"):
+            self._resource.set_visa_attribute(constants.ResourceAttribute.asrl_baud_rate, baud)
+            self._resource.set_visa_attribute(constants.ResourceAttribute.asrl_data_bits, data_bits)
+            self._resource.set_visa_attribute(constants.ResourceAttribute.asrl_parity, constants.Parity[parity])
 
     def send(self, data: bytes) -> None:
         """Send one message."""
@@ -243,6 +262,8 @@ class VisaTransport(Transport):
             self._resource.close()
         self._resource = reopen()
         self._resource.read_termination = ending
+        if self._serial is not None:
+            self.talk_at(*self._serial)
         if self.service_requests:
             self._hears_requests()
         self.timeout_s = timeout_s

@@ -17,6 +17,7 @@ from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
+    from motoremi.bench.answer import Answer
     from motoremi.bench.connect import Bench
     from motoremi.bench.procedure import BenchFile, Procedure
     from motoremi.bench.rehearsal import Rehearsed
@@ -42,6 +43,7 @@ def run_(
     as_json: AsJson = False,
 ) -> None:
     """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails. Ctrl-C stops safely and keeps the data."""
+    from motoremi.bench.on_bench import on_bench
     from motoremi.bench.procedure import BenchFile, load_bench_file, load_procedure
     from motoremi.bench.runner import resumable, start_document
     from motoremi.data.session import SessionWriter, load, reopen
@@ -55,7 +57,7 @@ def run_(
         steps, done = resumable(load(resume), bench_file)
         _run(steps, bench_file, resume, lambda: reopen(resume), as_json, done)
         return
-    steps = load_procedure(str(procedure))
+    steps = on_bench(load_procedure(str(procedure)), bench_file)
     if dry_run:
         _rehearse(steps, bench_file, as_json)
         return
@@ -67,19 +69,26 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
+    from motoremi.data.state import marks_of, states_of
 
     bench_file.refuse_unless_allowed(procedure)
     made = make_bench(bench_file)
     try:
         with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
+            measured: list[JsonDict] = []
+            writer.subscribe(measured.append)
             if not as_json:
                 writer.subscribe(tell)
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
+    marked = [{"file": file, "marks": marks_of(state)} for file, state in states_of(measured) if marks_of(state)]
     if as_json:
-        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": "pass" if outcome.passed else "fail", **outcome.to_dict()})
+        verdict = "pass" if outcome.passed else "fail"
+        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": verdict, **outcome.to_dict(), "marked": marked})
     else:
+        for entry in marked:
+            say(f"MARKED: {entry['file']}: {'; '.join(entry['marks'])}")
         say(f"{'PASS' if outcome.passed else 'FAIL'}: session {folder}")
     raise typer.Exit(0 if outcome.passed else 1)
 
@@ -104,10 +113,11 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
             writer.subscribe(progress.document)
             tick = progress.tick
 
-    def ask(text: str) -> None:
-        if bench_file.backend != "sim":
-            with bars.paused():
-                _ask(text)
+    def ask(text: str) -> Answer | None:
+        if bench_file.backend == "sim":
+            return None
+        with bars.paused():
+            return _ask(text)
 
     return run(procedure, made, writer, analyse=analyse(bars.bar("diagnosing")), prompt=ask, tick=tick, done=done)
 
@@ -171,15 +181,21 @@ def _stopped_by_signals() -> Iterator[None]:
             signal.signal(getattr(signal, name), handler)
 
 
-def _ask(text: str) -> None:
-    """Tell the operator what to connect and wait."""
+def _ask(text: str) -> Answer:
+    """Tell the operator what to do and wait for one of the three answers."""
+    from motoremi.bench.answer import TYPED
     from motoremi.data.text import clean_text
 
     lines = "\n".join(clean_text(line) for line in text.split("\n"))
-    sys.stderr.write(f"\n{lines}\n\nPress Enter when done (Ctrl-C stops): ")
-    sys.stderr.flush()
-    if not sys.stdin.readline():
-        raise BadInput("nobody answers the prompt: standard input has ended; run from a terminal")
+    sys.stderr.write(f"\n{lines}\n")
+    while True:
+        sys.stderr.write("\n[Enter] done, n not done, s stop: ")
+        sys.stderr.flush()
+        if not (typed := sys.stdin.readline()):
+            raise BadInput("nobody answers the prompt: standard input has ended; run from a terminal")
+        answer = TYPED.get(" ".join(typed.casefold().split()))
+        if answer is not None:
+            return answer
 
 
 def replay_(
@@ -262,6 +278,7 @@ def procedures_(
 def tell(document: JsonDict) -> None:
     """What a run says of itself, a line for each thing worth knowing."""
     from motoremi.cli.output import say
+    from motoremi.data.state import marks_of, state_line
     from motoremi.quantities import show_band
 
     kind = document["kind"]
@@ -271,6 +288,19 @@ def tell(document: JsonDict) -> None:
     elif kind in ("sweep", "spectrum", "standard"):
         what = " ".join(str(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
+        if "state" in document:
+            say(
+                "\n".join(
+                    f"    {text}" for text in (f"at {state_line(document['state'])}", *(f"MARKED: {mark}" for mark in marks_of(document["state"])))
+                )
+            )
+    elif kind == "supply":
+        say(f"  supply {document['output']}" + (f"; {document['trouble']}" if document["trouble"] else ""))
+    elif kind == "state":
+        reached = document["reached"] or "not reached, the operator goes on"
+        say(f"  {reached} after {_duration(document['seconds'])}: {state_line(document['state'])}")
+    elif kind == "prompt":
+        say(f"  the operator: {document['answer']}")
     elif kind == "step-start":
         detail = " ".join(str(value) for value in document["parameters"].values())
         again = " (again, for what follows)" if document.get("again") else ""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def simulate_(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="4294a, e4990a, nanovna, esr, mxe or tinysa.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="4294a, e4990a, nanovna, esr, mxe, tinysa, 34461a, e36300, hmp4000 or line-reader.")],
     tcp: Annotated[int | None, typer.Option(metavar="PORT", help="Serve on this TCP port of 127.0.0.1; 0 takes any free one.")] = None,
     pty: Annotated[bool, typer.Option("--pty", help="Serve on a pseudo-terminal, which is a serial port to other programs.")] = False,
     effect: Annotated[list[str] | None, typer.Option(metavar="ID", help="Something for the motor or the instrument to hide.")] = None,
