@@ -62,9 +62,7 @@ def test_the_simulated_bench_answers() -> None:
     assert answers["GPIB0::20::INSTR"].identity.startswith("Rohde&Schwarz,ESR3")
 
 
-@pytest.mark.parametrize(
-    ("name", "over"), [*((name, "tcp") for name in sorted(VIRTUAL_INSTRUMENTS) if name != "line-reader"), ("nanovna", "pty"), ("tinysa", "pty")]
-)
+@pytest.mark.parametrize(("name", "over"), [*((name, "tcp") for name in RECOGNISED), ("nanovna", "pty"), ("tinysa", "pty")])
 def test_every_instrument_is_recognised_on_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
     with served(name, over) as (server, _):
         answer = survey(manager, [server.resource])[0]
