@@ -13,9 +13,10 @@ from motoremi.bench.transport import Transport
 class Keysight34461A(Meter):
     """A Truevolt multimeter as voltmeter, ammeter or thermometer.
 
-    Sources: command quick reference of the Truevolt guide (`CONFigure`, `READ?`, `TEMPerature` with its sensors); 9.9E37 for an overload by
-    the 34410A guide, whose language it speaks. Temperatures come in degC, which is the default of `UNIT:TEMP`. Unconfirmed: the number of
-    digits of a reading (an exponent is expected), and which sensors need a 34465A or 34470A (thermocouples do by the quick reference).
+    Sources: command quick reference of the Truevolt guide (`MEASure` with `VOLTage:DC`, `CURRent:DC`, `TEMPerature` and its sensors); 9.9E37
+    for an overload by the 34410A guide, whose language it speaks. Temperatures come in degC, which is the default of `UNIT:TEMP`.
+    Unconfirmed: the number of digits of a reading (an exponent is expected), and which sensors need a 34465A or 34470A (thermocouples do by
+    the quick reference).
     """
 
     model = r"344(60|61|65|70)A"
@@ -28,22 +29,12 @@ class Keysight34461A(Meter):
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)
         self._probe = "FRTD"
-        self._configured = ""
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
         """Take the temperature sensor."""
         self._probe = str(options.get("thermometer", {}).get("probe") or self._probe)
 
-    def reset(self) -> None:
-        """Bring it into a known, idle state."""
-        super().reset()
-        self._configured = ""
-
     def read_quantity(self, quantity: str) -> float:
-        """Measure once with automatic range."""
-        # Each time if it changes, and once if not: configuring costs more than reading.
-        command = {"voltage_volt": "CONF:VOLT:DC", "current_ampere": "CONF:CURR:DC", "temperature_degc": f"CONF:TEMP {self._probe}"}[quantity]
-        if command != self._configured:
-            self.tell(command)
-            self._configured = command
-        return self.ask_number("READ?")
+        """Measure once with automatic range; each query says what is measured, so that a multimeter that restarted measures nothing else."""
+        query = {"voltage_volt": "MEAS:VOLT:DC?", "current_ampere": "MEAS:CURR:DC?", "temperature_degc": f"MEAS:TEMP? {self._probe}"}
+        return self.ask_number(query[quantity])

@@ -263,7 +263,7 @@ def test_a_babbling_tachometer_is_one_line_and_nothing_is_lost(
     other = SimulatedBench(SEED)
     tachometer = placed(other, "tachometer")
     monkeypatch.setattr(tachometer, "take_answers", BABBLE[kind])
-    with pytest.raises(InstrumentError, match="no line came|can be read"):
+    with pytest.raises(InstrumentError, match=r"no line came|can be read"):
         measure(tmp_path / "t", other)
     other.close()
 

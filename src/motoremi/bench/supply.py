@@ -119,7 +119,7 @@ class Supply(Meter):
         self.check_errors(self.off_commands[0])
         self.told["output"] = False
         if self.is_on():
-            raise InstrumentError(f"{self}: output {self.channel} is still ON after it was switched off; switch it off by hand")
+            raise InstrumentError(f"{self}: output {self.channel} is still ON after it was switched off")
 
     def is_on(self) -> bool:
         """Whether the output is on."""
@@ -162,7 +162,10 @@ class Supply(Meter):
         try:
             self._leave()
         except InstrumentError:
-            self._leave()
+            try:
+                self._leave()
+            except InstrumentError as error:
+                raise InstrumentError(f"{error}; the motor may still run, switch the supply off by hand") from error
 
     def _leave(self) -> None:
         with suppress(InstrumentError):

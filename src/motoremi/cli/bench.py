@@ -77,8 +77,7 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
         with _stopped_by_signals(), progress_bars(as_json) as bars, begin() as writer:
             measured: list[JsonDict] = []
             writer.subscribe(measured.append)
-            if not as_json:
-                writer.subscribe(tell)
+            writer.subscribe(_warn if as_json else tell)
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
@@ -311,6 +310,15 @@ def tell(document: JsonDict) -> None:
         _tell_verdict(document)
     elif kind == "safe" and not document["safe"]:
         say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
+
+
+def _warn(document: JsonDict) -> None:
+    """What a person has to know even where a machine reads standard output: an instrument that is not safe."""
+    from motoremi.data.text import clean_text
+
+    if document["kind"] == "safe" and not document["safe"]:
+        text = f"{document['role']} could NOT be brought into its safe state: {document['problem']}"
+        sys.stderr.write(f"motoremi: {clean_text(text)}\n")
 
 
 def _tell_verdict(document: JsonDict) -> None:
