@@ -82,8 +82,9 @@ class Lines(Strict):
         """A line of this kind that says another value, for the simulated instrument."""
         _, factor, offset = UNITS[self.unit]
         start, end = self.span(line) or (0, 0)
-        decimals = len(line[start:end].strip().replace(",", ".").partition(".")[2])
-        return f"{line[:start]}{(value - offset) / factor / self.scale:.{decimals}f}{line[end:]}"
+        before = line[start:end].strip()
+        text = f"{(value - offset) / factor / self.scale:.{len(before.replace(',', '.').partition('.')[2])}f}"
+        return f"{line[:start]}{text.replace('.', ',') if ',' in before else text}{line[end:]}"
 
     def span(self, line: str) -> tuple[int, int] | None:
         """Where the number stands in a line of this kind."""

@@ -55,7 +55,7 @@ class MotorStand:
     def limited(self) -> bool:
         """Whether the supply limits the current now."""
         self._advance()
-        return self._source is not None and self._wanted_ampere(self._source[0]) > self._source[1]
+        return self._source is not None and _exceeds(self._wanted_ampere(self._source[0]), self._source[1])
 
     @property
     def current_ampere(self) -> float:
@@ -100,7 +100,7 @@ class MotorStand:
         wanted = self._wanted_ampere(volt)
         current = min(wanted, limit)
         power_watt = current * (CONSTANT_VOLT_S * self._speed + RESISTANCE_OHM * current)
-        if current < wanted or self._source is None:
+        if _exceeds(wanted, limit) or self._source is None:
             # The torque is constant: the shaft gains speed until the supply need not limit any more, or loses it.
             gain = (CONSTANT_VOLT_S * current - LOAD_NEWTON_M) / INERTIA_KG_M2 * step_s
             free = max(0.0, (volt - RESISTANCE_OHM * limit) / CONSTANT_VOLT_S)
@@ -111,3 +111,8 @@ class MotorStand:
             self._speed = final + (self._speed - final) * math.exp(-step_s / time_s)
         final_degc = AMBIENT_DEGC + HEAT_SHARE * power_watt * THERMAL_KELVIN_PER_WATT
         self._temperature_degc = final_degc + (self._temperature_degc - final_degc) * math.exp(-step_s / THERMAL_TIME_S)
+
+
+def _exceeds(wanted_ampere: float, limit_ampere: float) -> bool:
+    """Whether a supply has to limit; the last digit does not count, or a motor that has reached its speed would stay in the limit."""
+    return wanted_ampere > limit_ampere * (1 + 1e-9)
