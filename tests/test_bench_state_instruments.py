@@ -273,9 +273,6 @@ def test_the_report_shows_the_state_and_what_is_marked(tmp_path: Path) -> None:
     session = load(tmp_path / "s")
     marks = marks_of({"outside": ["speed 1 rpm: x"], "missing": {"temperature_degc": "no line"}})
     assert marks == ["speed 1 rpm: x", "temperature not read: no line"]
-        "speed 1 rpm: x",
-        "temperature not read: no line",
-    ]
     assert marks_of("nonsense") == []
     assert state_line({"speed_rpm": float("nan"), "voltage_volt": "x"}) == ""
     section = state_section(session)
