@@ -42,6 +42,8 @@ class LineReader(Meter):
                 raise BadInput(f"{role}: a line reader needs 'lines' in the bench file: example, field or pattern, unit")
             lines = Lines.model_validate(entry["lines"])
             self._lines[lines.quantity] = lines
+        if not self._lines:
+            raise BadInput(f"{self.transport.resource_name}: a line reader needs 'lines' in the bench file: example, field or pattern, unit")
         first = next(iter(self._lines.values()))
         end = CHARACTERS[first.line_end]
         self.transport.end_messages_with(end.encode(), end)
