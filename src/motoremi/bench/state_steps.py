@@ -141,7 +141,9 @@ class WaitFor(Strict):
         apart = float(np.ptp(last)) if self.target is None else float(np.max(np.abs(last - middle)))
         if apart > within:
             return None
-        low, high = middle - within, middle + within
+        # What is stable may still creep: what follows is held against where it stood when the wait ended, not against the middle of the wait.
+        about = float(last[-1]) if self.target is None else middle
+        low, high = about - within, about + within
         return Demand(self.key, low, high, f"{show_state(self.key, low)} to {show_state(self.key, high)} was demanded")
 
     def unmet(self) -> Demand:

@@ -14,7 +14,7 @@ INERTIA_KG_M2 = 1.5e-4
 # What part of the power taken up ends as heat in the motor, and how that leaves it.
 HEAT_SHARE = 0.3
 THERMAL_KELVIN_PER_WATT = 15.0
-THERMAL_TIME_S = 600.0
+THERMAL_TIME_S = 300.0
 # The mechanics settle in seconds: they are stepped that long, what is left of a wait is one step.
 STEP_S, STEPS = 0.02, 500
 RPM_PER_RADIAN_S = 60 / (2 * math.pi)
