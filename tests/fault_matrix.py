@@ -20,11 +20,14 @@ from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse
 from motoremi.bench.runner import run, start_document
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import Session, SessionWriter, load, verify
+from motoremi.data.state import STATE_QUANTITIES, marks_of
 from motoremi.errors import InstrumentError, MotoremiError
 
 SEED = 5
 # What a repeated sweep may differ by: another draw of the analyser's noise, whose largest sigma here is some 0.1 %.
 NOISE = 0.02
+# A motor that was waited for a little longer is a little warmer.
+STATE_NOISE = 0.02
 MEASURED = ("sweep", "spectrum")
 BENCH_FILE = BenchFile(backend="sim", seed=SEED)
 
@@ -37,6 +40,9 @@ def small(name: str = "full_motor_test") -> Procedure:
         data["sweep"]["points"] = 11
     if "spectrum" in data:
         data["spectrum"]["step"] = "1 MHz"
+    for step in data["steps"]:
+        if step["do"] == "wait-for" and step["hold"] == "300 s":
+            step["every"] = "100 s"
     return parse_procedure(data, name)
 
 
@@ -96,16 +102,25 @@ def places(cell: Cell, count: int) -> list[int]:
     return [cell.exchanges[round(i)] for i in np.linspace(0, len(cell.exchanges) - 1, count)]
 
 
-def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path) -> str:
-    """How a run with this fault ends: "error", "recovered", "marked", "not struck", or "BAD: ..."."""
+def placed(procedure: Procedure) -> SimulatedBench:
+    """A bench on which every instrument of the procedure stands already."""
     bench = SimulatedBench(SEED)
+    for role, spec in procedure.instruments.items():
+        bench.open(role, spec.driver, spec.resource, lambda record: None, {role: spec.options}).close()
+    return bench
+
+
+def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path, name: str = "full_motor_test") -> str:
+    """How a run with this fault ends: "error", "recovered", "marked", "not struck", or "BAD: ..."."""
+    procedure = small(name)
+    bench = placed(procedure)
     layer = FaultLayer(bench.devices[cell.role], kind, at)
-    writer = SessionWriter.create(folder, start_document(small(), BENCH_FILE))
+    writer = SessionWriter.create(folder, start_document(procedure, BENCH_FILE))
     acknowledged: list[JsonDict] = []
     writer.subscribe(acknowledged.append)
     error: MotoremiError | None = None
     try:
-        run(small(), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+        run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
     except MotoremiError as trouble:
         error = trouble
     except Exception as trouble:
@@ -114,6 +129,8 @@ def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path) -> 
         bench.close()
     if not layer.struck:
         return "not struck"
+    if bench.stand.driven and not any("switch the supply off by hand" in document.get("problem", "") for document in acknowledged):
+        return "BAD: the motor is left running, and nobody is told"
     return _judged(error, acknowledged, reference, folder, cell.stored)
 
 
@@ -136,7 +153,8 @@ def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference
         return "error" if session.status == "failed" else f"BAD: status {session.status}"
     if session.status != "done" or len(stored) != len(reference.sweeps) + len(reference.spectra):
         return "BAD: ended well without all data"
-    return "marked" if any(spectrum.overload.any() for spectrum in session.spectra) else "recovered"
+    marked = any(spectrum.overload.any() or marks_of(spectrum.metadata.get("state")) for spectrum in session.spectra)
+    return "marked" if marked else "recovered"
 
 
 def _wrong_data(session: Session, reference: Session) -> str:
@@ -150,26 +168,42 @@ def _wrong_data(session: Session, reference: Session) -> str:
     for ours, other in zip(session.spectra, reference.spectra, strict=False):
         if not np.array_equal(ours.frequency_hz, other.frequency_hz):
             return f"{ours.detector} spectrum on other frequencies"
+        if wrong := _wrong_state(ours.metadata.get("state", {}), other.metadata.get("state", {})):
+            return f"{ours.detector} spectrum: {wrong}"
         if (off := np.max(np.abs(ours.level_dbuv - other.level_dbuv))) > NOISE:
             return f"{ours.detector} spectrum wrong by {off:.3g} dB"
     return ""
 
 
-def matrix(per_cell: int, kinds: Iterable[str] = FAULTS, steps: Collection[str] = ()) -> tuple[dict[str, dict[str, Counter[str]]], list[str]]:
-    """Kind -> cell -> how often which ending; and every bad one in words. `steps` limits it to cells of these."""
+def _wrong_state(mine: JsonDict, theirs: JsonDict) -> str:
+    """A reading that is another one than on the healthy bench, and is not marked."""
+    if "outside" in mine:
+        return ""
+    wrong = [key for key in STATE_QUANTITIES if key in mine and abs(mine[key] - theirs[key]) > STATE_NOISE * max(1.0, abs(theirs[key]))]
+    return f"{wrong[0]} is {mine[wrong[0]]} instead of {theirs[wrong[0]]}, and not marked" if wrong else ""
+
+
+def matrix(
+    per_cell: int,
+    kinds: Iterable[str] = FAULTS,
+    steps: Collection[str] = (),
+    name: str = "full_motor_test",
+    roles: Collection[str] = (),
+) -> tuple[dict[str, dict[str, Counter[str]]], list[str]]:
+    """Kind -> cell -> how often which ending; and every bad one in words. `steps` and `roles` limit it to cells of these."""
     root = Path(tempfile.mkdtemp(prefix="motoremi-faults-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
     table: dict[str, dict[str, Counter[str]]] = {}
     bad: list[str] = []
     try:
         bench = SimulatedBench(SEED)
-        reference = measured(root / "reference", small(), bench)
+        reference = measured(root / "reference", small(name), bench)
         bench.close()
         for kind in kinds:
-            for cell in (cell for cell in cells(reference) if not steps or cell.do in steps):
+            for cell in (cell for cell in cells(reference) if (not steps or cell.do in steps) and (not roles or cell.role in roles)):
                 count = table.setdefault(kind, {}).setdefault(cell.title, Counter())
                 for at in places(cell, per_cell):
                     folder = root / "run"
-                    end = ending(kind, cell, at, reference, folder)
+                    end = ending(kind, cell, at, reference, folder, name)
                     shutil.rmtree(folder)
                     count[end.split(":")[0]] += 1
                     if end.startswith("BAD"):

@@ -16,6 +16,7 @@ from unittest import mock
 
 from fault_matrix import SEED, measured, small
 
+from motoremi.arrays import JsonDict
 from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.simulated import BenchLibrary, SimulatedBench
 from motoremi.bench.virtual import virtual_instrument
@@ -29,7 +30,13 @@ PROCEDURES = {
     **dict.fromkeys(("esr", "esrp", "esw", "esci", "esu", "mxe", "n6141", "xseries", "dsa800", "rsa", "ssa3000x"), "emission_only"),
     **dict.fromkeys(("nanovna-v2", "librevna"), "impedance_only"),
     "tinysa": "nanovna_bench",
+    "34461a": "emission_warm_motor",
+    "e36300": "emission_warm_motor",
+    "hmp4000": "emission_warm_motor",
+    "line-reader": "emission_warm_motor",
 }
+# A state is measured beside something: these are recorded with a receiver.
+RECEIVER = "esr"
 REQUESTS = "-requests"
 WITH_REQUESTS = ("4294a-requests", "esr-requests")
 
@@ -38,6 +45,8 @@ def procedure(driver: str) -> Procedure:
     """The ready procedure with this driver in its role."""
     data = copy.deepcopy(small(PROCEDURES[driver]).source)
     role = virtual_instrument(driver).role
+    if role not in ("analyser", "receiver"):
+        return with_state(data, role, driver)
     data["instruments"] = {role: {**data["instruments"][role], "driver": driver}}
     if driver == "nanovna-v2":
         first = next(at for at, step in enumerate(data["steps"]) if step["do"] == "compensate")
@@ -45,6 +54,19 @@ def procedure(driver: str) -> Procedure:
     if role == "receiver":
         data.pop("sweep", None)
         data["steps"] = [step for step in data["steps"] if step["do"] in ("identify", "connect", "wait", "spectrum", "report")]
+    return parse_procedure(data, driver)
+
+
+def with_state(data: JsonDict, role: str, driver: str) -> Procedure:
+    """The procedure with one instrument beside the receiver, and the steps that these two can do."""
+    data["instruments"] = {"receiver": data["instruments"]["receiver"], role: {**data["instruments"][role], "driver": driver}}
+    if driver == "line-reader":
+        # One that is asked: the faults of the fault layer strike at what is sent.
+        data["instruments"][role]["lines"]["ask"] = "?"
+    quantity = {"tachometer": "speed", "supply": "voltage", "voltmeter": "voltage"}[role]
+    data["steps"] = [step for step in data["steps"] if step["do"] != "wait-for" and (step["do"] != "supply" or role == "supply")]
+    wait = {"do": "wait-for", "quantity": quantity, "within": "1 %", "hold": "10 s", "longest": "60 s"}
+    data["steps"].insert(4 if role == "supply" else 3, wait)
     return parse_procedure(data, driver)
 
 

@@ -46,10 +46,10 @@ def references(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Session]:
 )
 def test_a_fault_ends_in_an_error_or_the_same_data(tmp_path: Path, references: dict[str, Session], driver: str, kind: str, share: float) -> None:
     reference = references[driver]
-    exchanges = sum(record["direction"] == "write" for record in reference.traffic())
     role = virtual_instrument(driver).role
+    exchanges = sum(record["direction"] == "write" and record["instrument"] == role for record in reference.traffic())
     bench = SimulatedBench(SEED)
-    bench.open(role, driver, "whatever", lambda record: None).close()
+    bench.open(role, driver, "whatever", lambda record: None, {role: procedure(driver).instruments[role].options}).close()
     FaultLayer(bench.devices[role], kind, max(1, int(share * exchanges)))
     writer = SessionWriter.create(tmp_path / "s", start_document(procedure(driver), BENCH_FILE))
     trouble = ""

@@ -36,6 +36,18 @@ def test_a_restart_at_any_moment_of_the_set_up_spoils_no_data() -> None:
     assert bad == []
 
 
+STATE_ROLES = ("supply", "thermometer")
+
+
+@pytest.mark.parametrize("kinds", [KINDS[part::4] for part in range(4)], ids=lambda kinds: kinds[0])
+def test_every_fault_of_what_feeds_and_watches_the_motor_ends_well(kinds: list[str]) -> None:
+    """The motor is never left running without a word, and no wrong reading goes unmarked."""
+    table, bad = matrix(1, kinds, ("supply", "wait-for", "spectrum", "leaving"), "emission_warm_motor", STATE_ROLES)
+    assert bad == [], f"{rendered(table)}\n{bad}"
+    ends = Counter(end for row in table.values() for count in row.values() for end in count.elements())
+    assert ends["error"] > 0
+
+
 def test_an_unknown_fault_is_refused() -> None:
     bench = SimulatedBench(1)
     with pytest.raises(BadInput, match="unknown fault 'gremlin': use one of silence, dead"):

@@ -110,7 +110,7 @@ def test_a_path_comes_before_a_name(tmp_path: Path) -> None:
         (without("instruments", "receiver"), "test.toml: the steps need instruments.receiver"),
         (
             changed("instruments", "analyser", "driver", value="4924a"),
-            "test.toml: instruments.analyser.driver: unknown instrument driver '4924a': known are 4294a, ",
+            "test.toml: instruments.analyser.driver: unknown instrument driver '4924a': known are 34461a, 4294a, ",
         ),
         (changed("instruments", "scope", value={}), "test.toml: instruments.scope"),
     ],

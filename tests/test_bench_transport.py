@@ -283,7 +283,7 @@ def test_the_allow_list_refuses_other_resources() -> None:
 
 
 def test_unknown_drivers_are_named() -> None:
-    with pytest.raises(BadInput, match="unknown instrument driver '4924a': known are 4294a"):
+    with pytest.raises(BadInput, match="unknown instrument driver '4924a': known are 34461a, 4294a"):
         driver_class("4924a")
 
 

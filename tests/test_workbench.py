@@ -341,6 +341,30 @@ def test_a_run_that_hides_something_can_go_on(tmp_path, seed):
     assert workbench.place.state()["run"]["status"] == "done"
 
 
+def test_not_done_ends_the_run_and_is_no_data(tmp_path):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    identifier = client.post("/api/run", json={**RUN, "ask": True}).json()["session"]
+    run = workbench.place.run
+    until(lambda: run.state()["prompt"])
+    assert "must be one of done, not done, stop" in client.post("/api/run/answer", json={"answer": "perhaps"}).json()["error"]
+    client.post("/api/run/answer", json={"answer": "not done"})
+    run.wait()
+    assert run.state()["status"] == "failed"
+    assert run.state()["message"].startswith("the operator answered 'not done' to: Leave the fixture open")
+    assert [document["answer"] for document in run.state()["documents"] if document["kind"] == "prompt"] == ["not done"]
+    told = client.get(f"/api/sessions/{identifier}").json()
+    assert (told["status"], told["resumable"], told["sweeps"]) == ("interrupted", True, [])
+    # The other button of the prompt.
+    client.post(f"/api/sessions/{identifier}/resume", json={**RUN, "ask": True})
+    run = workbench.place.run
+    until(lambda: run.state()["prompt"])
+    client.post("/api/run/answer", json={"answer": "stop"})
+    run.wait()
+    assert run.state()["status"] == "stopped"
+    assert [document["answer"] for document in run.state()["documents"] if document["kind"] == "prompt"] == ["stop"]
+
+
 def test_a_run_that_fails_says_why(tmp_path, monkeypatch):
     workbench = bench_of(tmp_path)
 

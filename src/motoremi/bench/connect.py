@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Protocol
+from typing import Any, Protocol
 
 import pyvisa
 from pyvisa.resources import MessageBasedResource
@@ -38,7 +38,13 @@ BUILT_IN = {
     "rsa": "motoremi.instruments.rigol_sa:RigolRSA",
     "ssa3000x": "motoremi.instruments.siglent_ssa3000x:SiglentSSA3000X",
     "tinysa": "motoremi.instruments.tinysa:TinySa",
+    "34461a": "motoremi.instruments.keysight_34461a:Keysight34461A",
+    "e36300": "motoremi.instruments.keysight_e36300:KeysightE36300",
+    "hmp4000": "motoremi.instruments.rohde_schwarz_hmp4000:RohdeSchwarzHmp4000",
+    "line-reader": "motoremi.instruments.line_reader:LineReader",
 }
+# What a procedure or bench file says of an instrument beside driver and resource, by the role that it plays.
+Options = Mapping[str, Mapping[str, Any]]
 
 
 class Bench(Protocol):
@@ -49,7 +55,7 @@ class Bench(Protocol):
         """What waiting is measured by."""
         ...
 
-    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
         """Connect the driver of a role, every exchange going to the sink."""
         ...
 
@@ -133,9 +139,11 @@ def _open_resource(manager: pyvisa.ResourceManager, resource: str) -> MessageBas
     return opened
 
 
-def attach(transport: Transport, role: str, driver: str, sink: TrafficSink) -> Driver:
+def attach(transport: Transport, role: str, driver: str, sink: TrafficSink, options: Options | None = None) -> Driver:
     """Put a driver on a transport, with every exchange recorded."""
-    return driver_class(driver)(RecordingTransport(transport, role, sink))
+    made = driver_class(driver)(RecordingTransport(transport, role, sink))
+    made.use(options or {})
+    return made
 
 
 def refuse_unless_allowed(role: str, resource: str, allow: Collection[str] | None) -> None:
@@ -164,11 +172,11 @@ class VisaBench:
         self._connections = 0
         self.clock: Clock = WallClock()
 
-    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
         """Connect the driver of a role."""
         wanted = self._resources.get(role, resource)
         refuse_unless_allowed(role, wanted, self._allow)
-        return attach(open_transport(self._manager, wanted, clock=self.clock), role, driver, sink)
+        return attach(open_transport(self._manager, wanted, clock=self.clock), role, driver, sink, options)
 
     def connect(self, what: ConnectionName) -> int:
         """Count the connection; the operator makes it."""

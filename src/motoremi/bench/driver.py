@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, Generic, Self, TypeVar, overload
@@ -165,6 +165,9 @@ class Driver(abc.ABC):
 
     def __str__(self) -> str:
         return f"{type(self).__name__} at {self.transport.resource_name}"
+
+    def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:  # noqa: B027
+        """Take what the procedure or the bench file says of each role that this instrument plays."""
 
     def identify(self) -> Identity:
         """Read who is there.

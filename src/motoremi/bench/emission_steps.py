@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,16 +43,18 @@ class EmissionSteps:
     def __init__(self, run: Execution, read_once: ReadOnce) -> None:
         self._run = run
         self._read_once = read_once
-        self._line, self._state = "", ""
+        self._line, self._operating = "", ""
 
     def scan(self, step: Scan, stored: int) -> None:
         """Scan as often as the step says, what is stored already left out."""
         spec = self._spec()
         if step.dwell is not None:
             spec = spec.model_copy(update={"dwell": step.dwell})
-        told = self._stand(step.condition, step.line or "", step.state)
+        told = self._stand(step.condition, step.line or "", step.operating)
         for _ in range(stored, step.repeat):
-            self._run.writer.add_spectrum(self._without_overload(spec, step.detector).with_metadata(**told))
+            spectrum = self._run.state.around(partial(self._without_overload, spec, step.detector))
+            self._run.writer.add_spectrum(spectrum.with_metadata(**told))
+            self._run.state.refuse_trouble()
 
     def final(self, planned: Planned, step: Final, stored: int) -> None:
         """Read each maximum with each detector, on every line and in every state that was scanned; stored one by one."""
@@ -63,14 +66,15 @@ class EmissionSteps:
             for maximum in maxima
             for detector in step.detectors
         ]
-        for (line, state), frequency_hz, detector in readings[stored:]:
-            told = self._stand("motor running", line, state)
+        for (line, operating), frequency_hz, detector in readings[stored:]:
+            told = self._stand("motor running", line, operating)
             half, dwell = spec.bandwidth / 2, {"dwell": step.dwell, "step": spec.bandwidth / (FINAL_POINTS - 1)}
             # At an edge the points lie within the span, which a limit may begin with.
             near = min(max(frequency_hz, spec.start + half), spec.stop - half)
             around = spec.model_copy(update={"start": near - half, "stop": near + half, **dwell})
-            spectrum = self._without_overload(around, detector)
+            spectrum = self._run.state.around(partial(self._without_overload, around, detector))
             self._run.writer.add_final(spectrum.with_metadata(maximum_hz=frequency_hz, dwell_s=step.dwell, **told))
+            self._run.state.refuse_trouble()
 
     def _maxima(self, planned: Planned, step: Final) -> list[float]:
         """Frequencies in hertz: those that were chosen before the run was interrupted, or what the analysis chooses now."""
@@ -91,20 +95,20 @@ class EmissionSteps:
             raise BadInput("the step needs the table [spectrum]")
         return spec
 
-    def _stand(self, condition: Condition, line: str, state: str) -> JsonDict:
+    def _stand(self, condition: Condition, line: str, operating: str) -> JsonDict:
         """Connect, switch the line, ask for the operating state; what of it belongs to the spectrum."""
         connection = self._run.connect(AT_THE_LISN[condition])
         if line and line != self._line:
             if self._spec().line_switch == "receiver":
                 self._run.receiver().switch_line(line)
             else:
-                self._run.prompt(f"Switch the LISN to line {line}")
+                self._run.ask(f"Switch the LISN to line {line}")
             self._run.bench.at_line(line)
             self._line = line
-        if state != self._state:
-            self._run.prompt(f"Bring the motor into the operating state: {state or 'as before'}")
-            self._state = state
-        return {"condition": condition, "connection": connection} | {k: v for k, v in (("line", line), ("state", state)) if v}
+        if operating != self._operating:
+            self._run.ask(f"Bring the motor into the operating state: {operating or 'as before'}")
+            self._operating = operating
+        return {"condition": condition, "connection": connection} | {k: v for k, v in (("line", line), ("operating", operating)) if v}
 
     def _without_overload(self, spec: SpectrumSpec, detector: Detector) -> Spectrum:
         """One scan; the part that was overloaded is read again with more attenuation, as far as the receiver has any."""
@@ -135,4 +139,4 @@ def _most_attenuation(receiver: EmiReceiver) -> float:
 def _where_scanned(procedure: Procedure, until: Planned) -> list[tuple[str, str]]:
     """Line and state of every scan of the running motor before a step."""
     before = [planned.step for planned in procedure.plan[: until.number - 1]]
-    return [(step.line or "", step.state) for step in before if isinstance(step, Scan) and step.condition == "motor running"]
+    return [(step.line or "", step.operating) for step in before if isinstance(step, Scan) and step.condition == "motor running"]

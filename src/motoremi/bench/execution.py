@@ -9,14 +9,18 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.analyser import ImpedanceAnalyser
+from motoremi.bench.answer import NotDone, Prompt
 from motoremi.bench.connect import Bench
 from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
 from motoremi.bench.driver import Driver, Identity
 from motoremi.bench.emission_steps import EmissionSteps
+from motoremi.bench.on_bench import shared_roles
 from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure, SpectrumSpec
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.resume import Done
 from motoremi.bench.standards import judge_standard
+from motoremi.bench.state import MotorState, refuse_missing
+from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
 from motoremi.bench.writer import Writer
 from motoremi.data.spectrum import Detector, Spectrum
@@ -27,7 +31,6 @@ from motoremi.quantities import show_band
 
 # Step kind, session, parameters of the step -> result, None if there is nothing to judge.
 Analyse = Callable[[str, Any, JsonDict], JsonDict | None]
-Prompt = Callable[[str], None]
 # An instrument rounds what it is told to its own resolution, which is much finer than this.
 ROUNDING = 1e-3
 # A wait in slices shows progress: a second each, but no more than so many.
@@ -46,7 +49,7 @@ class Execution:
     analyse : callable
         Does the steps that need no instrument.
     prompt : callable
-        Tells the operator what to connect and returns when it is done.
+        Tells the operator what to do and returns the answer.
     tick : callable
         Called at every exchange with an instrument, for whoever shows progress.
     done : Done
@@ -80,6 +83,7 @@ class Execution:
         self._scan_set_up: SpectrumSpec | None = None
         self._emission = EmissionSteps(self, self._scanned)
         self._leaving = False
+        self.state = MotorState(writer.emit, self._wait, self.ask)
 
     def step(self, planned: Planned) -> None:
         """Do one step, between its two documents."""
@@ -106,6 +110,10 @@ class Execution:
             self.connect(step.what, explicit=True, note=step.note)
         elif isinstance(step, Wait):
             self._wait(step.time)
+        elif isinstance(step, SupplyStep):
+            self.state.set_supply(step)
+        elif isinstance(step, WaitFor):
+            self.state.wait_for(step)
         elif isinstance(step, Compensate):
             self.connect(STANDARDS[step.standard])
             self._compensate(step)
@@ -113,7 +121,8 @@ class Execution:
             connection = self.connect(step.termination)
             for _ in range(stored, step.repeat):
                 # Stored one by one: an instrument that fails in the third sweep leaves two.
-                self.writer.add_sweep(self._swept(step.termination).with_metadata(connection=connection))
+                self.writer.add_sweep(self.state.around(lambda: self._swept(step.termination)).with_metadata(connection=connection))
+                self.state.refuse_trouble()
         elif isinstance(step, Check):
             self._check(planned, step)
         elif isinstance(step, Scan):
@@ -164,6 +173,20 @@ class Execution:
         self.verdicts.append(result)
         self.writer.emit("verdict", step=planned.number, do=planned.step.do, result=result)
 
+    def ask(self, text: str) -> None:
+        """Put something to the operator; the answer is recorded, and only "done" lets the run go on."""
+        asked = datetime.now(UTC).isoformat()
+        answer = self.prompt(text)
+        if answer is None:
+            return
+        self.writer.emit("prompt", text=text, asked=asked, answer=answer)
+        if answer == "stop":
+            raise KeyboardInterrupt
+        if answer == "not done":
+            raise NotDone(
+                f"the operator answered 'not done' to: {text.partition(chr(10))[0]}; nothing was measured for this step, go on with --resume"
+            )
+
     def _wait(self, seconds: float) -> None:
         clock = self.bench.clock
         until = clock.now() + seconds
@@ -181,8 +204,9 @@ class Execution:
 
     def _leave_safe(self) -> dict[str, str]:
         self._leaving = True
-        problems = dict.fromkeys(self.drivers, "")
-        for role, driver in self.drivers.items():
+        # The supply first: nothing that another instrument does may keep the motor running.
+        problems = dict.fromkeys(sorted(self.drivers, key="supply".__ne__), "")
+        for role, driver in ((role, self.drivers[role]) for role in problems):
             try:
                 # Where the procedure ends and the leaving begins: a replay has to know.
                 self._log({"time": datetime.now(UTC).isoformat(), "instrument": role, "direction": "leave"})
@@ -207,8 +231,11 @@ class Execution:
             self.tick()
 
     def _identify(self) -> None:
-        for role, spec in self.procedure.instruments.items():
-            driver = self.bench.open(role, spec.driver, spec.resource, self._log)
+        refuse_missing(self.procedure)
+        for role, *others in shared_roles(self.procedure):
+            spec = self.procedure.instruments[role]
+            options: dict[str, JsonDict] = {name: entry for name in (role, *others) if (entry := self.procedure.instruments[name].options)}
+            driver = self.bench.open(role, spec.driver, spec.resource, self._log, options)
             try:
                 identity = driver.identify()
                 self._refuse_other(role, identity)
@@ -220,6 +247,8 @@ class Execution:
             driver.transport.while_waiting = self.tick
             driver.reset()
             self._settings[role] = self._configure(driver)
+            for name in (role, *others):
+                self.state.adopt(name, driver, identity, self.procedure)
             self.writer.emit(
                 "instrument",
                 role=role,
@@ -227,6 +256,7 @@ class Execution:
                 resource=driver.transport.resource_name,
                 identity=identity.to_dict(),
                 settings=self._settings[role],
+                **({"also": others} if others else {}),
             )
 
     def _refuse_other(self, role: str, identity: Identity) -> None:
@@ -275,7 +305,8 @@ class Execution:
         if what == before and not explicit and (made_by_step or what in AT_THE_LISN.values()):
             return number
         instruction = INSTRUCTIONS[what]
-        self.prompt(str(Instruction(f"{instruction.text}. {note}" if note else instruction.text, instruction.drawing)))
+        text = f"{self.state.warning}{instruction.text}"
+        self.ask(str(Instruction(f"{text}. {note}" if note else text, instruction.drawing)))
         number = self.done.connections + self.bench.connect(what)
         self._connected = (what, number, explicit)
         self.writer.emit("connection", what=what, number=number)

@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.lines import Lines
 from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SegmentSpec, SpectrumSpec, SweepSpec
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.steps import STEPS
@@ -19,7 +20,8 @@ from motoremi.quantities import show
 
 TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("procedure", Procedure),
-    ("[instruments] analyser, receiver", InstrumentSpec),
+    ("[instruments] by role", InstrumentSpec),
+    ("[instruments.ROLE.lines]", Lines),
     ("[sweep]", SweepSpec),
     ("[[sweep.segments]]", SegmentSpec),
     ("[spectrum]", SpectrumSpec),

@@ -16,11 +16,19 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, model
 from motoremi.arrays import JsonDict
 from motoremi.bench.analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.connect import driver_class, driver_names, refuse_unless_allowed
+from motoremi.bench.lines import Lines
+from motoremi.bench.meter import QUANTITY_OF_ROLE, Meter
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.receiver import EmiReceiver
-from motoremi.bench.steps import Check, Compensate, Final, Identify, JudgeStep, MeasuringStep, PlainStep, Repeat, Scan, Step, Strict, Sweep
+from motoremi.bench.roles import Role
+from motoremi.bench.state_steps import SupplyStep, WaitFor
+from motoremi.bench.steps import Check, Compensate, Final, Identify, JudgeStep, MeasuringStep, PlainStep, Repeat, Scan, Step, Sweep
+from motoremi.bench.strict import Strict
+from motoremi.bench.supply import Supply
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.data.corrections import Correction, Corrections, with_tables
+from motoremi.data.corrections import Role as Corrected
+from motoremi.data.state import STATE_QUANTITIES
 from motoremi.data.sweep import MINIMUM_POINTS
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput
@@ -28,6 +36,10 @@ from motoremi.quantities import show
 
 # More than any bench does in a week; stops a procedure that would only fill memory.
 MOST_STEPS = 10_000
+
+
+# Sensors of a Truevolt multimeter: four- and two-wire resistance thermometers and thermistors; thermocouples on 34465A and 34470A.
+Probe = Literal["FRTD", "RTD", "FTH", "THER", "TC,J", "TC,K", "TC,T"]
 
 
 def _known_driver(name: str) -> str:
@@ -41,14 +53,35 @@ def _known_driver(name: str) -> str:
 METERED, METER_DWELL_S = ("quasi-peak", "cispr-average", "rms-average"), 1.0
 
 
-Role = Literal["analyser", "receiver"]
-
-
 class InstrumentSpec(Strict):
-    """Which driver plays a role, and where."""
+    """Which driver plays a role, and where; roles with the same driver and resource are one instrument."""
 
     driver: Annotated[str, BeforeValidator(_known_driver)] = Field(description="name of the driver; motoremi instruments lists them")
     resource: str = Field(min_length=1, description="VISA resource; a bench file overrides it")
+    channel: int | None = Field(default=None, ge=1, le=8, description="supply: the output that the motor hangs on; 1 if left out")
+    probe: Probe | None = Field(default=None, description="multimeter as thermometer: its sensor, FRTD if left out")
+    lines: Lines | None = Field(default=None, description="line reader: how its lines are read, see [instruments.ROLE.lines]")
+
+    @property
+    def options(self) -> JsonDict:
+        """What the driver takes beside its resource."""
+        return self.model_dump(include={"channel", "probe", "lines"}, exclude_none=True)
+
+    def refuse_in(self, role: Role) -> None:
+        """Raise `BadInput` if the driver cannot play a role of the motor's state."""
+        driver = driver_class(self.driver)
+        if role == "supply" and not issubclass(driver, Supply):
+            raise BadInput(f"instruments.supply: the driver {self.driver!r} is no supply")
+        quantity = QUANTITY_OF_ROLE.get(role)
+        if quantity is None:
+            return
+        if not issubclass(driver, Meter) or quantity not in driver.quantities:
+            raise BadInput(f"instruments.{role}: the driver {self.driver!r} reads no {STATE_QUANTITIES[quantity][0]}")
+        # A reader of lines is the only one without an error queue.
+        if (self.lines is not None) != (not driver.error_query):
+            raise BadInput(f"instruments.{role}: 'lines' belongs to the driver line-reader, and to no other")
+        if self.lines is not None and self.lines.quantity != quantity:
+            raise BadInput(f"instruments.{role}.lines: the unit {self.lines.unit!r} is none of {STATE_QUANTITIES[quantity][0]}")
 
 
 class _Band(Strict):
@@ -189,7 +222,7 @@ class Procedure(Strict):
     """A bench procedure: instruments by role, what to measure, and the steps in order."""
 
     title: str = Field(min_length=1, max_length=200, description="what it is, for the report")
-    instruments: dict[Role, InstrumentSpec] = Field(description="analyser, receiver, or both")
+    instruments: dict[Role, InstrumentSpec] = Field(description="by role: analyser, receiver, supply, voltmeter, ammeter, tachometer, thermometer")
     calibration_within: Annotated[float, Quantity("d", 1, 3650)] | None = Field(
         default=None, description="no run with an instrument whose calibration is older, lies in the future or is not stated"
     )
@@ -222,8 +255,10 @@ class Procedure(Strict):
             raise BadInput(f"steps: {count} steps with all repeats; at most {MOST_STEPS}")
         once = [inner for step in self.steps for inner in (step.steps if isinstance(step, Repeat) else (step,))]
         measuring = [step for step in once if isinstance(step, MeasuringStep)]
-        if measuring and not isinstance(self.steps[0], Identify):
+        if (measuring or any(isinstance(step, SupplyStep | WaitFor) for step in once)) and not isinstance(self.steps[0], Identify):
             raise BadInput("the first step must be 'identify', which connects and sets up the instruments")
+        for name, spec in self.instruments.items():
+            spec.refuse_in(name)
         for kinds, role, table in _NEEDS:
             if any(isinstance(step, kinds) for step in measuring):
                 if role not in self.instruments:
@@ -309,6 +344,15 @@ class BenchFile(Strict):
     motor: str = Field(default="", max_length=200, description="name of the motor under test, for the report")
     serial: str = Field(default="", max_length=200, description="its serial number")
     ambient: str = Field(default="", max_length=200, description="temperature and humidity as read, such as 23 degC, 45 %")
+    instruments: dict[Role, InstrumentSpec] = Field(
+        default_factory=dict, description="instruments of this bench; they come beside the procedure's and replace those in the same role"
+    )
+    highest_voltage: Annotated[float, Quantity("V", 0.0, 1000.0)] | None = Field(
+        default=None, description="no supply step may set more on this bench"
+    )
+    highest_current: Annotated[float, Quantity("A", 0.0, 1000.0)] | None = Field(
+        default=None, description="no supply step may set a higher limit on this bench"
+    )
     calibrated: dict[Role, date] = Field(default_factory=dict, description="date of the last calibration")
     correction: tuple[Correction, ...] = Field(default=(), description="pads, cables, transducers, fixtures: [[correction]] tables")
     seed: int = Field(default=1, ge=0, description="simulated bench: which motor")
@@ -321,7 +365,7 @@ class BenchFile(Strict):
 
     def refuse_uncovered(self, procedure: Procedure) -> None:
         """Raise `BadInput` if a correction is not known over the span that the procedure measures."""
-        spans: dict[Role, _Band | None] = {"receiver": procedure.spectrum, "analyser": procedure.sweep}
+        spans: dict[Corrected, _Band | None] = {"receiver": procedure.spectrum, "analyser": procedure.sweep}
         for role, band in spans.items():
             if band is not None and role in procedure.instruments:
                 self.corrections.refuse_outside(role, band.start, band.stop)

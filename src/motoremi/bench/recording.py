@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Any
 
-from motoremi.bench.transport import Transport
+from motoremi.bench.transport import Parity, Transport
 from motoremi.errors import InstrumentError
 
 TrafficSink = Callable[[Mapping[str, Any]], None]
@@ -71,6 +71,10 @@ class RecordingTransport(Transport):
         super().end_messages_with(sent, received)
         self._inner.end_messages_with(sent, received)
 
+    def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:
+        """Set a serial line up."""
+        self._inner.talk_at(baud, data_bits, parity)
+
     def send(self, data: bytes) -> None:
         """Record, then send: an attempt that fails is evidence too."""
         # The inner transport names the command when it fails.
@@ -83,6 +87,7 @@ class RecordingTransport(Transport):
         """Receive, then record."""
         with self._errors_recorded("read"):
             data = self._inner.receive()
+        self.answered_at = self._inner.answered_at or datetime.now(UTC).isoformat()
         self._record("read", **encode_bytes(data))
         return data
 
@@ -123,7 +128,7 @@ class RecordingTransport(Transport):
     def _record(self, direction: str, **content: str | bool) -> None:
         self._sink(
             {
-                "time": datetime.now(UTC).isoformat(),
+                "time": self.answered_at if direction == "read" else datetime.now(UTC).isoformat(),
                 "clock_s": self.clock.now(),
                 "timeout_s": self._timeout_s,
                 "instrument": self._instrument,

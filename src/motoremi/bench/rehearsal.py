@@ -10,9 +10,12 @@ from typing import Any, Literal
 from motoremi.arrays import JsonDict
 from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class
+from motoremi.bench.on_bench import on_bench
 from motoremi.bench.procedure import BenchFile, Procedure
 from motoremi.bench.runner import run
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.state_steps import WaitFor
+from motoremi.bench.steps import Repeat
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput, InstrumentError
@@ -67,6 +70,7 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
         If a resource is not on the bench's allow-list, a calibration is not what the procedure asks for, or a driver has no simulated
         instrument.
     """
+    procedure = _never_stopping(on_bench(procedure, bench_file))
     bench_file.refuse_unless_allowed(procedure)
     bench_file.refuse_uncovered(procedure)
     refuse_unless_calibrated(procedure, bench_file)
@@ -79,6 +83,17 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
     finally:
         bench.close()
     return tuple(notes.steps)
+
+
+def _never_stopping(procedure: Procedure) -> Procedure:
+    """The same, asking where it would stop because a state is not reached: the simulated motor is another one than the user's."""
+
+    def asking(step: Any) -> Any:
+        if isinstance(step, Repeat):
+            return step.model_copy(update={"steps": tuple(asking(inner) for inner in step.steps)})
+        return step.model_copy(update={"otherwise": "ask"}) if isinstance(step, WaitFor) else step
+
+    return procedure.model_copy(update={"steps": tuple(asking(step) for step in procedure.steps)})
 
 
 class _Notes:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from motoremi.bench.clock import VirtualClock
-from motoremi.bench.connect import attach
+from motoremi.bench.connect import Options, attach
 from motoremi.bench.connections import ConnectionName
 from motoremi.bench.difference import CONTEXT, RecordedEnd, ReplayDifference, shown
 from motoremi.bench.driver import Driver
@@ -90,7 +90,9 @@ class ReplayTransport(Transport):
         if self._borrowed is not None:
             return self._borrow()
         self._raise_recorded_error("read")
-        return decode_bytes(self._take("read", {"direction": "read", "text": "(an answer)"}))
+        record = self._take("read", {"direction": "read", "text": "(an answer)"})
+        self.answered_at = str(record.get("time", ""))
+        return decode_bytes(record)
 
     def receive_bytes(self, count: int) -> bytes:
         """The recorded answer; who asked for `count` bytes of it judges its length."""
@@ -235,7 +237,7 @@ class ReplayBench:
                 parts.append([])
             parts[-1].append(record)
 
-    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
         """Connect the driver of a role to what was recorded of that role."""
         parts = self._recordings.get(role)
         if not parts:
@@ -243,7 +245,7 @@ class ReplayBench:
         records = parts.pop(0)
         transport = ReplayTransport(str(records[0].get("resource", role)), records, self.clock, self._lenient)
         self._transports.append(transport)
-        return attach(transport, role, driver, sink)
+        return attach(transport, role, driver, sink, options)
 
     def connect(self, what: ConnectionName) -> int:
         """Count as the recorded run did."""

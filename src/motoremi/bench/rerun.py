@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.answer import ANSWERS, Answer, Prompt
 from motoremi.bench.difference import RecordedEnd, ReplayDifference
 from motoremi.bench.execution import Analyse
 from motoremi.bench.procedure import parse_procedure
@@ -100,7 +101,7 @@ def rerun(
     start = {key: session.start[key] for key in _KEPT if key in session.start}
     writer = SessionWriter.create(folder, {**start, "replay_of": session.path.name})
     ended, outcome = "done", None
-    for done, recorded_stop in _runs(session):
+    for done, recorded_stop, answers in _runs(session):
         if done is not None:
             writer = reopen(folder)
             bench.start_again()
@@ -108,7 +109,7 @@ def rerun(
             writer.subscribe(listen)
         ended, outcome = "done", None
         try:
-            outcome = run(procedure, bench, _as_writer(writer), analyse=analyse(), prompt=lambda text: None, done=done)
+            outcome = run(procedure, bench, _as_writer(writer), analyse=analyse(), prompt=_answering(answers), done=done)
         except RecordedEnd:
             ended = recorded_stop or "killed"
         except MotoremiError as error:
@@ -128,8 +129,21 @@ def _as_writer(writer: SessionWriter) -> Writer:
     return writer
 
 
-def _runs(session: Session) -> Iterable[tuple[Done | None, str]]:
-    """Each run of the session: what was done before it, and why it stopped (empty: it came to its end)."""
+def _answering(answers: list[Answer]) -> Prompt:
+    """An operator who answers as it was recorded; None as on a bench where nobody is asked."""
+    recorded = iter(answers)
+
+    def prompt(text: str) -> Answer | None:
+        answer = next(recorded, None)
+        if answer == "stop":
+            raise RecordedEnd("the operator stopped the recorded run here")
+        return answer
+
+    return prompt
+
+
+def _runs(session: Session) -> Iterable[tuple[Done | None, str, list[Answer]]]:
+    """Each run of the session: what was done before it, why it stopped (empty: it came to its end), and what the operator answered."""
     starts = [i for i, d in enumerate(session.documents) if d["kind"] == "resume"]
     edges = [0, *starts, len(session.documents)]
     for first, end in itertools.pairwise(edges):
@@ -137,7 +151,8 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str]]:
         # A run whose report failed has two: the measurement's and its own.
         stop = next(reversed([d for d in own if d["kind"] == "stop"]), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
-        yield (done_by(session, session.documents[:first]) if first else None), reason
+        answers = [d["answer"] for d in session.documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
+        yield (done_by(session, session.documents[:first]) if first else None), reason, answers
 
 
 def _held_against(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:

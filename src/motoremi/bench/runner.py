@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from datetime import date
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.answer import NotDone, Prompt
 from motoremi.bench.connect import Bench, VisaBench
-from motoremi.bench.execution import Analyse, Execution, Prompt
+from motoremi.bench.execution import Analyse, Execution
 from motoremi.bench.procedure import BenchFile, Procedure, parse_procedure
 from motoremi.bench.resume import Done, needed_again
 from motoremi.bench.simulated import SimulatedBench
@@ -154,7 +155,7 @@ def run(
     analyse : callable
         Does the steps fit, compare, diagnose, next and report.
     prompt : callable
-        Tells the operator what to connect and returns when it is done.
+        Tells the operator what to do and returns the answer: see `motoremi.bench.answer`.
     tick : callable, optional
         Called at every exchange, for whoever shows progress.
     done : Done, optional
@@ -193,6 +194,9 @@ def run(
                 state.step(planned)
     except KeyboardInterrupt:
         writer.close("interrupted", f"stopped by the operator in {state.where}")
+        raise
+    except NotDone as error:
+        writer.close("interrupted", f"{state.where}: {error}")
         raise
     except BaseException as error:
         try:

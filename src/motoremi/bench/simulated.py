@@ -16,8 +16,8 @@ from pyvisa_sim.highlevel import SimVisaLibrary
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.bench.clock import Clock, VirtualClock
-from motoremi.bench.connect import attach, open_transport
-from motoremi.bench.connections import CONNECTIONS, ConnectionName
+from motoremi.bench.connect import Options, attach, open_transport
+from motoremi.bench.connections import AT_THE_LISN, CONNECTIONS, ConnectionName
 from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink
 from motoremi.bench.simulated_device import SimulatedDevice
@@ -28,8 +28,11 @@ from motoremi.simulate import emission
 from motoremi.simulate.analyser import SimulatedAnalyser
 from motoremi.simulate.effects import split_effects
 from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.stand import MotorStand
 
 OPEN_STANDARD_OHM = 1e12
+# What the motor runs on where no supply of the bench feeds it.
+OPERATORS_SUPPLY = (12.0, 5.0)
 STANDARDS_OHM = {"short-standard": 0.0, "load-standard": 100.0}
 # The stand is not symmetric: the return line reads a little less.
 OTHER_LINE_DB = -1.5
@@ -177,6 +180,7 @@ class SimulatedBench:
         self.clock = clock or VirtualClock()
         hidden, faults = split_effects(effects)
         self.motor = SimulatedMotor.random(seed, hidden)
+        self.stand = MotorStand(self.clock.now)
         self._analyser = SimulatedAnalyser(seed, faults=faults)
         self._connected: ConnectionName = "open-standard"
         self._standards: set[str] = set()
@@ -191,23 +195,27 @@ class SimulatedBench:
             self._place(role, name)
         self.resource_manager = pyvisa.ResourceManager(self._library)
 
-    def open(self, role: str, driver: str, resource: str, sink: TrafficSink) -> Driver:
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
         """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
-        if role not in self.resources:
-            raise BadInput(f"the simulated bench has no {role!r}; it has {', '.join(self.resources)}")
         # A driver that has no simulated instrument finds what stands there, and says that it is the wrong one.
-        if driver != self._on_bench[role] and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].role == role:
+        if driver != self._on_bench.get(role) and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].resource_as(role):
             self._place(role, driver)
+        if role not in self.resources:
+            raise BadInput(f"the simulated bench has no {role!r} with the driver {driver!r}; it has {', '.join(self.resources)}")
+        self.devices[role].use(options or {})
         transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
-        return attach(transport, role, driver, sink)
+        return attach(transport, role, driver, sink, options)
 
     def _place(self, role: str, name: str) -> None:
         """Put the simulated instrument of that name on the bench."""
         instrument = virtual_instrument(name)
+        resource = instrument.resource_as(role)
+        if resource is None:
+            raise BadInput(f"a {name} cannot be the {role}")
         self._on_bench[role] = name
         self.devices[role] = instrument.make(self, self.clock)
-        self.resources[role] = instrument.resource
-        self._library.devices.add_device(instrument.resource, self.devices[role])
+        self.resources[role] = resource
+        self._library.devices.add_device(resource, self.devices[role])
 
     def _other_line_db(self) -> float:
         return OTHER_LINE_DB if self._line in ("N", "-") else 0.0
@@ -221,6 +229,9 @@ class SimulatedBench:
         self._standards.add(what)
         self._connected = what
         self._connection += 1
+        if what in AT_THE_LISN.values() and "supply" not in self._on_bench:
+            # The operator's own supply and switch.
+            self.stand.drive(*OPERATORS_SUPPLY) if what == "lisn-motor-on" else self.stand.release()
         return self._connection
 
     def at_work(self, role: str) -> ConnectionName:

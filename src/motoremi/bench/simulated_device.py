@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import resources
 from typing import Any, Protocol
 
@@ -20,6 +20,7 @@ from pyvisa_sim.devices import Device
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.bench.clock import Clock
+from motoremi.simulate.stand import MotorStand
 
 # Time on the bus for one message: what lets a client without a clock of its own poll a simulated sweep to its end.
 MESSAGE_S = 1e-3
@@ -48,6 +49,7 @@ class Wiring(Protocol):
     """What the simulated instruments are connected to."""
 
     seed: int
+    stand: MotorStand
 
     def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
         """What is connected, as it truly is, in ohm."""
@@ -133,6 +135,9 @@ class SimulatedDevice(Device):
             "*LRN?": lambda _: self._learn(),
             **{self.fold(header): command for header, command in self.commands().items()},
         }
+
+    def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
+        """Take what a procedure says of each role that this instrument plays."""
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What this instrument computes, by header."""

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connections import Condition, ConnectionName, Line
 from motoremi.bench.quantity import Quantity
+from motoremi.bench.state_steps import SupplyStep, WaitFor
+from motoremi.bench.strict import Strict
 from motoremi.data.spectrum import Detector
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 
 Repeats = Annotated[int, Field(ge=1, le=100, description="how many, one after the other on the same connection")]
-
-
-class Strict(BaseModel):
-    """A table whose keys are all known and that does not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    def parameters(self) -> JsonDict:
-        """What a step does it with: its keys that matter."""
-        return self.model_dump(exclude={"do"}, exclude_none=True)
 
 
 class Identify(Strict):
@@ -98,7 +90,7 @@ class Scan(Strict):
     detector: Detector = Field(description="CISPR detector")
     condition: Condition = Field(default="motor running", description="motor off measures the background; kept with the data")
     line: Line | None = Field(default=None, description="phase of the LISN: switched by the operator, or by command (line_switch)")
-    state: str = Field(default="", max_length=100, description="operating state of the motor, such as full load; prompts when it changes")
+    operating: str = Field(default="", max_length=100, description="operating state of the motor, such as full load; prompts when it changes")
     dwell: Annotated[float, Quantity("s", 50e-6, 100)] | None = Field(
         default=None, description="measuring time of this scan; else that of [spectrum]"
     )
@@ -106,7 +98,7 @@ class Scan(Strict):
 
     def parameters(self) -> JsonDict:
         """Keys that say something."""
-        return self.model_dump(exclude={"do", *(key for key in ("line", "state", "dwell") if not getattr(self, key))})
+        return self.model_dump(exclude={"do", *(key for key in ("line", "operating", "dwell") if not getattr(self, key))})
 
 
 class Final(Strict):
@@ -175,7 +167,7 @@ class ReportStep(Strict):
 
 AnalysisStep = FitStep | CompareStep | DiagnoseStep | NextStep | JudgeStep | ReportStep
 MeasuringStep = Compensate | Sweep | Check | Scan | Final
-PlainStep = Identify | Connect | Wait | MeasuringStep | AnalysisStep
+PlainStep = Identify | Connect | Wait | SupplyStep | WaitFor | MeasuringStep | AnalysisStep
 
 
 class Repeat(Strict):
@@ -188,5 +180,6 @@ class Repeat(Strict):
 
 Step = Annotated[PlainStep | Repeat, Field(discriminator="do")]
 STEPS: tuple[type[Strict], ...] = (
-    Identify, Compensate, Connect, Sweep, Check, Scan, Final, Wait, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep, JudgeStep, ReportStep,
+    Identify, Compensate, Connect, Sweep, Check, Scan, Final, Wait, SupplyStep, WaitFor, Repeat, FitStep, CompareStep, DiagnoseStep, NextStep,
+    JudgeStep, ReportStep,
 )  # fmt: skip

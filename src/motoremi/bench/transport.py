@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import ceil
+from typing import Literal
 
 import pyvisa
 from pyvisa import constants
@@ -29,6 +30,7 @@ _LONGEST_WAIT_S = 0.5
 _CLOSE_ENOUGH_S = 1e-3
 # A part of a message was read, and there is more of it.
 _MORE = constants.StatusCode.success_max_count_read
+Parity = Literal["none", "even", "odd"]
 # Bit 6 of the status byte in a serial poll.
 _REQUESTS_SERVICE = 0x40
 
@@ -54,6 +56,8 @@ class Transport(abc.ABC):
         Whether the instrument can be waited for with `await_request`; False unless the link says otherwise.
     while_waiting : callable
         Called again and again in that wait; what it raises ends the wait.
+    answered_at : str
+        UTC time of the last answer, where the link records it; a replay gives the recorded one.
     """
 
     def __init__(self, resource_name: str, clock: Clock, stream: bool = False) -> None:
@@ -63,6 +67,7 @@ class Transport(abc.ABC):
         self.service_requests = False
         self.while_waiting: Callable[[], None] = lambda: None
         self.terminator = TERMINATOR
+        self.answered_at = ""
         self._last_command = ""
 
     @abc.abstractmethod
@@ -101,6 +106,9 @@ class Transport(abc.ABC):
     def end_messages_with(self, sent: bytes, received: str) -> None:
         """Use other ends of messages than a newline: what follows each command, and the character that ends each answer, if any."""
         self.terminator = sent
+
+    def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:  # noqa: B027
+        """Set a serial line up; other links have no such thing."""
 
     @contextmanager
     def patience(self, seconds: float) -> Iterator[None]:
@@ -196,6 +204,7 @@ class VisaTransport(Transport):
         self._timeout_s = timeout_s
         # When the exchange must have ended, in seconds of the machine's clock, as the deadlines of VISA are; set when its answer is waited for.
         self._ends_s: float | None = None
+        self._serial: tuple[int, int, Parity] | None = None
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
         self.service_requests = not stream and self._hears_requests()
@@ -216,6 +225,16 @@ class VisaTransport(Transport):
         """Use other ends of messages than a newline; an empty one is none."""
         super().end_messages_with(sent, received)
         self._resource.read_termination = received or None
+
+    def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:
+        """Set a serial line up."""
+        if self._resource.interface_type != constants.InterfaceType.asrl:
+            return
+        self._serial = (baud, data_bits, parity)
+        with self._one_line("cannot be set up as a serial line after", "check baud rate, data bits and parity"):
+            self._resource.set_visa_attribute(constants.ResourceAttribute.asrl_baud_rate, baud)
+            self._resource.set_visa_attribute(constants.ResourceAttribute.asrl_data_bits, data_bits)
+            self._resource.set_visa_attribute(constants.ResourceAttribute.asrl_parity, constants.Parity[parity])
 
     def send(self, data: bytes) -> None:
         """Send one message."""
@@ -308,6 +327,8 @@ class VisaTransport(Transport):
             self._resource.close()
         self._resource = reopen()
         self._resource.read_termination = ending
+        if self._serial is not None:
+            self.talk_at(*self._serial)
         if self.service_requests:
             self._hears_requests()
         self.timeout_s = timeout_s

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Literal
 
 from motoremi.bench.clock import Clock
+from motoremi.bench.roles import Role
 from motoremi.bench.simulated_device import SimulatedDevice, Wiring
 from motoremi.errors import BadInput
 
@@ -21,13 +22,20 @@ class VirtualInstrument:
         `module:class` of a `SimulatedDevice` that is made from wiring and clock.
     resource : str
         Its VISA name on the simulated bench.
-    role : {"analyser", "receiver"}
+    role : str
         What it is in a procedure.
+    others : mapping of str to str
+        Further roles that such an instrument can play, and where it then sits.
     """
 
     simulator: str
     resource: str
-    role: Literal["analyser", "receiver"]
+    role: Role
+    others: Mapping[Role, str] = field(default_factory=dict)
+
+    def resource_as(self, role: str) -> str | None:
+        """Where it sits in that role; None if it cannot play it."""
+        return self.resource if role == self.role else next((name for other, name in self.others.items() if other == role), None)
 
     def make(self, wiring: Wiring, clock: Clock) -> SimulatedDevice:
         """Switch one on."""
@@ -57,6 +65,20 @@ VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
     "rsa": VirtualInstrument("motoremi.bench.simulated_swept:SimulatedRSA", "USB0::0x1AB1::0x0968::RSA5A191200123::0::INSTR", "receiver"),
     "ssa3000x": VirtualInstrument("motoremi.bench.simulated_swept:SimulatedSSA3000X", "USB0::0xF4EC::0x1300::SSA3XAAX1R0001::0::INSTR", "receiver"),
     "tinysa": VirtualInstrument("motoremi.bench.simulated_tinysa:SimulatedTinySa", "ASRL2::INSTR", "receiver"),
+    "34461a": VirtualInstrument(
+        "motoremi.bench.simulated_meter:Simulated34461A",
+        "GPIB0::22::INSTR",
+        "voltmeter",
+        {"ammeter": "GPIB0::23::INSTR", "thermometer": "GPIB0::24::INSTR"},
+    ),
+    "e36300": VirtualInstrument("motoremi.bench.simulated_supply:SimulatedE36313A", "GPIB0::5::INSTR", "supply"),
+    "hmp4000": VirtualInstrument("motoremi.bench.simulated_supply:SimulatedHmp4040", "GPIB0::6::INSTR", "supply"),
+    "line-reader": VirtualInstrument(
+        "motoremi.bench.simulated_lines:SimulatedLineReader",
+        "ASRL3::INSTR",
+        "tachometer",
+        {"thermometer": "ASRL4::INSTR", "voltmeter": "ASRL5::INSTR", "ammeter": "ASRL6::INSTR"},
+    ),
 }
 
 

@@ -16,6 +16,7 @@ from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
+    from motoremi.bench.answer import Answer
     from motoremi.bench.connect import Bench
     from motoremi.bench.procedure import BenchFile, Procedure
     from motoremi.bench.rehearsal import Rehearsed
@@ -41,6 +42,7 @@ def run_(
     as_json: AsJson = False,
 ) -> None:
     """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails. Ctrl-C stops safely and keeps the data."""
+    from motoremi.bench.on_bench import on_bench
     from motoremi.bench.procedure import BenchFile, load_bench_file, load_procedure
     from motoremi.bench.runner import resumable, start_document
     from motoremi.data.session import SessionWriter, load, reopen
@@ -54,7 +56,7 @@ def run_(
         steps, done = resumable(load(resume), bench_file)
         _run(steps, bench_file, resume, lambda: reopen(resume), as_json, done)
         return
-    steps = load_procedure(str(procedure))
+    steps = on_bench(load_procedure(str(procedure)), bench_file)
     if dry_run:
         _rehearse(steps, bench_file, as_json)
         return
@@ -67,6 +69,7 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
+    from motoremi.data.state import marks_of, states_of
     from motoremi.interrupts import stopped_by_signals
 
     bench_file.refuse_unless_allowed(procedure)
@@ -74,6 +77,8 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
     made = make_bench(bench_file)
     try:
         with stopped_by_signals(), keeping(folder), progress_bars(as_json) as bars, begin() as writer:
+            measured: list[JsonDict] = []
+            writer.subscribe(measured.append)
             writer.subscribe(warn if as_json else tell)
             tell_doubts(procedure, bench_file, writer)
             if not as_json:
@@ -82,9 +87,12 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
             outcome = _watched(procedure, bench_file, made, writer, bars, done)
     finally:
         made.close()
+    marked = [{"file": file, "marks": marks_of(state)} for file, state in states_of(measured) if marks_of(state)]
     if as_json:
-        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": outcome.verdict, **outcome.to_dict()})
+        emit_json({"schema": "motoremi.run/1", "session": str(folder), "verdict": outcome.verdict, **outcome.to_dict(), "marked": marked})
     else:
+        for entry in marked:
+            say(f"MARKED: {entry['file']}: {'; '.join(entry['marks'])}")
         say(f"{outcome.verdict.upper()}: session {folder}")
     raise typer.Exit(0 if outcome.passed else 1)
 
@@ -109,10 +117,11 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
             writer.subscribe(progress.document)
             tick = progress.tick
 
-    def ask(text: str) -> None:
-        if bench_file.backend != "sim":
-            with bars.paused():
-                _ask(text)
+    def ask(text: str) -> Answer | None:
+        if bench_file.backend == "sim":
+            return None
+        with bars.paused():
+            return _ask(text)
 
     return run(procedure, made, writer, analyse=analyse(bars.bar("diagnosing")), prompt=ask, tick=tick, done=done)
 
@@ -169,15 +178,21 @@ def _duration(seconds: float) -> str:
     return f"{seconds // 60:.0f} min {seconds % 60:.0f} s"
 
 
-def _ask(text: str) -> None:
-    """Tell the operator what to connect and wait."""
+def _ask(text: str) -> Answer:
+    """Tell the operator what to do and wait for one of the three answers."""
+    from motoremi.bench.answer import TYPED
     from motoremi.data.text import clean_text
 
     lines = "\n".join(clean_text(line) for line in text.split("\n"))
-    sys.stderr.write(f"\n{lines}\n\nPress Enter when done (Ctrl-C stops): ")
-    sys.stderr.flush()
-    if not sys.stdin.readline():
-        raise BadInput("nobody answers the prompt: standard input has ended; run from a terminal")
+    sys.stderr.write(f"\n{lines}\n")
+    while True:
+        sys.stderr.write("\n[Enter] done, n not done, s stop: ")
+        sys.stderr.flush()
+        if not (typed := sys.stdin.readline()):
+            raise BadInput("nobody answers the prompt: standard input has ended; run from a terminal")
+        answer = TYPED.get(" ".join(typed.casefold().split()))
+        if answer is not None:
+            return answer
 
 
 def replay_(
@@ -260,6 +275,7 @@ def procedures_(
 def tell(document: JsonDict) -> None:
     """What a run says of itself, a line for each thing worth knowing."""
     from motoremi.cli.output import say
+    from motoremi.data.state import marks_of, state_line
     from motoremi.quantities import show, show_band
 
     kind = document["kind"]
@@ -269,14 +285,27 @@ def tell(document: JsonDict) -> None:
     elif kind in ("sweep", "spectrum", "standard"):
         what = " ".join(str(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
+        if "state" in document:
+            say(
+                "\n".join(
+                    f"    {text}" for text in (f"at {state_line(document['state'])}", *(f"MARKED: {mark}" for mark in marks_of(document["state"])))
+                )
+            )
     elif kind == "maxima":
         chosen = ", ".join(show(one["frequency_hz"], "Hz") for one in document["maxima"])
         say(f"  {len(document['maxima'])} maxima to read again: {chosen}" if chosen else "  no maximum is near the limit: nothing to read again")
         if document["more"]:
             say(f"  {document['more']} more are as near to the limit; a larger 'maxima' in the procedure reads them too")
     elif kind == "final":
-        where = " ".join(str(document[key]) for key in ("line", "state") if key in document)
+        where = " ".join(str(document[key]) for key in ("line", "operating") if key in document)
         say(f"  {document['detector']} at {show(document['maximum_hz'], 'Hz')} {where}: reading {document['highest_dbuv']:.1f} dBuV")
+    elif kind == "supply":
+        say(f"  supply {document['output']}" + (f"; {document['trouble']}" if document["trouble"] else ""))
+    elif kind == "state":
+        reached = document["reached"] or "not reached, the operator goes on"
+        say(f"  {reached} after {_duration(document['seconds'])}: {state_line(document['state'])}")
+    elif kind == "prompt":
+        say(f"  the operator: {document['answer']}")
     elif kind == "step-start":
         detail = " ".join(str(value) for value in document["parameters"].values())
         again = " (again, for what follows)" if document.get("again") else ""
@@ -292,11 +321,16 @@ def tell(document: JsonDict) -> None:
 
 
 def warn(document: JsonDict) -> None:
-    """What a run says that somebody should see even where a program reads what it prints."""
+    """What a person has to know even where a program reads what is printed: a doubt, or an instrument that is not safe."""
     from motoremi.data.text import clean_text
 
+    text = ""
     if document["kind"] == "doubt":
-        sys.stderr.write(f"motoremi: {clean_text(str(document['says']))}\n")
+        text = str(document["says"])
+    elif document["kind"] == "safe" and not document["safe"]:
+        text = f"{document['role']} could NOT be brought into its safe state: {document['problem']}"
+    if text:
+        sys.stderr.write(f"motoremi: {clean_text(text)}\n")
         sys.stderr.flush()
 
 

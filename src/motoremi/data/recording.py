@@ -131,22 +131,28 @@ class SessionWriter:
     def add_sweep(self, sweep: ImpedanceSweep) -> Path:
         """Store a sweep as `sweeps/<termination>-<n>.csv` and emit a "sweep" document."""
         low, high = sweep.span_hz
-        content = {"termination": sweep.termination, "points": len(sweep), "span_hz": [low, high]}
+        content = {"termination": sweep.termination, "points": len(sweep), "span_hz": [low, high], **_state(sweep.metadata)}
         return self._add_numbered("sweep", f"sweeps/{sweep.termination}", impedance_csv(sweep), content)
 
     def add_spectrum(self, spectrum: Spectrum) -> Path:
         """Store a spectrum as `spectra/<detector>-<n>.csv` (a background as `<detector>-motor-off-<n>`) and emit a "spectrum" document."""
         low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
-        content = {"detector": spectrum.detector, "condition": spectrum.condition, "points": len(spectrum), "span_hz": [low, high]}
+        content = {
+            "detector": spectrum.detector,
+            "condition": spectrum.condition,
+            "points": len(spectrum),
+            "span_hz": [low, high],
+            **_state(spectrum.metadata),
+        }
         stem = f"spectra/{spectrum.detector}{'-motor-off' if spectrum.is_background else ''}"
         return self._add_numbered("spectrum", stem, spectrum_csv(spectrum), content)
 
     def add_final(self, spectrum: Spectrum) -> Path:
         """Store a short scan around a maximum as `spectra/final-<detector>-<n>.csv` and emit a "final" document."""
         low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
-        told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "state") if key in spectrum.metadata}
+        told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "operating") if key in spectrum.metadata}
         told["highest_dbuv"] = float(spectrum.level_dbuv.max())
-        content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high]}
+        content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high], **_state(spectrum.metadata)}
         return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum), content)
 
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
@@ -332,6 +338,11 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
         log.close()
         raise
     return writer
+
+
+def _state(metadata: Mapping[str, Any]) -> JsonDict:
+    """The motor's state, where it was measured."""
+    return {"state": metadata["state"]} if "state" in metadata else {}
 
 
 def software() -> str:

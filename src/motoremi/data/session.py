@@ -22,6 +22,7 @@ from motoremi.data.plain import object_from_json
 from motoremi.data.recording import SCHEMA, STATUSES, SessionWriter, reopen
 from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.state import marks_of, states_of
 from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.verify import verify, vouched_sha256
@@ -73,8 +74,11 @@ class Session:
     def summary(self) -> str:
         """One line for a person."""
         ending = f"{self.status}, not closed" if self.interrupted and self.status != "interrupted" else self.status
-        finals = f"{len(self.finals)} final scans, " if self.finals else ""
-        return f"{len(self.sweeps)} sweeps, {len(self.spectra)} spectra, {finals}{len(self._analyses)} analyses, {ending}"
+        states = states_of(self.documents)
+        marked = sum(bool(marks_of(state)) for _, state in states)
+        motor = f", motor's state with {len(states)}" + (f" of which {marked} MARKED" if marked else "") if states else ""
+        finals = f", {len(self.finals)} final scans" if self.finals else ""
+        return f"{len(self.sweeps)} sweeps, {len(self.spectra)} spectra{finals}{motor}, {len(self._analyses)} analyses, {ending}"
 
     @cached_property
     def corrections(self) -> Corrections:

@@ -48,7 +48,7 @@ class Maximum:
         Corrected level.
     margin_db : float
         Limit minus level, of the limit line that it comes nearest to.
-    detector, line, state : str
+    detector, line, operating : str
         Of the spectrum that it was found in.
     """
 
@@ -57,7 +57,7 @@ class Maximum:
     margin_db: float
     detector: str
     line: str
-    state: str
+    operating: str
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
@@ -114,7 +114,7 @@ def _maxima_of(spectrum: Spectrum, limit: Limit) -> Iterable[Maximum]:
                 float(margin[index]),
                 spectrum.detector,
                 str(spectrum.metadata.get("line", "")),
-                str(spectrum.metadata.get("state", "")),
+                str(spectrum.metadata.get("operating", "")),
             )
 
 
@@ -132,7 +132,7 @@ class Final:
     limit_dbuv, margin_db : float, optional
         None where the limit has no line for the detector, or none at this frequency.
     resolution_bandwidth_hz, dwell_s : float
-    line, state : str
+    line, operating : str
         Where it was highest; empty if not told.
     overload : bool
         The receiver was overloaded: the true level is higher.
@@ -148,7 +148,7 @@ class Final:
     resolution_bandwidth_hz: float
     dwell_s: float
     line: str
-    state: str
+    operating: str
     overload: bool
 
     def to_dict(self) -> JsonDict:
@@ -193,7 +193,7 @@ def _final(spectrum: Spectrum, corrections: Corrections, limit: Limit) -> Final:
         spectrum.resolution_bandwidth_hz,
         float(spectrum.metadata.get("dwell_s", 0.0)),
         str(spectrum.metadata.get("line", "")),
-        str(spectrum.metadata.get("state", "")),
+        str(spectrum.metadata.get("operating", "")),
         bool(spectrum.overload.any()),
     )
 

@@ -145,7 +145,7 @@ def _finals_table(prediction: JsonDict) -> list[Table]:
             show(one["resolution_bandwidth_hz"], "Hz"),
             show(one["dwell_s"], "s"),
             one["line"] or "-",
-            one["state"] or "-",
+            one["operating"] or "-",
         )
         for one in finals
     )

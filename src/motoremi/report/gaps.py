@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from motoremi.arrays import JsonDict
 from motoremi.data.calibration import calibration_doubt
 from motoremi.data.session import Session
+from motoremi.data.state import marks_of, states_of
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
 from motoremi.report.parts import Materials, is_result, model_name
@@ -103,6 +104,7 @@ def _of_the_run(session: Session) -> list[str]:
         found.append(f"{len(missed)} of {len(steps)} steps were not begun: {', '.join(missed)}")
     unsafe = [d for d in session.documents if d["kind"] == "safe" and d.get("safe") is False]
     found += [f"{d.get('role')} could not be brought into its safe state: {d.get('problem')}" for d in unsafe]
+    found += [f"{file}: {mark}" for file, state in states_of(session.documents) for mark in marks_of(state)]
     return found
 
 

@@ -17,6 +17,7 @@ from motoremi.report.cause import diagnosis_section, title_of
 from motoremi.report.emission import emission_section
 from motoremi.report.headline import spans, tolerance
 from motoremi.report.identity import identity_section, procedure_section
+from motoremi.report.motor_state import state_section
 from motoremi.report.parts import Materials, Section, Table, is_result, model_name
 from motoremi.report.svg import picture
 from motoremi.report.words import beside_the_error, described, share_of_analyser, would_leave
@@ -57,6 +58,8 @@ def _sections(materials: Materials, session_sha256: str) -> Iterator[Section]:
         yield diagnosis_section(materials.diagnosis)
     if materials.session.spectra:
         yield emission_section(materials)
+    if (motor := state_section(materials.session)) is not None:
+        yield motor
     yield identity_section(materials.session, session_sha256)
     yield procedure_section(materials.session)
 

@@ -87,7 +87,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _post("/api/bench/look", lambda request, body: w.place.look(Asked.of(body))),
         _post("/api/run", lambda request, body: w.place.begin(Asked.of(body))),
         _post("/api/run/stop", lambda request, body: w.place.stop()),
-        _post("/api/run/answer", lambda request, body: w.place.answer()),
+        _post("/api/run/answer", lambda request, body: w.place.answer(body.get("answer", "done"))),
         _get("/api/run/trace/{seq:int}", lambda request: w.place.trace(request.path_params["seq"])),
         _get("/api/sessions", lambda request: _sessions(w)),
         _get(session, lambda request: views.head(w.desk(request), request.path_params["id"])),

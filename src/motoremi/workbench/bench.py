@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.answer import ANSWERS
 from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class, driver_names
+from motoremi.bench.on_bench import on_bench
 from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, ready_procedures
 from motoremi.bench.runner import make_bench, resumable, start_document, was_begun_on
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
@@ -106,7 +108,8 @@ class Workplace:
     def look(self, asked: Asked) -> JsonDict:
         """Ask each instrument of a procedure who it is."""
         self._refuse_while_running()
-        procedure, bench_file = load_procedure(asked.procedure), self._bench(asked)
+        bench_file = self._bench(asked)
+        procedure = on_bench(load_procedure(asked.procedure), bench_file)
         bench = make_bench(bench_file)
         found = []
         try:
@@ -114,7 +117,7 @@ class Workplace:
                 resource = bench_file.resources.get(role, spec.resource)
                 entry: JsonDict = {"role": role, "driver": spec.driver, "resource": resource}
                 try:
-                    driver = bench.open(role, spec.driver, resource, lambda record: None)
+                    driver = bench.open(role, spec.driver, resource, lambda record: None, {role: spec.options})
                     try:
                         entry["identity"] = driver.identify().to_dict()
                     finally:
@@ -128,7 +131,8 @@ class Workplace:
 
     def begin(self, asked: Asked) -> JsonDict:
         """Start a run; returns its session's identifier."""
-        procedure, bench_file = load_procedure(asked.procedure), self._bench(asked)
+        bench_file = self._bench(asked)
+        procedure = on_bench(load_procedure(asked.procedure), bench_file)
         folder = self._shelf.fresh("run")
         start = start_document(procedure, bench_file)
         if asked.motor:
@@ -159,10 +163,13 @@ class Workplace:
         told = {"frequency_hz": rounded(sweep.frequency_hz), "real": rounded(sweep.impedance_ohm.real), "imag": rounded(sweep.impedance_ohm.imag)}
         return {"kind": kind, **told}
 
-    def answer(self) -> None:
-        """The operator has connected what was asked for."""
+    def answer(self, answer: object = "done") -> None:
+        """What the operator answers to the prompt: done, not done, stop."""
+        known = next((one for one in ANSWERS if one == answer), None)
+        if known is None:
+            raise BadInput(f"the answer must be one of {', '.join(ANSWERS)}")
         if self.run is not None:
-            self.run.answer()
+            self.run.answer(known)
 
     def stop(self) -> None:
         """Stop the run at its next exchange."""

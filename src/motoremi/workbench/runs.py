@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.answer import Answer
 from motoremi.bench.calibration import tell_doubts
 from motoremi.bench.procedure import BenchFile, Procedure
 from motoremi.bench.progress import RunProgress
@@ -74,6 +75,7 @@ class Run:
         self._told_s = 0.0
         self._stop = threading.Event()
         self._answered = threading.Event()
+        self._answer: Answer = "done"
         self._thread = threading.Thread(target=self._work, name=f"run {folder.name}")
 
     @property
@@ -90,8 +92,12 @@ class Run:
         self._stop.set()
         self._answered.set()
 
-    def answer(self) -> None:
-        """The operator has connected what was asked for."""
+    def answer(self, answer: Answer) -> None:
+        """The operator has done what was asked for, or could not."""
+        if answer == "stop":
+            self.stop()
+            return
+        self._answer = answer
         self._answered.set()
 
     def wait(self) -> None:
@@ -129,7 +135,7 @@ class Run:
         try:
             self._measure()
             self._status, self._message = "done", "the run is complete"
-        except Stopped:
+        except KeyboardInterrupt:
             self._status, self._message = "stopped", "stopped by the operator; the instruments are safe and what was measured is kept"
         except MotoremiError as error:
             self._status, self._message = "failed", str(error)
@@ -185,10 +191,10 @@ class Run:
         if self._stop.is_set():
             raise Stopped
 
-    def _wait_for_operator(self, text: str) -> None:
+    def _wait_for_operator(self, text: str) -> Answer | None:
         self._tick()
         if not self._ask:
-            return
+            return None
         self._answered.clear()
         self._prompt = text
         self._tell()
@@ -197,4 +203,5 @@ class Run:
             pass
         self._prompt = ""
         self._tell()
-        self._tick()
+        # The run writes the answer down before it stops.
+        return "stop" if self._stop.is_set() else self._answer

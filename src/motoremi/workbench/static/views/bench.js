@@ -104,12 +104,16 @@ function drawState(place) {
   const left = progress.unit === "s" ? `about ${show(progress.total - progress.done, "s", 3)} of measuring left` : `${progress.done} of ${progress.total}`;
   place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.total ? `: ${left}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
-  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt.join("\n")), button("Connected", () => page.work("going on", () => post("/api/run/answer")), { class: "main", id: "connected" }))] : []));
+  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt.join("\n")), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
   if (place.shown === `${run.session} ${run.status}`) return;
   place.shown = `${run.session} ${run.status}`;
   place.controls.replaceChildren(running
     ? button("Stop", () => page.work("stopping: the instruments are made safe", () => post("/api/run/stop")), { id: "stop" })
     : button("Show the session", async () => { await page.choose(run.session); page.go("session"); }, { class: "main", id: "show-session" }));
+}
+
+function answer(page, text, doing, word, attributes) {
+  return button(text, () => page.work(doing, () => post("/api/run/answer", { answer: word })), attributes);
 }
 
 function arrived(place, document) {

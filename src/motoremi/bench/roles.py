@@ -1,0 +1,8 @@
+"""The roles that instruments play in a procedure."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+Role = Literal["analyser", "receiver", "supply", "voltmeter", "ammeter", "tachometer", "thermometer"]
+ROLES: tuple[Role, ...] = get_args(Role)

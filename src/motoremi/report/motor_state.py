@@ -1,0 +1,33 @@
+"""The report's section on the motor's state: what it was with each sweep and spectrum, and what is marked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from motoremi.data.session import Session
+from motoremi.data.state import STATE_QUANTITIES, marks_of, state_line, states_of
+from motoremi.report.parts import Section, Table
+
+
+def state_section(session: Session) -> Section | None:
+    """One row for each sweep and spectrum that was measured with a state; None if none was."""
+    states = states_of(session.documents)
+    if not states:
+        return None
+    rows, marked = [], set()
+    for index, (file, state) in enumerate(states):
+        marks = marks_of(state)
+        rows.append((file, state_line(state), state_line(state.get("at_end")), str(state.get("time", "-")), "; ".join(marks) or "-"))
+        if marks:
+            marked.add(index)
+    readers = dict.fromkeys(text for _, state in states for text in _readers(state))
+    table = Table("Motor's state", ("file", "at its start", "at its end", "read at (UTC)", "marked"), tuple(rows), frozenset(marked))
+    return Section("Motor's state", (f"Read by {'; '.join(readers)}.",) if readers else (), (table,))
+
+
+def _readers(state: Mapping[str, object]) -> list[str]:
+    """Who read what."""
+    read_by = state.get("read_by")
+    if not isinstance(read_by, Mapping):
+        return []
+    return [f"{STATE_QUANTITIES[key][0]}: {who}" for key, who in read_by.items() if key in STATE_QUANTITIES]

@@ -1,0 +1,118 @@
+"""A DC motor under a supply, in time: current, speed and temperature by first-order physics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+AMBIENT_DEGC = 23.0
+# A small brushed motor: 12 V, some 3200 rpm and 0.43 A under its load, 23 K above ambient when it is warm.
+RESISTANCE_OHM = 0.8
+CONSTANT_VOLT_S = 0.035
+LOAD_NEWTON_M = 0.015
+INERTIA_KG_M2 = 1.5e-4
+# What part of the power taken up ends as heat in the motor, and how that leaves it.
+HEAT_SHARE = 0.3
+THERMAL_KELVIN_PER_WATT = 15.0
+THERMAL_TIME_S = 300.0
+# The mechanics settle in seconds: they are stepped that long, what is left of a wait is one step.
+STEP_S, STEPS = 0.02, 500
+RPM_PER_RADIAN_S = 60 / (2 * math.pi)
+
+
+class MotorStand:
+    """A motor on a test stand, fed by a voltage source with a current limit.
+
+    Parameters
+    ----------
+    now : callable
+        Seconds on the clock of the stand.
+    """
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self._at_s = now()
+        self._source: tuple[float, float] | None = None
+        self._speed = 0.0
+        self._temperature_degc = AMBIENT_DEGC
+
+    def drive(self, voltage_volt: float, limit_ampere: float) -> None:
+        """Feed the motor from now on."""
+        self._advance()
+        self._source = (voltage_volt, limit_ampere)
+
+    def release(self) -> None:
+        """Switch the supply off: the motor runs down and cools."""
+        self._advance()
+        self._source = None
+
+    @property
+    def driven(self) -> bool:
+        """Whether a supply is on."""
+        return self._source is not None
+
+    @property
+    def limited(self) -> bool:
+        """Whether the supply limits the current now."""
+        self._advance()
+        return self._source is not None and _exceeds(self._wanted_ampere(self._source[0]), self._source[1])
+
+    @property
+    def current_ampere(self) -> float:
+        """Current now."""
+        self._advance()
+        return 0.0 if self._source is None else min(self._wanted_ampere(self._source[0]), self._source[1])
+
+    @property
+    def voltage_volt(self) -> float:
+        """Voltage between the terminals now."""
+        self._advance()
+        if self._source is not None and not self.limited:
+            return self._source[0]
+        return CONSTANT_VOLT_S * self._speed + RESISTANCE_OHM * self.current_ampere
+
+    @property
+    def speed_rpm(self) -> float:
+        """Speed of the shaft now."""
+        self._advance()
+        return self._speed * RPM_PER_RADIAN_S
+
+    @property
+    def temperature_degc(self) -> float:
+        """Temperature of the motor now."""
+        self._advance()
+        return self._temperature_degc
+
+    def _wanted_ampere(self, voltage_volt: float) -> float:
+        return max(0.0, (voltage_volt - CONSTANT_VOLT_S * self._speed) / RESISTANCE_OHM)
+
+    def _advance(self) -> None:
+        left_s, self._at_s = self._now() - self._at_s, self._now()
+        for number in range(STEPS):
+            if left_s <= 0:
+                return
+            step_s = min(left_s, STEP_S) if number < STEPS - 1 else left_s
+            self._move(step_s)
+            left_s -= step_s
+
+    def _move(self, step_s: float) -> None:
+        volt, limit = self._source or (0.0, 0.0)
+        wanted = self._wanted_ampere(volt)
+        current = min(wanted, limit)
+        power_watt = current * (CONSTANT_VOLT_S * self._speed + RESISTANCE_OHM * current)
+        if _exceeds(wanted, limit) or self._source is None:
+            # The torque is constant: the shaft gains speed until the supply need not limit any more, or loses it.
+            gain = (CONSTANT_VOLT_S * current - LOAD_NEWTON_M) / INERTIA_KG_M2 * step_s
+            free = max(0.0, (volt - RESISTANCE_OHM * limit) / CONSTANT_VOLT_S)
+            self._speed = max(0.0, self._speed + gain if gain < 0 else min(self._speed + gain, max(free, self._speed)))
+        else:
+            final = max(0.0, (volt - RESISTANCE_OHM * LOAD_NEWTON_M / CONSTANT_VOLT_S) / CONSTANT_VOLT_S)
+            time_s = INERTIA_KG_M2 * RESISTANCE_OHM / CONSTANT_VOLT_S**2
+            self._speed = final + (self._speed - final) * math.exp(-step_s / time_s)
+        final_degc = AMBIENT_DEGC + HEAT_SHARE * power_watt * THERMAL_KELVIN_PER_WATT
+        self._temperature_degc = final_degc + (self._temperature_degc - final_degc) * math.exp(-step_s / THERMAL_TIME_S)
+
+
+def _exceeds(wanted_ampere: float, limit_ampere: float) -> bool:
+    """Whether a supply has to limit; the last digit does not count, or a motor that has reached its speed would stay in the limit."""
+    return wanted_ampere > limit_ampere * (1 + 1e-9)
