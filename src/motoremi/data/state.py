@@ -43,7 +43,7 @@ def states_of(documents: Iterable[Mapping[str, Any]]) -> list[tuple[str, Mapping
     return [
         (str(document.get("file")), document["state"])
         for document in documents
-        if document.get("kind") in ("sweep", "spectrum") and isinstance(document.get("state"), Mapping)
+        if document.get("kind") in ("sweep", "spectrum", "final") and isinstance(document.get("state"), Mapping)
     ]
 
 
