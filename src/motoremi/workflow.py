@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -28,7 +29,7 @@ from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import parse
 
 if TYPE_CHECKING:
-    from motoremi.report.parts import Materials
+    from motoremi.report.parts import Choice, Materials
 
 
 class Store(Protocol):
@@ -194,11 +195,27 @@ def _materials_of(session: Session) -> Materials:
     return Materials(session, tuple(steps), comparison, session.analysis("diagnosis"))
 
 
-def report_session(store: Store) -> list[Path]:
-    """Render the report in all forms into the session's `report/` folder."""
-    from motoremi.report.files import render_session
+def report_session(store: Store, profile: Path | None = None, choice: Choice | None = None) -> list[Path]:
+    """Render the report in all formats into the session's `report/` folder.
 
-    files = render_session(_materials_of(load(store.path)))
+    Parameters
+    ----------
+    store : Store
+    profile : Path, optional
+        The laboratory that signs; kept with the session, whose later reports need not name it again.
+    choice : Choice, optional
+        Which form, and which sections; the long form with all of them without it.
+    """
+    from motoremi.report.files import render_session
+    from motoremi.report.model import WHOLE
+    from motoremi.workflow_issue import ISSUE, LABORATORY, issue_for, stored_laboratory
+
+    session = load(store.path)
+    laboratory, issue = issue_for(session, profile)
+    files = render_session(replace(_materials_of(session), laboratory=laboratory, issue=issue), choice or WHOLE)
+    if laboratory is not None and issue is not None and issue != session.analysis(ISSUE):
+        store.save_analysis(LABORATORY, stored_laboratory(laboratory))
+        store.save_analysis(ISSUE, issue)
     return [store.save_file(name, data) for name, data in files.items()]
 
 

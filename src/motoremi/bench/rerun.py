@@ -20,7 +20,7 @@ from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
 
 MEASURED = ("sweep", "spectrum", "final", "standard")
-_KEPT = ("title", "procedure", "operator", "backend", "simulated_sha256", "calibrated", "corrections")
+_KEPT = ("title", "procedure", "operator", "backend", "simulated", "simulated_sha256", "calibrated", "corrections")
 
 
 @dataclass(frozen=True)

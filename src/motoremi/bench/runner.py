@@ -77,7 +77,7 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
         "ambient": bench_file.ambient,
         "backend": bench_file.backend or "visa",
         **_fingerprint(bench_file),
-        **({"simulated_seed": bench_file.seed} if bench_file.backend == "sim" else {}),
+        **({"simulated": True, "simulated_seed": bench_file.seed} if bench_file.backend == "sim" else {}),
         "remarks": list(procedure.remarks()),
         "corrections": bench_file.corrections.to_list(),
         "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},

@@ -57,7 +57,7 @@ def make_challenge(out: Path, seed: int) -> Path:
     in_motor, _ = split_effects(case.hidden)
     truth = SimulatedMotor.random(case.motor_seed, in_motor).truth()
     text = to_line({"salt": secrets.token_hex(16), "hidden": case.hidden, "elements": truth["elements"], "effects": truth["effects"]})
-    start = {"title": "Challenge", "motor": "a motor that may hide something", "analyser": "4294a", "sealed_sha256": _hash(text)}
+    start = {"simulated": True, "title": "Challenge", "motor": "a motor that may hide something", "analyser": "4294a", "sealed_sha256": _hash(text)}
     with SessionWriter.create(out, start) as writer:
         writer.save_file(SEALED, base64.b64encode(zlib.compress(text.encode())))
         for sweep in case.sweeps():

@@ -11,7 +11,7 @@ import typer
 
 from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file
 from motoremi.errors import BadInput
-from motoremi.report.kinds import PLOTS
+from motoremi.report.kinds import PLOTS, SECTIONS
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
@@ -479,13 +479,29 @@ def next_(path: SessionPath, as_json: AsJson = False) -> None:
 
 
 def report_(
+    context: typer.Context,
     paths: Annotated[list[Path], typer.Argument(metavar="SESSION...", help="A session folder; several are compared.", show_default=False)],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where the comparison of several sessions goes.")] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option("--profile", metavar="FILE", help="The laboratory that signs: TOML, kept with the session (docs/howto/report.md)."),
+    ] = None,
+    form: Annotated[str, typer.Option("--form", metavar="FORM", help="long, or short: the two pages that a customer reads.")] = "long",
+    sections: Annotated[
+        str, typer.Option("--sections", metavar="NAMES", help=f"Sections of the long form, with commas between: {', '.join(SECTIONS)}.")
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """HTML, PDF, JSON, JUnit XML and CSV from one report, in the session's report folder; several sessions side by side, each against the first."""
+    from motoremi.report.parts import Choice
+
     if len(paths) == 1 and out is not None:
         raise BadInput("--out is for several sessions; the report of one goes into its own report folder")
+    for name in ("profile", "form", "sections") if len(paths) > 1 else ():
+        # Those that stand in a settings file are for every report of one session.
+        if (source := context.get_parameter_source(name)) is not None and source.name == "COMMANDLINE":
+            raise BadInput(f"--{name} is for the report of one session")
+    choice = Choice(form, frozenset(name.strip() for name in sections.split(",") if name.strip()))
     # A report makes half a million objects that live to its end: to look for garbage among them takes a tenth of its time.
     gc.disable()
     try:
@@ -499,7 +515,7 @@ def report_(
             files = report_together(paths, out)
         else:
             with opened(paths[0]) as store:
-                files = report_session(store)
+                files = report_session(store, profile, choice)
     finally:
         gc.enable()
     if as_json:
@@ -545,5 +561,5 @@ def register(app: typer.Typer) -> None:
     command(app, "drop", drop_, "motoremi drop my_motor")
     command(app, "ladder", ladder_, "motoremi ladder my_motor")
     command(app, "next", next_, "motoremi next my_motor")
-    command(app, "report", report_, "motoremi report my_motor; motoremi report before after --out comparison")
+    command(app, "report", report_, "motoremi report my_motor --profile laboratory.toml; motoremi report before after --out comparison")
     command(app, "plot", plot_, "motoremi plot my_motor fit --out fit.png")

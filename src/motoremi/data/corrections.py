@@ -59,6 +59,7 @@ class Correction(BaseModel):
     )
     serial: str = Field(default="", max_length=200, description="serial number")
     calibrated: date | None = Field(default=None, description="date of the last calibration")
+    due: date | None = Field(default=None, description="date by which it has to be calibrated again, for the report")
     uncertainty_db: float = Field(default=0.0, ge=0, le=40, description="expanded uncertainty (k = 2) in dB; widens the guard band")
     s_parameters: tuple[tuple[float, ...], ...] = Field(
         default=(), description="of a fixture from its Touchstone file: real and imaginary S11, S21, S12, S22 in 50 Ohm at each frequency"

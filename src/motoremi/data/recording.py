@@ -45,8 +45,10 @@ class SessionWriter:
 
     path: Path
 
-    def __init__(self, path: Path, log: AppendFile, seq: int, previous_sha256: str) -> None:
+    def __init__(self, path: Path, log: AppendFile, seq: int, previous_sha256: str, simulated: bool = False) -> None:
         self.path = path
+        # Written into every measured file, so that a copy of it still says what it is.
+        self._mark: JsonDict = {"simulated": True} if simulated else {}
         self._log = log
         self._seq = seq
         self._previous = previous_sha256
@@ -65,7 +67,8 @@ class SessionWriter:
         ----------
         path : path-like
         start : mapping
-            What the session is about; becomes part of the "start" document, with the software's version.
+            What the session is about; becomes part of the "start" document, with the software's version. With `simulated` true every
+            measured file is marked as simulated.
 
         Raises
         ------
@@ -82,7 +85,7 @@ class SessionWriter:
         log = AppendFile(folder / SESSION, new=True)
         try:
             log.lock()
-            writer = cls(folder, log, 0, FIRST)
+            writer = cls(folder, log, 0, FIRST, start.get("simulated") is True)
             writer._append("start", {"schema": SCHEMA, "software": software(), **start})
         except BaseException:
             log.close()
@@ -132,7 +135,7 @@ class SessionWriter:
         """Store a sweep as `sweeps/<termination>-<n>.csv` and emit a "sweep" document."""
         low, high = sweep.span_hz
         content = {"termination": sweep.termination, "points": len(sweep), "span_hz": [low, high], **_state(sweep.metadata)}
-        return self._add_numbered("sweep", f"sweeps/{sweep.termination}", impedance_csv(sweep), content)
+        return self._add_numbered("sweep", f"sweeps/{sweep.termination}", impedance_csv(sweep.with_metadata(**self._mark)), content)
 
     def add_spectrum(self, spectrum: Spectrum) -> Path:
         """Store a spectrum as `spectra/<detector>-<n>.csv` (a background as `<detector>-motor-off-<n>`) and emit a "spectrum" document."""
@@ -145,7 +148,7 @@ class SessionWriter:
             **_state(spectrum.metadata),
         }
         stem = f"spectra/{spectrum.detector}{'-motor-off' if spectrum.is_background else ''}"
-        return self._add_numbered("spectrum", stem, spectrum_csv(spectrum), content)
+        return self._add_numbered("spectrum", stem, spectrum_csv(spectrum.with_metadata(**self._mark)), content)
 
     def add_final(self, spectrum: Spectrum) -> Path:
         """Store a short scan around a maximum as `spectra/final-<detector>-<n>.csv` and emit a "final" document."""
@@ -153,19 +156,19 @@ class SessionWriter:
         told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "operating") if key in spectrum.metadata}
         told["highest_dbuv"] = float(spectrum.level_dbuv.max())
         content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high], **_state(spectrum.metadata)}
-        return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum), content)
+        return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum.with_metadata(**self._mark)), content)
 
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Store what was measured with a standard in the fixture, as `standards/<standard>-<n>.csv`; it is no sweep of the motor."""
         low, high = sweep.span_hz
         content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
-        return self._add_numbered("standard", f"standards/{standard}", impedance_csv(sweep), content)
+        return self._add_numbered("standard", f"standards/{standard}", impedance_csv(sweep.with_metadata(**self._mark)), content)
 
     def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
         """Store what the instrument itself holds of a standard, as `compensation/<standard>-<n>.csv`, and emit a "compensation" document."""
         low, high = sweep.span_hz
         content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
-        return self._add_numbered("compensation", f"compensation/{standard}", impedance_csv(sweep), content)
+        return self._add_numbered("compensation", f"compensation/{standard}", impedance_csv(sweep.with_metadata(**self._mark)), content)
 
     def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
         """Store `analysis/<name>.json`, in place of an older one, and emit an "analysis" document.
@@ -327,7 +330,7 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
         _remove_unfinished(folder)
         if chain.torn:
             log.cut(len(data) - len(chain.torn))
-        writer = SessionWriter(folder, log, len(chain.documents), chain.last_sha256)
+        writer = SessionWriter(folder, log, len(chain.documents), chain.last_sha256, chain.documents[0].get("simulated") is True)
         found: JsonDict = {"software": software(), "found": list(findings.interruption)}
         if chain.torn:
             found["unfinished_line"] = chain.torn.decode("ascii", "backslashreplace")

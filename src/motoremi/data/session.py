@@ -17,6 +17,7 @@ from motoremi.data.chain import Chain, read_chain
 from motoremi.data.corrections import Corrections
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
 from motoremi.data.manifest import parse_manifest, record_bytes
+from motoremi.data.origin import is_simulated
 from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
 from motoremi.data.plain import object_from_json
 from motoremi.data.recording import SCHEMA, STATUSES, SessionWriter, reopen
@@ -95,6 +96,12 @@ class Session:
     def corrected_spectra(self) -> tuple[Spectrum, ...]:
         """The spectra with levels at the motor's side of pad, cable and transducer; `spectra` holds what was read."""
         return tuple(self.corrections.corrected_spectrum(spectrum) for spectrum in self.spectra)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any of it comes from a simulated bench: this session's own, or the one whose files were imported."""
+        told = [self.start, *(sweep.metadata for sweep in self.sweeps), *(one.metadata for one in (*self.spectra, *self.finals))]
+        return self.start.get("backend") == "sim" or any(map(is_simulated, told))
 
     @property
     def analyses(self) -> tuple[str, ...]:

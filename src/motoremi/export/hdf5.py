@@ -26,6 +26,7 @@ def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
         file.attrs["session"] = session.path.name
+        file.attrs["simulated"] = session.simulated
         count: dict[str, int] = {}
         for sweep in session.corrected_sweeps:
             count[sweep.termination] = count.get(sweep.termination, 0) + 1

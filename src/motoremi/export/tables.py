@@ -23,7 +23,8 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`, and with a fit `model_resistance_ohm, model_reactance_ohm`.
+        `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`, and with a fit `model_resistance_ohm, model_reactance_ohm`; of
+        a simulated bench also `simulated`.
 
     Raises
     ------
@@ -48,6 +49,8 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
         if fit is not None:
             model = fit.model_ohm(sweep.termination, sweep.frequency_hz)
             columns |= {"model_resistance_ohm": model.real, "model_reactance_ohm": model.imag}
+        if session.simulated:
+            columns["simulated"] = True
         frames.append(pd.DataFrame(columns))
     return pd.concat(frames, ignore_index=True)
 
@@ -91,4 +94,4 @@ def to_xarray(session: Session) -> xr.Dataset:
         axis = f"spectrum_{number}_frequency_hz"
         attributes = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
         arrays[f"spectrum_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords={axis: spectrum.frequency_hz}, attrs=attributes)
-    return xr.Dataset(arrays, attrs={"session": session.path.name})
+    return xr.Dataset(arrays, attrs={"session": session.path.name, "simulated": int(session.simulated)})

@@ -44,4 +44,5 @@ def session_touchstone(session: Session, termination: str | None, parameter: Lit
     impedance = group.mean_ohm
     if model_of is not None:
         what, impedance = "fitted model", model_of.model_ohm(chosen, group.frequency_hz)
-    return touchstone_text(group.frequency_hz, impedance, parameter, (f"motoremi: {chosen}-circuit {what} of {session.path.name}",)), chosen
+    comments = (f"motoremi: {chosen}-circuit {what} of {session.path.name}", *(("simulated: true",) if session.simulated else ()))
+    return touchstone_text(group.frequency_hz, impedance, parameter, comments), chosen

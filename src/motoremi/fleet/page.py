@@ -10,7 +10,7 @@ from motoremi.arrays import JsonDict
 from motoremi.quantities import show
 from motoremi.report.axes import BLUE, VERMILION
 from motoremi.report.html import render_html
-from motoremi.report.parts import Picture, Report, Section, Table
+from motoremi.report.parts import Box, Picture, Report, Section, Table
 from motoremi.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -41,7 +41,14 @@ def _report(figures: JsonDict, title: str) -> Report:
         sections.append(_golden(figures))
     warnings = tuple(f"{t['session']}: {t['trouble']}" for t in figures["troubles"][:_LONGEST_TABLE])
     more = len(figures["troubles"]) - len(warnings)
-    return Report("Fleet report", title, tuple(headline), (*warnings, *([f"and {more} more"] if more > 0 else [])), tuple(sections), figures)
+    return Report(
+        "Fleet report",
+        title,
+        (Box("All sessions", tuple(headline)),),
+        (*warnings, *([f"and {more} more"] if more > 0 else [])),
+        tuple(sections),
+        figures,
+    )
 
 
 def _listed(texts: list[str]) -> str:

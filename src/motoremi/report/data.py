@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import io
 
+from motoremi.arrays import JsonDict
 from motoremi.data.plain import to_page
+from motoremi.data.text import clean_text
 from motoremi.report.parts import Report
 
 COLUMNS = ("kind", "where", "name", "value", "unit", "sigma", "note")
@@ -16,14 +18,42 @@ def render_json(report: Report) -> str:
     return to_page(report.data)
 
 
+def issued(data: JsonDict) -> tuple[tuple[str, str], ...]:
+    """What a laboratory's report says of itself: name and text of each entry; those that say nothing are empty."""
+    if data["laboratory"] is None:
+        return ()
+    laboratory, issue = data["laboratory"], data["issue"] or {}
+    rule = laboratory["decision_rule"] or {}
+    return (
+        ("report_number", str(issue.get("number", ""))),
+        ("date_of_issue", str(issue.get("date", ""))),
+        ("replaces", str((issue.get("replaces") or {}).get("number", ""))),
+        ("laboratory", ", ".join((laboratory["name"], *laboratory["address"]))),
+        ("customer", ", ".join(laboratory["customer"])),
+        ("authorised_by", laboratory["authoriser"]),
+        ("statement", laboratory["statement"]),
+        ("decision_rule", rule.get("rule", "")),
+        ("decision_rule_source", rule.get("source", "")),
+    )
+
+
+def _cell(text: str) -> str:
+    """Text from outside, which no spreadsheet shall take for a formula."""
+    shown = clean_text(text)
+    return f"'{shown}" if shown.lstrip()[:1] in tuple("=+-@") else shown
+
+
 def render_csv(report: Report) -> str:
-    """Parameters of every step, then the error per band and the margins to the emission limit, in one long table.
+    """What the report says of itself, parameters of every step, then the error per band and the margins to the limit, in one long table.
 
     `sigma` is a number or empty; `note` says what the data do not determine, and the verdict of a band.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(COLUMNS)
+    for name, told in issued(report.data):
+        if told:
+            writer.writerow(("report", "", name, "", "", "", _cell(told)))
     for number, step in enumerate(report.data["ladder"]):
         for name, entry in step["parameters"].items():
             sigma = "" if entry["sigma"] is None else repr(entry["sigma"])

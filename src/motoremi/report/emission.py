@@ -10,7 +10,7 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.quantities import show, show_band
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_axis, legend_above, panels
-from motoremi.report.parts import Materials, Section, Table
+from motoremi.report.parts import Materials, Picture, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
 
@@ -24,16 +24,18 @@ if TYPE_CHECKING:
 _COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "cispr-average": GREEN, "rms-average": BLACK}
 
 
-def prediction_figure(prediction: JsonDict) -> Figure:
+def prediction_figure(prediction: JsonDict, height_inch: float = 0.0) -> Figure:
     """Measured levels thin, predicted ones dashed, limits dotted, and below what was measured over what was predicted.
 
     Parameters
     ----------
     prediction : dict
         As `Prediction.to_dict` gives it.
+    height_inch : float, optional
+        As high as it has to be without it.
     """
     below = bool(prediction["measured_dbuv"] and prediction["predicted_dbuv"])
-    figure, axes = panels(9.0, 5.4, 2, 1, height_ratios=(3, 1)) if below else panels(9.0, 4.2)
+    figure, axes = panels(9.0, height_inch or 5.4, 2, 1, height_ratios=(3, 1)) if below else panels(9.0, height_inch or 4.2)
     panel = axes[0, 0]
     frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
     measured = prediction["measured_dbuv"]
@@ -95,21 +97,7 @@ def _levels(values: list[float | None]) -> FloatArray:
 
 def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
     """What was judged, and how far the prediction is from the measurement."""
-    judged = tuple(
-        (
-            str(one["detector"]),
-            str(one["line"]),
-            "-" if one["worst_margin_db"] is None else f"{one['worst_margin_db']:+.1f} dB",
-            str(one["verdict"] or "none").upper(),
-            str(one["why"]),
-        )
-        for one in prediction["judged"]
-    )
-    marked = frozenset(index for index, one in enumerate(prediction["judged"]) if one["verdict"] == "fail")
-    tables = [
-        *_finals_table(prediction),
-        Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "smallest margin", "verdict", "why"), judged, marked),
-    ]
+    tables = [*final_tables(prediction), limit_table(prediction)]
     if prediction["error_bands"]:
         rows = tuple(
             (
@@ -124,7 +112,32 @@ def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _finals_table(prediction: JsonDict) -> list[Table]:
+def limit_table(prediction: JsonDict) -> Table:
+    """The verdict on the levels of each detector."""
+    judged = tuple(
+        (
+            str(one["detector"]),
+            str(one["line"]),
+            "-" if one["worst_margin_db"] is None else f"{one['worst_margin_db']:+.1f} dB",
+            str(one["verdict"] or "none").upper(),
+            str(one["why"]),
+        )
+        for one in prediction["judged"]
+    )
+    marked = frozenset(index for index, one in enumerate(prediction["judged"]) if one["verdict"] == "fail")
+    return Table(f"Against {prediction['limit']['title']}", ("levels of", "limit for", "smallest margin", "verdict", "why"), judged, marked)
+
+
+def spectra_picture(materials: Materials, height_inch: float = 0.0) -> Picture:
+    """Levels against the limit where there is one, else as they were measured."""
+    prediction = materials.stored("prediction")
+    if prediction is None:
+        return picture("spectrum", spectrum_figure(materials.session.corrected_spectra), "Conducted emission, corrected levels.")
+    predicted = ", the levels that source and fitted motor should produce," if prediction["predicted_dbuv"] else ""
+    return picture("prediction", prediction_figure(prediction, height_inch), f"Measured levels{predicted} and the limit with its guard band.")
+
+
+def final_tables(prediction: JsonDict) -> list[Table]:
     """The final values, if any were measured; predictions of older sessions have none."""
     finals = prediction.get("finals") or []
     if not finals:
@@ -181,7 +194,7 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
         texts.append(f"The prediction holds {effects}.")
     if "expanded_uncertainty_db" in prediction:
         guard = prediction["expanded_uncertainty_db"]
-        texts.append(f"Guard band {guard:g} dB (k = 2): below the limit by more is a pass, above by more a fail, between them marginal.")
+        texts.append(f"Guard band {guard:.3g} dB (k = 2): below the limit by more is a pass, above by more a fail, between them marginal.")
     if diagnosis is not None:
         named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
         texts.append(f"Diagnosis of the spectra: {diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %.")
@@ -215,8 +228,7 @@ def emission_section(materials: Materials) -> Section:
     if prediction is None:
         return Section("Emission", ("Measured levels; they are not judged against a limit here.",), (table, *corrected), (drawn,))
     diagnosis = materials.stored("emission-diagnosis")
-    caption = "Measured levels, the levels that source and fitted motor should produce, and the limit with its guard band."
-    pictures = [picture("prediction", prediction_figure(prediction), caption), drawn]
+    pictures = [spectra_picture(materials), drawn]
     tables = [table, *corrected, *prediction_tables(prediction)]
     steps = (materials.stored("emission") or {}).get("steps", ())
     if len(steps) > 1:

@@ -10,8 +10,8 @@ from motoremi.report.data import render_csv, render_json
 from motoremi.report.gaps import STORED
 from motoremi.report.html import render_html
 from motoremi.report.junit import render_junit
-from motoremi.report.model import build_report
-from motoremi.report.parts import Materials, Report
+from motoremi.report.model import WHOLE, build_report
+from motoremi.report.parts import Choice, Materials, Report
 from motoremi.report.pdf import can_render_pdf, render_pdf
 
 
@@ -31,7 +31,7 @@ class Unreadable(BadInput):
     """A stored analysis is not as this version writes it."""
 
 
-def render_session(materials: Materials) -> dict[str, bytes]:
+def render_session(materials: Materials, choice: Choice = WHOLE) -> dict[str, bytes]:
     """The report of a session in all forms; stored analyses that this version cannot read are left out, and the report says so.
 
     Raises
@@ -43,18 +43,19 @@ def render_session(materials: Materials) -> dict[str, bytes]:
     # The culprit is found by leaving one out after the other: what an earlier version wrote is nowhere written down.
     for names in ((), *((name,) for name in present)):
         with suppress(Unreadable), told_as_unreadable(materials.session.path.name):
-            return render_all(build_report(materials.without(names)))
+            return render_all(build_report(materials.without(names), choice), choice.form)
     with told_as_unreadable(materials.session.path.name):
-        return render_all(build_report(materials.without(present)))
+        return render_all(build_report(materials.without(present), choice), choice.form)
 
 
-def render_all(report: Report) -> dict[str, bytes]:
-    """File name within the session -> content; PDF where typst is installed. The same session gives the same bytes."""
-    texts = {
-        "report/report.html": render_html(report),
-        "report/report.json": render_json(report),
-        "report/junit.xml": render_junit(report),
-        "report/parameters.csv": render_csv(report),
-    }
-    made = {name: text.encode("utf-8") for name, text in texts.items()}
-    return {**made, "report/report.pdf": render_pdf(report)} if can_render_pdf() else made
+def render_all(report: Report, form: str = "long") -> dict[str, bytes]:
+    """File name within the session -> content; PDF where typst is installed. The same session gives the same bytes.
+
+    The short form is for people alone; both forms can stand side by side.
+    """
+    name = "report" if form == "long" else form
+    texts = {f"report/{name}.html": render_html(report)}
+    if form == "long":
+        texts |= {"report/report.json": render_json(report), "report/junit.xml": render_junit(report), "report/parameters.csv": render_csv(report)}
+    made = {file: text.encode("utf-8") for file, text in texts.items()}
+    return {**made, f"report/{name}.pdf": render_pdf(report)} if can_render_pdf() else made

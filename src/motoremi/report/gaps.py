@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from motoremi.arrays import JsonDict
 from motoremi.data.calibration import calibration_doubt
+from motoremi.data.origin import measured_on
 from motoremi.data.session import Session
 from motoremi.data.state import marks_of, states_of
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
+from motoremi.report.equipment import not_stated, overdue
+from motoremi.report.identity import imported_files, measured_items
 from motoremi.report.parts import Materials, is_result, model_name
+from motoremi.report.steps import being_written, planned_steps
 from motoremi.report.words import findings_of
 
 # A stored diagnosis rounds nothing: a larger difference means that it was made from another fit.
@@ -30,7 +33,7 @@ STORED = {
 def gaps(materials: Materials) -> tuple[str, ...]:
     """Everything a reader has to know before believing the rest, each once."""
     session = materials.session
-    found = [*_of_the_run(session), *_of_the_set_up(session), *_of_the_analysis(materials)]
+    found = [*_of_the_run(session), *_of_the_import(session), *_of_the_set_up(session), *overdue(materials), *_of_the_analysis(materials)]
     for spectrum in session.spectra:
         count = int(spectrum.overload.sum())
         if count:
@@ -43,44 +46,6 @@ def gaps(materials: Materials) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def being_written(session: Session) -> bool:
-    """Whether the report is a step of the run that it reports."""
-    last = [d for d in session.documents if d["kind"] in ("step-start", "step-stop", "stop")][-1:]
-    return bool(last) and last[0]["kind"] == "step-start" and last[0].get("do") == "report"
-
-
-def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
-    """Number, name, settings and state of every step of the procedure, begun or not."""
-    begun = {d.get("step"): d for d in session.documents if d["kind"] == "step-start"}
-    ended = {d.get("step") for d in session.documents if d["kind"] == "step-stop"}
-    planned = list(_unrolled((session.start.get("procedure") or {}).get("steps", ())))
-    total = max([len(planned), *(int(d.get("of") or 0) for d in begun.values())])
-    rows = []
-    for number in range(1, total + 1):
-        document = begun.get(number)
-        plan = planned[number - 1] if number <= len(planned) else {}
-        settings: JsonDict = document.get("parameters") or {} if document else {k: v for k, v in plan.items() if k != "do"}
-        name = str((document or plan).get("do", "not known"))
-        if number in ended:
-            state = "done"
-        elif document is None:
-            state = "not begun"
-        else:
-            state = "this report" if name == "report" and being_written(session) else "not finished"
-        rows.append((number, name, ", ".join(f"{key} {value}" for key, value in settings.items()), state))
-    return rows
-
-
-def _unrolled(steps: object) -> Iterator[JsonDict]:
-    """Steps as written, those of a repeat as often as they are done."""
-    for step in steps if isinstance(steps, list | tuple) else ():
-        if isinstance(step, dict) and step.get("do") == "repeat":
-            for _ in range(int(step.get("times", 1))):
-                yield from _unrolled(step.get("steps"))
-        elif isinstance(step, dict):
-            yield step
-
-
 def _of_the_run(session: Session) -> list[str]:
     found = []
     found += [str(remark) for remark in session.start.get("remarks") or ()]
@@ -89,6 +54,8 @@ def _of_the_run(session: Session) -> list[str]:
             found.append(f"{document['more']} more maxima are as near to the limit as those that were read again: they were not read")
     if session.start.get("backend") == "sim":
         found.append("simulated bench: no real motor and no real instrument was measured")
+    elif session.simulated:
+        found.append("simulated data: they come from a simulated bench, no real motor and no real instrument was measured")
     if session.status != "done" and not being_written(session):
         reason = next((str(d["reason"]) for d in reversed(session.documents) if d["kind"] == "stop" and d.get("reason")), "no stop document")
         found.append(f"the run did not end well ({session.status}): {reason}")
@@ -108,13 +75,31 @@ def _of_the_run(session: Session) -> list[str]:
     return found
 
 
+def _of_the_import(session: Session) -> list[str]:
+    files = imported_files(session)
+    if not files:
+        return []
+    found = [f"imported: the data were read from {len(files)} files; motoremi neither drove the instruments nor saw how they were set up"]
+    items = measured_items(session)
+    undated = list(dict.fromkeys(str(item.metadata.get("source", "-")) for item in items if not measured_on(item.metadata)))
+    if undated:
+        what = "the files do" if len(undated) == len(files) else f"{', '.join(undated)}: the header does"
+        found.append(f"{what} not say when the data were measured")
+    assumed = [name for key, name in (("detector_assumed", "detector"), ("rbw_assumed", "bandwidth")) if any(i.metadata.get(key) for i in items)]
+    if assumed:
+        found.append(f"the files do not state {' and '.join(assumed)} of the spectra: usual ones are assumed")
+    changed = {str(change) for sweep in session.sweeps for change in sweep.metadata.get("changes") or ()}
+    return found + [f"changed on import: {change}" for change in sorted(changed)]
+
+
 def _of_the_set_up(session: Session) -> list[str]:
-    found = []
-    found += [str(d["says"]) for d in session.documents if d["kind"] == "doubt"]
+    found = [str(d["says"]) for d in session.documents if d["kind"] == "doubt"]
     # A procedure with an interval of its own was refused where it is exceeded.
     if "calibration_within" not in (session.start.get("procedure") or {}):
         ages = session.start.get("calibration_age_days") or {}
-        found += [doubt for role, age in ages.items() if (doubt := calibration_doubt(role, age))]
+        # A bench file may date an instrument that this procedure does not use.
+        used = {document.get("role") for document in session.documents if document["kind"] == "instrument"}
+        found += [doubt for role, age in ages.items() if (role in used or not used) and (doubt := calibration_doubt(role, age))]
     if session.start.get("analyser_assumed"):
         found.append("the analyser was not named: the size of its errors is estimated from the data")
     for sweep in session.sweeps:
@@ -126,17 +111,17 @@ def _of_the_set_up(session: Session) -> list[str]:
 
 def _of_the_analysis(materials: Materials) -> list[str]:
     session, steps = materials.session, materials.steps
-    found = []
+    found = [f"not stated: {', '.join(missing)}"] if (missing := not_stated(materials)) else []
     if not session.sweeps:
         found.append("no impedance sweep was measured")
-    if not steps:
+    elif not steps:
         found.append("no fit was made")
-    else:
+    if steps:
         found += [f"the fit of the {model_name(step)} did not converge: it is not shown as a result" for step in steps if not is_result(step)]
         found += steps[-1].warnings
         if is_result(steps[-1]) and steps[-1].undetermined():
             found.append(f"the data do not determine {', '.join(steps[-1].undetermined())}")
-    if materials.comparison is None:
+    if materials.comparison is None and session.sweeps:
         found.append("the model was not compared with the measurement: nothing is judged")
     found += [
         f"the stored {name} was made by another version and cannot be read: {again}"
@@ -144,7 +129,7 @@ def _of_the_analysis(materials: Materials) -> list[str]:
         if name in materials.unreadable
     ]
     if materials.diagnosis is None:
-        found += [] if "diagnosis" in materials.unreadable else ["no diagnosis was made"]
+        found += ["no diagnosis was made"] if session.sweeps and "diagnosis" not in materials.unreadable else []
     elif steps and not _diagnosed(steps, materials.diagnosis):
         found.append("the diagnosis was made from another fit than those shown here: diagnose again")
     if not session.spectra:

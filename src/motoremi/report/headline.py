@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from motoremi.arrays import JsonDict
 from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
-from motoremi.report.parts import Materials, is_result
+from motoremi.report.parts import Box, Materials, is_result
 from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser
 
 Line = tuple[str, str, str]
 
+FLOOR, SHARE = "Noise and analyser would leave", "Analyser's share"
+FOR_ENGINEERS = ("Where it fails", FLOOR, SHARE, "Measure next")
 NO_RESULT = "no result: the fit did not converge"
 
 
-def headline(materials: Materials) -> tuple[Line, ...]:
-    """Label, text and mood ("good", "bad" or "plain") of each line."""
+def boxes(materials: Materials, short: bool = False) -> tuple[Box, ...]:
+    """A box for the impedance and one for the emission, each with its own overall verdict; `short` leaves out what only an engineer needs."""
+    found = []
+    if materials.session.sweeps or materials.steps:
+        box = _impedance(materials)
+        found.append(replace(box, lines=tuple(line for line in box.lines if line[0] not in FOR_ENGINEERS)) if short else box)
+    if materials.session.spectra or materials.stored("prediction") is not None:
+        found.append(_emission(materials))
+    return tuple(found) or (Box("No result", (("Measured", "nothing", "bad"),)),)
+
+
+def _impedance(materials: Materials) -> Box:
     steps, diagnosis = materials.steps, materials.diagnosis
     lines: list[Line] = []
     if steps:
@@ -26,13 +39,9 @@ def headline(materials: Materials) -> tuple[Line, ...]:
         lines += _diagnosis_lines(diagnosis)
     if steps:
         lines += [_after(steps[-1], diagnosis), *_beside(steps[-1])]
-    lines.append(_judged(materials.comparison))
-    prediction = materials.stored("prediction")
-    if prediction is not None:
-        lines.append(_emission(prediction))
     if diagnosis is not None:
         lines.append(("Measure next", str(diagnosis["next_measurement"]["why"]), "plain"))
-    return tuple(lines)
+    return Box("Common-mode impedance", tuple(lines), _judged(materials.comparison))
 
 
 def _before(base: Fit) -> list[Line]:
@@ -65,19 +74,19 @@ def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
         model = f"with {' + '.join(diagnosis['effects'])}, not added yet"
         error, left = float(diagnosis["best"]["rms_error_percent"]), diagnosis.get("unexplained_percent")
         reached = left is not None and left["value"] <= last.measurement.good_enough_percent
-    else:
-        model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
-        error, reached = last.rms_error_percent, last.explained
-        if not is_result(last):
-            return f"Error after ({model})", NO_RESULT, "bad"
-    return f"Error after ({model})", f"{error:.3g} % rms", "good" if reached else "bad"
+        # What is only proposed is no result yet, and is not shown as a good one.
+        return f"Error after ({model})", f"{error:.3g} % rms", "plain" if reached else "bad"
+    model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
+    if not is_result(last):
+        return f"Error after ({model})", NO_RESULT, "bad"
+    return f"Error after ({model})", f"{last.rms_error_percent:.3g} % rms", "good" if last.explained else "bad"
 
 
 def _beside(last: Fit) -> list[Line]:
     """What has to stand beside the error of the model that stands."""
-    lines = [("Noise and analyser would leave", f"{last.floor_percent:.2g} % rms, noise alone {last.noise_percent:.2g} %", "plain")]
+    lines = [(FLOOR, f"{last.floor_percent:.2g} % rms, noise alone {last.noise_percent:.2g} %", "plain")]
     if is_result(last):
-        lines += [("Analyser's share", text, "plain") for text in [share_of_analyser(last)] if text]
+        lines += [(SHARE, text, "plain") for text in [share_of_analyser(last)] if text]
         lines.append(("This circuit", described(last.unexplained_percent), "plain"))
     return lines
 
@@ -92,10 +101,36 @@ def _judged(comparison: Comparison | None) -> Line:
     return label, f"FAIL in {len(failed)} of {len(comparison.bands)} bands (tolerance {tolerance(comparison)} at every point)", "bad"
 
 
-def _emission(prediction: JsonDict) -> Line:
-    """The spectra against the limit."""
-    mood = {"pass": "good", "fail": "bad"}.get(str(prediction["verdict"]), "plain")
-    return f"Emission against {prediction['limit']['title']}", f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)", mood
+def _emission(materials: Materials) -> Box:
+    """The spectra against the limit; a verdict on levels that were only predicted is no result."""
+    prediction, diagnosis = materials.stored("prediction"), materials.stored("emission-diagnosis")
+    if prediction is None:
+        return Box("Conducted emission", (), ("Emission", "not judged", "plain"))
+    measured = str(prediction["judged_what"]) != "predicted"
+    mood = {"pass": "good", "fail": "bad"}.get(str(prediction["verdict"]), "plain") if measured else "plain"
+    lines: list[Line] = [
+        (_levels(one), _margin(one), "bad" if one["verdict"] == "fail" and measured else "plain")
+        for one in prediction["judged"]
+        if one["worst_margin_db"] is not None
+    ]
+    if diagnosis is not None:
+        lines.append(("Diagnosis of the spectra", _emission_cause(diagnosis), "plain"))
+    verdict = f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)"
+    return Box("Conducted emission", tuple(lines), (f"Emission against {prediction['limit']['title']}", verdict, mood))
+
+
+def _levels(judged: JsonDict) -> str:
+    name = str(judged["detector"]).replace("cispr", "CISPR")
+    return f"{name[:1].upper()}{name[1:]} levels, {judged['line']} limit"
+
+
+def _margin(judged: JsonDict) -> str:
+    return f"{str(judged['verdict'] or 'no verdict').upper()}: smallest margin {judged['worst_margin_db']:+.1f} dB"
+
+
+def _emission_cause(diagnosis: JsonDict) -> str:
+    named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
+    return f"{diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %"
 
 
 def tolerance(comparison: Comparison) -> str:

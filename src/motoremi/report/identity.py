@@ -5,15 +5,71 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from motoremi.arrays import JsonDict
+from motoremi.data.origin import measured_on
 from motoremi.data.session import Session
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.report.gaps import planned_steps
-from motoremi.report.parts import Section, Table
+from motoremi.quantities import show
+from motoremi.report.parts import Materials, Section, Table
+from motoremi.report.steps import planned_steps
+
+MEASURED = ("sweep", "spectrum", "final")
+_UNITS = {"hz": "Hz", "s": "s", "volt": "V", "db": "dB"}
+
+
+def report_facts(materials: Materials) -> tuple[tuple[str, str], ...]:
+    """Which report, for whom, on what, measured when and by whom."""
+    session, laboratory, issue = materials.session, materials.laboratory, materials.issue
+    start = session.start
+    facts = []
+    if issue is not None:
+        facts += [("Report number", str(issue["number"])), ("Date of issue", str(issue["date"]))]
+        if before := issue.get("replaces"):
+            facts.append(("Replaces", f"report {before['number']} of {before['date']}"))
+    if laboratory is not None and laboratory.customer:
+        facts.append(("Customer", ", ".join(laboratory.customer)))
+    serial = f", serial number {start['serial']}" if start.get("serial") else ""
+    facts += [
+        ("Item tested", str(start.get("motor") or "motor not named") + serial),
+        ("Measured", measured_when(session)),
+        ("Measured by", str(start.get("operator") or "not stated")),
+        ("Ambient", str(start.get("ambient") or "not stated")),
+    ]
+    if files := imported_files(session):
+        facts.append(
+            ("Data", f"IMPORTED on {str(start.get('time', ''))[:10]} from {len(files)} files; the instruments were not driven by motoremi")
+        )
+    if limit := (materials.stored("prediction") or {}).get("limit"):
+        facts.append(("Limit", str(limit["title"])))
+    return tuple(facts)
+
+
+def imported_files(session: Session) -> tuple[str, ...]:
+    """Names of the files that a session was imported from; none for a run."""
+    return tuple(map(str, session.start.get("imported") or ()))
+
+
+def measured_items(session: Session) -> tuple[ImpedanceSweep | Spectrum, ...]:
+    """Everything that was measured."""
+    return (*session.sweeps, *session.spectra, *session.finals)
+
+
+def measured_when(session: Session) -> str:
+    """The dates of the measurement: of a run its own, of imported data those that their files state."""
+    if imported_files(session):
+        days = [day for item in measured_items(session) if (day := measured_on(item.metadata))]
+        return _span(days) if days else "date not stated in the files"
+    times = [str(d.get("time", ""))[:16].replace("T", " ") for d in session.documents if d["kind"] in MEASURED]
+    return f"{_span(times)} UTC" if times else "nothing"
+
+
+def _span(times: list[str]) -> str:
+    first, last = min(times), max(times)
+    return first if first == last else f"{first} to {last.removeprefix(first[:11]) if first[10:11] == ' ' else last}"
 
 
 def identity_section(session: Session, session_sha256: str) -> Section:
-    """Motor, people, instruments with their serial numbers and settings, files with their hashes."""
+    """Motor, people, settings of the instruments, files with their hashes."""
     start = session.start
     ages = start.get("calibration_age_days") or {}
     calibrated = [
@@ -24,43 +80,55 @@ def identity_section(session: Session, session_sha256: str) -> Section:
         ("serial number of the motor", str(start.get("serial") or "not stated")),
         ("operator", str(start.get("operator") or "not stated")),
         ("ambient", str(start.get("ambient") or "not stated")),
-        ("bench", "simulated" if start.get("backend") == "sim" else str(start.get("backend") or "files that were imported")),
+        ("bench", "simulated" if session.simulated else str(start.get("backend") or "files that were imported")),
         ("calibrated", ", ".join(calibrated) or "not stated"),
         ("software", str(start.get("software", ""))),
-        ("begun (UTC)", str(start.get("time", ""))),
+        ("measured", measured_when(session)),
+        ("imported (UTC)" if imported_files(session) else "begun (UTC)", str(start.get("time", ""))),
         ("ended", session.status),
-        ("read from files", ", ".join(map(str, start.get("imported") or ())) or "-"),
+        ("read from files", ", ".join(imported_files(session)) or "-"),
         ("SHA-256 over the hashes of the measured files", session_sha256),
     )
     tables = [Table("Session", ("what", "is"), facts)]
-    instruments = []
-    for document in session.documents:
-        if document["kind"] == "instrument":
-            identity = document.get("identity") or {}
-            who = " ".join(str(identity[key]) for key in ("vendor", "model") if identity.get(key))
-            role = str(document.get("role"))
-            others = (identity.get("serial"), identity.get("firmware"), document.get("resource"), (start.get("calibrated") or {}).get(role))
-            instruments.append((role, who or "did not say", *(str(value or "-") for value in others), _settings(document)))
-    if instruments:
-        tables.append(Table("Instruments", ("role", "instrument", "serial", "firmware", "resource", "calibrated", "settings"), tuple(instruments)))
-    measured = [d for d in session.documents if d["kind"] in ("sweep", "spectrum", "final")]
+    settings = tuple(
+        (str(d.get("role")), str(d.get("resource") or "-"), str((d.get("identity") or {}).get("firmware") or "-"), _settings(d))
+        for d in session.documents
+        if d["kind"] == "instrument"
+    )
+    if settings:
+        tables.append(Table("Settings of the instruments", ("role", "resource", "firmware", "settings"), settings))
+    measured = [d for d in session.documents if d["kind"] in MEASURED]
     sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
         "sweep": iter(session.sweeps),
         "spectrum": iter(session.spectra),
         "final": iter(session.finals),
     }
-    files = tuple(
-        (str(d.get("file")), str(source.metadata.get("source", "-")), str(d.get("points")), str(d.get("sha256")))
-        for d, source in ((d, next(sources[d["kind"]])) for d in measured)
-    )
+    files = tuple(_file(d, next(sources[d["kind"]]), session) for d in measured)
     if files:
-        tables.append(Table("Measured files", ("file", "came from", "points", "SHA-256"), files))
+        columns = ("file", "came from" if imported_files(session) else "measured (UTC)", "points", "SHA-256")
+        tables.append(Table("Measured files", columns, files))
     return Section("Identity", (), tuple(tables))
+
+
+def _file(document: JsonDict, item: ImpedanceSweep | Spectrum, session: Session) -> tuple[str, ...]:
+    came = str(document.get("time", ""))[:19].replace("T", " ")
+    if imported_files(session):
+        day = measured_on(item.metadata)
+        came = str(item.metadata.get("source", "-")) + (f" of {day}" if day else "")
+    return str(document.get("file")), came, str(document.get("points")), str(document.get("sha256"))
 
 
 def _settings(document: JsonDict) -> str:
     settings = document.get("settings")
-    return ", ".join(f"{name} {value}" for name, value in settings.items()) if isinstance(settings, dict) and settings else "-"
+    if not isinstance(settings, dict) or not settings:
+        return "-"
+    return ", ".join(f"{name} {_shown(name, value)}" for name, value in settings.items())
+
+
+def _shown(name: str, value: object) -> str:
+    """A setting as a person reads it: with the unit that its name ends in."""
+    unit = _UNITS.get(name.rpartition("_")[2])
+    return show(value, unit) if unit and isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
 def procedure_section(session: Session) -> Section:

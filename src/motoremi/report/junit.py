@@ -11,6 +11,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
 from motoremi.quantities import show_band
+from motoremi.report.data import issued
 from motoremi.report.parts import Report
 from motoremi.report.words import findings_of, in_words, place_of, reasons_of, serious_of
 
@@ -69,6 +70,7 @@ def _session_suite(root: Element, report: Report) -> None:
     comparison, diagnosis = report.data["comparison"], report.data["diagnosis"]
     suite = SubElement(root, "testsuite", name="session")
     told = {name: report.data[name] for name in ("motor", "operator", "software", "session_sha256", "status")}
+    told |= {name: value for name, value in issued(report.data) if value}
     if diagnosis is not None:
         told["diagnosis"] = diagnosis["verdict"]
         told["effects"] = ", ".join(diagnosis["effects"])

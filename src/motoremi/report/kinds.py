@@ -1,4 +1,4 @@
-"""The plots that can be asked for by name; light, so that help is quick."""
+"""The plots, sections and forms that can be asked for by name; light, so that help is quick."""
 
 from __future__ import annotations
 
@@ -17,3 +17,17 @@ PLOTS = {
     "emission": "the model of the spectra against the levels, the difference below",
     "emission-ranking": "evidence of the candidates of the spectra's diagnosis",
 }
+
+SECTIONS = {
+    "sweeps": "what was measured, with the model",
+    "fit": "parameters and what follows from them",
+    "ladder": "models and their errors",
+    "comparison": "the model against the measurement, band by band",
+    "diagnosis": "which effect is missing, with the evidence",
+    "emission": "spectra, final values, limit, prediction",
+    "state": "the motor's state",
+    "equipment": "instruments, corrections and their calibration",
+    "identity": "session, settings, files with their hashes",
+    "procedure": "every step",
+}
+FORMS = ("long", "short")

@@ -7,33 +7,81 @@ import hashlib
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
-from motoremi.report.gaps import gaps, planned_steps
-from motoremi.report.headline import headline
-from motoremi.report.parts import Materials, Picture, Report, Section, Table, is_result
+from motoremi.report.equipment import equipment_of
+from motoremi.report.gaps import gaps
+from motoremi.report.headline import boxes
+from motoremi.report.identity import imported_files, measured_when, report_facts
+from motoremi.report.kinds import SECTIONS
+from motoremi.report.parts import Choice, Letterhead, Materials, Picture, Report, Section, Table, is_result
 from motoremi.report.sections import all_sections
+from motoremi.report.short import short_sections
+from motoremi.report.steps import planned_steps
+from motoremi.report.words import SIMULATED
 
-__all__ = ["Materials", "Picture", "Report", "Section", "Table", "build_report", "session_hash"]
+__all__ = ["Choice", "Materials", "Picture", "Report", "Section", "Table", "build_report", "session_hash"]
+
+WHOLE = Choice()
+SHORT_PAGES = 2
 
 
-def build_report(materials: Materials) -> Report:
+def build_report(materials: Materials, choice: Choice = WHOLE) -> Report:
     """Make the report of a session."""
     if materials.steps and not is_result(materials.steps[-1]):
         # Neither pass nor fail means anything for a fit that stopped on its way.
         materials = dataclasses.replace(materials, comparison=None)
-    start = materials.session.start
-    digest = session_hash(materials.session)
-    head = (str(start.get("motor") or "motor not named"), str(start.get("title", "")), str(start.get("time", ""))[:19].replace("T", " "))
+    session, laboratory = materials.session, materials.laboratory
+    start = session.start
+    digest = session_hash(session)
+    number = str(materials.issue["number"]) if materials.issue is not None else ""
+    when = measured_when(session) if imported_files(session) else str(start.get("time", ""))[:19].replace("T", " ")
+    head = (str(start.get("motor") or "motor not named"), str(start.get("title", "")), when)
+    short = choice.form == "short"
     return Report(
-        title="Common-mode impedance test report",
+        title=_title(session),
         subtitle=" · ".join(part for part in head if part),
-        headline=headline(materials),
-        warnings=gaps(materials),
-        sections=all_sections(materials, digest),
+        boxes=boxes(materials, short),
+        warnings=(*gaps(materials), *_left_out(choice)),
+        sections=short_sections(materials) if short else all_sections(materials, digest, choice),
         data=_data(materials),
         begun=str(start.get("time", "")),
         footer=" · ".join((*(part for part in head if part), f"data {digest[:16]}")),
-        signatures=(f"measured by: {start.get('operator') or 'not stated'}; date, signature", "checked by: name, date, signature"),
+        signatures=_signatures(materials),
+        letterhead=None if laboratory is None else Letterhead(laboratory.name, laboratory.address, laboratory.logo_png, laboratory.logo_svg),
+        number=number,
+        facts=report_facts(materials),
+        statements=_statements(materials),
+        mark=SIMULATED if session.simulated else "",
+        pages=SHORT_PAGES if short else 0,
     )
+
+
+def _title(session: Session) -> str:
+    kinds = [name for name, measured in (("Common-mode impedance", session.sweeps), ("conducted emission", session.spectra)) if measured]
+    title = " and ".join(kinds) or "Common-mode impedance"
+    return f"{title[:1].upper()}{title[1:]} test report"
+
+
+def _left_out(choice: Choice) -> list[str]:
+    """A reader of a part has to know that it is one."""
+    if choice.form == "short":
+        return ["this is the short form: all values, settings and steps are in the long one"]
+    missing = [name for name in SECTIONS if not choice.holds(name)]
+    return [f"this report leaves out: {', '.join(missing)}"] if missing else []
+
+
+def _signatures(materials: Materials) -> tuple[str, ...]:
+    measured = f"measured by: {materials.session.start.get('operator') or 'not stated'}; date, signature"
+    laboratory = materials.laboratory
+    if laboratory is None or not laboratory.authoriser:
+        return measured, "checked by: name, date, signature"
+    return measured, f"authorised by: {laboratory.authoriser}; date, signature"
+
+
+def _statements(materials: Materials) -> tuple[str, ...]:
+    if (laboratory := materials.laboratory) is None:
+        return ()
+    rule = laboratory.decision_rule
+    return (laboratory.statement, *([] if rule is None else [f"Decision rule: {rule.rule} Source: {rule.source}"]))
 
 
 def session_hash(session: Session) -> str:
@@ -64,7 +112,12 @@ def _data(materials: Materials) -> JsonDict:
         "calibrated": session.start.get("calibrated") or {},
         "begun": session.start.get("time", ""),
         "software": session.start.get("software", ""),
-        "simulated": session.start.get("backend") == "sim",
+        "simulated": session.simulated,
+        "laboratory": None if materials.laboratory is None else materials.laboratory.model_dump(mode="json", exclude={"logo_png", "logo_svg"}),
+        "issue": materials.issue,
+        "measured": measured_when(session),
+        "imported": list(imported_files(session)),
+        "equipment": [dataclasses.asdict(item) for item in equipment_of(materials)],
         "session_sha256": session_hash(session),
         "status": session.status,
         "instruments": [

@@ -5,17 +5,22 @@ Text from outside is cleaned when a value is made, so that no rendering can forg
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.data.laboratory import Laboratory
 from motoremi.data.session import Session
 from motoremi.data.text import clean_text
 from motoremi.diagnosis.compare import Comparison
+from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.report.kinds import FORMS, SECTIONS
 
 # Longer texts are not meant seriously; the machine-readable data holds them whole.
 LONGEST_TEXT = 1000
@@ -36,6 +41,10 @@ class Materials:
         As `Diagnosis.to_dict` gives it.
     unreadable : frozenset of str
         Stored analyses that are left out, because this version cannot read them.
+    laboratory : Laboratory, optional
+        Who signs.
+    issue : dict, optional
+        The report's number and date of issue, and what it replaces: see `motoremi.workflow_issue`.
     """
 
     session: Session
@@ -43,6 +52,8 @@ class Materials:
     comparison: Comparison | None
     diagnosis: JsonDict | None
     unreadable: frozenset[str] = frozenset()
+    laboratory: Laboratory | None = None
+    issue: JsonDict | None = None
 
     def stored(self, name: str) -> JsonDict | None:
         """What `analysis/<name>.json` holds; None if there is none, or it is left out."""
@@ -58,6 +69,39 @@ class Materials:
     @cached_property
     def _parsed(self) -> dict[str, JsonDict | None]:
         return {}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which form of a report, and which of its sections.
+
+    Parameters
+    ----------
+    form : {"long", "short"}
+        What an engineer works with, or the two pages that a customer reads.
+    sections : frozenset of str, optional
+        Names of `motoremi.report.kinds.SECTIONS`; of the long form all without it.
+
+    Raises
+    ------
+    BadInput
+        For an unknown form or section, or sections of the short form.
+    """
+
+    form: str = "long"
+    sections: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if self.form not in FORMS:
+            raise BadInput(f"there is no form {clean_text(self.form, 40)!r} of a report; there are {', '.join(FORMS)}")
+        for name in sorted(self.sections - set(SECTIONS)):
+            raise BadInput(f"a report has no section {clean_text(name, 40)!r}; there are {', '.join(SECTIONS)}")
+        if self.sections and self.form == "short":
+            raise BadInput("the short form has its own sections; choose sections of the long one")
+
+    def holds(self, name: str) -> bool:
+        """Whether the long form shows a section."""
+        return not self.sections or name in self.sections
 
 
 def is_result(fit: Fit) -> bool:
@@ -113,6 +157,46 @@ class Section(_Shown):
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
 
+    @property
+    def anchor(self) -> str:
+        """What a link to it is called; titles are our own words."""
+        return "-".join(re.findall("[a-z0-9]+", self.title.lower()))
+
+
+@dataclass(frozen=True)
+class Box(_Shown):
+    """The results of one kind of measurement in a few lines.
+
+    Parameters
+    ----------
+    title : str
+    lines : tuple of (label, text, mood)
+        Mood is "good", "bad" or "plain".
+    verdict : (label, text, mood), optional
+        The one overall verdict on its requirement.
+    """
+
+    title: str
+    lines: tuple[tuple[str, str, str], ...]
+    verdict: tuple[str, str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Letterhead(_Shown):
+    """Who issues the report; the logo has been checked and is a PNG as base64 text, or SVG markup."""
+
+    name: str
+    address: tuple[str, ...]
+    logo_png: str = field(default="", metadata={"markup": True})
+    logo_svg: str = field(default="", metadata={"markup": True})
+
+    @property
+    def logo_url(self) -> str:
+        """The logo as a page shows it: as a picture, in which no script runs and nothing is fetched."""
+        if self.logo_png:
+            return f"data:image/png;base64,{self.logo_png}"
+        return f"data:image/svg+xml;base64,{base64.b64encode(self.logo_svg.encode()).decode()}" if self.logo_svg else ""
+
 
 @dataclass(frozen=True)
 class Report(_Shown):
@@ -121,8 +205,8 @@ class Report(_Shown):
     Parameters
     ----------
     title, subtitle : str
-    headline : tuple of (label, text, mood)
-        The first page in a few lines; mood is "good", "bad" or "plain".
+    boxes : tuple of Box
+        The results on the first page, a box for each kind of measurement.
     warnings : tuple of str
         What was not done or not well, in plain sight.
     sections : tuple of Section
@@ -134,14 +218,41 @@ class Report(_Shown):
         At the foot of every page: which session this is.
     signatures : tuple of str
         Who signs, a line each.
+    letterhead : Letterhead, optional
+    number : str
+        The report's own number, at the head of every page and at its end.
+    facts : tuple of (label, text)
+        What was tested, when, by whom, for whom.
+    statements : tuple of str
+        What holds for the whole report: what the results relate to, by which rule verdicts are found.
+    mark : str
+        What has to stand on every page, such as that the data are simulated.
+    pages : int
+        Pictures are drawn so small that it has no more pages than these, as far as they can still be read; 0 for any number.
     """
 
     title: str
     subtitle: str
-    headline: tuple[tuple[str, str, str], ...]
+    boxes: tuple[Box, ...]
     warnings: tuple[str, ...]
     sections: tuple[Section, ...]
     data: JsonDict
     begun: str = ""
     footer: str = ""
     signatures: tuple[str, ...] = ()
+    letterhead: Letterhead | None = None
+    number: str = ""
+    facts: tuple[tuple[str, str], ...] = ()
+    statements: tuple[str, ...] = ()
+    mark: str = ""
+    pages: int = 0
+
+    @property
+    def headline(self) -> tuple[tuple[str, str, str], ...]:
+        """The lines of all boxes, each box with its verdict first."""
+        return tuple(line for box in self.boxes for line in (*([box.verdict] if box.verdict else []), *box.lines))
+
+    @property
+    def end(self) -> str:
+        """The last line: nothing follows."""
+        return f"End of report {self.number}".strip()

@@ -6,6 +6,7 @@ matplotlib, none from the system: the same report gives the same bytes on anothe
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import importlib.util
 import json
@@ -18,12 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 from motoremi.report.parts import Report
 
-# A hash, or a name without blanks, may be longer than its column: it may be broken here.
+# A long word may be longer than its column. It may be broken where a name has a joint, never inside of it; what has none for so long is no name.
 _LONG_WORD = re.compile(r"\S{20,}")
-_PIECE = 8
+_JOINT = re.compile(r"(?<=[./@:;,=+&|?~#)\]}])(?=\w)")
+_LONG_PIECE = re.compile(r"\w{25,}")
+_NO_NAME = re.compile(r"\w{33,}")
+_PIECE = 16
 _BREAK = "\u200b"
 NOT_INSTALLED = "no PDF: typst is not installed (pip install 'motoremi[pdf]')"
 
@@ -51,8 +56,25 @@ def render_pdf(report: Report) -> bytes:
     page = _page(report)
     for number, picture in enumerate(picture for section in report.sections for picture in section.pictures):
         source[_picture_name(number)] = picture.svg.encode()
+    logo = _logo(report)
+    if logo is not None:
+        source[logo[0]] = logo[1]
+        page["letterhead"]["logo"] = logo[0]
     source["report.json"] = json.dumps(page).encode()
-    return compile_files(source, format="pdf", font_paths=[str(_fonts())], ignore_system_fonts=True)
+    try:
+        return compile_files(source, format="pdf", font_paths=[str(_fonts())], ignore_system_fonts=True)
+    except RuntimeError as error:
+        if logo is None:
+            raise
+        raise BadInput(f"the laboratory's logo cannot be drawn in a PDF ({clean_text(str(error), 120)}); save it as PNG") from error
+
+
+def _logo(report: Report) -> tuple[str, bytes] | None:
+    """File name and content of the laboratory's logo."""
+    head = report.letterhead
+    if head is None or not (head.logo_png or head.logo_svg):
+        return None
+    return ("logo.png", base64.b64decode(head.logo_png)) if head.logo_png else ("logo.svg", head.logo_svg.encode())
 
 
 def _page(report: Report) -> JsonDict:
@@ -62,7 +84,7 @@ def _page(report: Report) -> JsonDict:
     for section in report.sections:
         pictures = []
         for picture in section.pictures:
-            pictures.append({"file": _picture_name(number), "caption": picture.caption})
+            pictures.append({"file": _picture_name(number), "caption": picture.caption, "number": number + 1})
             number += 1
         tables = [{**dataclasses.asdict(table), "marked": sorted(table.marked)} for table in section.tables]
         sections.append({"title": section.title, "texts": section.texts, "pictures": pictures, "tables": tables})
@@ -71,7 +93,16 @@ def _page(report: Report) -> JsonDict:
             "title": report.title,
             "subtitle": report.subtitle,
             "footer": report.footer,
-            "headline": report.headline,
+            "boxes": [dataclasses.asdict(box) for box in report.boxes],
+            "letterhead": None
+            if report.letterhead is None
+            else {"name": report.letterhead.name, "address": report.letterhead.address, "logo": None},
+            "number": report.number,
+            "facts": report.facts,
+            "statements": report.statements,
+            "mark": report.mark,
+            "pages": report.pages,
+            "end": report.end,
             "warnings": report.warnings,
             "signatures": report.signatures,
             "sections": sections,
@@ -94,7 +125,12 @@ def _shown(value: Any) -> Any:
 
 
 def _broken(word: re.Match[str]) -> str:
-    text = word.group()
+    joined = _LONG_PIECE.sub(lambda piece: piece.group().replace("_", f"_{_BREAK}"), _JOINT.sub(_BREAK, word.group()))
+    return _NO_NAME.sub(_in_pieces, joined)
+
+
+def _in_pieces(run: re.Match[str]) -> str:
+    text = run.group()
     return _BREAK.join(text[start : start + _PIECE] for start in range(0, len(text), _PIECE))
 
 

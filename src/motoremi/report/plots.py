@@ -65,10 +65,10 @@ CLEAR_DB = 3.0
 TOLD_APART = 7.0
 
 
-def sweeps_figure(base: Fit, best: Fit) -> Figure:
+def sweeps_figure(base: Fit, best: Fit, height_inch: float = 6.6) -> Figure:
     """Both sweeps: measured, the base model, and the model with its effects; the error in percent below."""
     sweeps = base.measurement.sweeps
-    figure, axes = panels(5.0 * len(sweeps), 6.6, 3, len(sweeps), height_ratios=(3, 2, 2))
+    figure, axes = panels(5.0 * len(sweeps), height_inch, 3, len(sweeps), height_ratios=(3, 2, 2))
     models = [(base, model_name(base), VERMILION, "--")]
     if best.effects != base.effects:
         models.append((best, "with " + " + ".join(best.effects), BLUE, "-"))

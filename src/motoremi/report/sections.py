@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from motoremi.quantities import error_bar, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of
 from motoremi.report.emission import emission_section
+from motoremi.report.equipment import equipment_section
 from motoremi.report.headline import spans, tolerance
 from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.motor_state import state_section
-from motoremi.report.parts import Materials, Section, Table, is_result, model_name
+from motoremi.report.parts import Choice, Materials, Picture, Section, Table, is_result, model_name
 from motoremi.report.svg import picture
 from motoremi.report.words import beside_the_error, described, share_of_analyser, would_leave
 
@@ -40,34 +41,38 @@ ELEMENTS = {
 BELIEVABLE_SIGMAS = 3.0
 # An error bar of several times the value says no more than that the value has a sign.
 KNOWN_AT_ALL = 3.0
+SWEEPS_INCH = 4.6
 
 
-def all_sections(materials: Materials, session_sha256: str) -> tuple[Section, ...]:
-    """Every section that the materials have something for; what is missing is said on the first page."""
-    return tuple(_sections(materials, session_sha256))
+def all_sections(materials: Materials, session_sha256: str, choice: Choice) -> tuple[Section, ...]:
+    """Every section that is wanted and that the materials have something for; what is missing is said on the first page."""
+    makers = _makers(materials, session_sha256)
+    return tuple(section for name, make in makers if choice.holds(name) and (section := make()) is not None)
 
 
-def _sections(materials: Materials, session_sha256: str) -> Iterator[Section]:
-    yield _sweeps(materials)
-    if materials.steps:
-        yield _fit(materials.steps)
-        yield _ladder(materials.steps, materials.session.ladder)
-    if materials.comparison is not None:
-        yield _comparison(materials.comparison)
-    if materials.diagnosis is not None:
-        yield diagnosis_section(materials.diagnosis)
-    if materials.session.spectra:
-        yield emission_section(materials)
-    if (motor := state_section(materials.session)) is not None:
-        yield motor
-    yield identity_section(materials.session, session_sha256)
-    yield procedure_section(materials.session)
+def _makers(materials: Materials, session_sha256: str) -> Iterator[tuple[str, Callable[[], Section | None]]]:
+    """Name of each section that there is something for, and what makes it: plots take time, so only of what is wanted."""
+    session, steps, comparison, diagnosis = materials.session, materials.steps, materials.comparison, materials.diagnosis
+    if session.sweeps:
+        yield "sweeps", lambda: sweeps_section(materials)
+    if steps:
+        yield "fit", lambda: _fit(steps)
+        yield "ladder", lambda: _ladder(steps, session.ladder)
+    if comparison is not None:
+        yield "comparison", lambda: _comparison(comparison)
+    if diagnosis is not None:
+        yield "diagnosis", lambda: diagnosis_section(diagnosis)
+    if session.spectra:
+        yield "emission", lambda: emission_section(materials)
+    yield "state", lambda: state_section(session)
+    yield "equipment", lambda: equipment_section(materials)
+    yield "identity", lambda: identity_section(session, session_sha256)
+    yield "procedure", lambda: procedure_section(session)
 
 
-def _sweeps(materials: Materials) -> Section:
-    session, results = materials.session, _results(materials.steps)
-    if not session.sweeps:
-        return Section("Sweeps", ("This session holds no impedance sweep.",))
+def sweeps_section(materials: Materials) -> Section:
+    """What was measured, with the models where there are any."""
+    session, results = materials.session, results_of(materials.steps)
     try:
         measurement = results[0].measurement if results else Measurement.of(session.corrected_sweeps)
     except BadInput as error:
@@ -90,11 +95,16 @@ def _sweeps(materials: Materials) -> Section:
     if not results:
         alone = picture("sweeps", plots.measured_figure(measurement), "Measured impedance, mean of the repeats.")
         return Section("Sweeps", (*texts, *measurement.caveats()), (table,), (alone,))
+    return Section("Sweeps and model", tuple(texts), (table,), (sweeps_picture(results),))
+
+
+def sweeps_picture(results: Sequence[Fit]) -> Picture:
+    """Measurement and models over each other, low enough to stand on the page of its heading."""
     caption = "Measured impedance, the paper's circuit, and the model that stands; below, the error against the uncertainty."
-    return Section("Sweeps and model", tuple(texts), (table,), (picture("sweeps", plots.sweeps_figure(results[0], results[-1]), caption),))
+    return picture("sweeps", plots.sweeps_figure(results[0], results[-1], SWEEPS_INCH), caption)
 
 
-def _results(steps: Sequence[Fit]) -> tuple[Fit, ...]:
+def results_of(steps: Sequence[Fit]) -> tuple[Fit, ...]:
     """The steps that may be shown as results."""
     return tuple(step for step in steps if is_result(step))
 
@@ -116,7 +126,7 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
         texts.append(f"The data do not determine {loose}; do not quote values for them.")
     if not last.explained:
         texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
-    tables = [_parameters(steps), _derived(last)]
+    tables = [parameters_table(steps), _derived(last)]
     if last.nuisance:
         tables.append(_residuals(last))
     return Section("Fit", tuple(texts), tuple(tables), pictures)
@@ -142,7 +152,8 @@ def _derived(fit: Fit) -> Table:
     return Table("What follows from the elements", ("quantity", "value", "standard uncertainty"), tuple(rows), frozenset(marked))
 
 
-def _parameters(steps: tuple[Fit, ...]) -> Table:
+def parameters_table(steps: tuple[Fit, ...]) -> Table:
+    """Values and uncertainties of the model that stands."""
     base, last = steps[0], steps[-1]
     units = {p.name: p.unit for p in base.motor.parameters}
     columns = ["parameter", "is", "value", "standard uncertainty"]
@@ -196,7 +207,7 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
             )
         )
     columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's share", "the circuit", "chi2_reduced")
-    results = _results(steps)
+    results = results_of(steps)
     texts = [f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."] if is_result(steps[0]) else []
     texts.append(f"Of a perfect model {would_leave(steps[-1].floor_percent, steps[-1].noise_percent)}.")
     notes = tuple(f"At {' + '.join(step['fit']['effects']) or 'the base'}: {note}." for step in stored for note in step.get("notes", ()))
@@ -215,7 +226,8 @@ def _bands_of_steps(steps: Sequence[Fit]) -> Table:
     return Table("Error by band at each step", ("sweep", "band", *(model_name(step) for step in steps)), tuple(rows))
 
 
-def _comparison(comparison: Comparison) -> Section:
+def bands_table(comparison: Comparison) -> Table:
+    """The verdict on each band."""
     rows, failed = [], set()
     for index, band in enumerate(comparison.bands):
         failing = ", ".join(show_band(*span) for span in band["fails_hz"][:3]) + (" ..." if len(band["fails_hz"]) > 3 else "")
@@ -235,9 +247,13 @@ def _comparison(comparison: Comparison) -> Section:
         if band["verdict"] == "fail":
             failed.add(index)
     columns = ("sweep", "band", "rms error", "max error", "max magnitude", "max phase", "beyond uncertainty", "verdict", "fails at")
+    return Table("Bands", columns, tuple(rows), frozenset(failed))
+
+
+def _comparison(comparison: Comparison) -> Section:
     texts = (
         f"Model: {' + '.join(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
         "A point fails if it is beyond the tolerance and beyond the expanded uncertainty of the measurement (k = 2).",
     )
     drawn = picture("comparison", plots.comparison_figure(comparison), "Error of the model that stands, against uncertainty and tolerance.")
-    return Section("Model against measurement", texts, (Table("Bands", columns, tuple(rows), frozenset(failed)),), (drawn,))
+    return Section("Model against measurement", texts, (bands_table(comparison),), (drawn,))

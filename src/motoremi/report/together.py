@@ -16,14 +16,14 @@ from motoremi.errors import BadInput
 from motoremi.quantities import error_bar, show, show_band
 from motoremi.report.data import render_json
 from motoremi.report.gaps import gaps
-from motoremi.report.headline import Line, headline
+from motoremi.report.headline import Line, boxes
 from motoremi.report.html import render_html
 from motoremi.report.model import session_hash
 from motoremi.report.overlay import LOOKS, Change, spectra_overlay, sweeps_overlay
-from motoremi.report.parts import Materials, Report, Section, Table, is_result, model_name
+from motoremi.report.parts import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.pdf import can_render_pdf, render_pdf
 from motoremi.report.svg import picture
-from motoremi.report.words import findings_of, in_words, serious_of
+from motoremi.report.words import SIMULATED, findings_of, in_words, serious_of
 
 # As in the rest of the report: expanded uncertainty, k = 2.
 CLEAR = 2.0
@@ -60,13 +60,14 @@ def build_together(materials: Mapping[str, Materials]) -> Report:
     return Report(
         title="Common-mode impedance, side by side",
         subtitle=" · ".join(materials),
-        headline=tuple(_told(name, own) for name, own in materials.items()),
+        boxes=(Box("Verdicts", tuple(_told(name, own) for name, own in materials.items())),),
         warnings=tuple(f"{name}: {gap}" for name, own in materials.items() for gap in gaps(own)),
         sections=tuple(_sections(materials, sweeps, changes, data)),
         data=data,
         begun=max(begun),
         footer="data " + ", ".join(session_hash(own.session)[:16] for own in materials.values()),
         signatures=("compared by: name, date, signature", "checked by: name, date, signature"),
+        mark=SIMULATED if any(own.session.simulated for own in materials.values()) else "",
     )
 
 
@@ -153,9 +154,9 @@ def _cause(diagnosis: JsonDict) -> JsonDict:
 
 def _told(name: str, materials: Materials) -> Line:
     cause = "no diagnosis" if materials.diagnosis is None else in_words(materials.diagnosis)
-    judged = [(label, text, mood) for label, text, mood in headline(materials) if label.startswith(("Model against", "Emission against"))]
+    judged = [box.verdict for box in boxes(materials) if box.verdict is not None]
     moods = {mood for *_, mood in judged}
-    mood = "bad" if "bad" in moods else "plain" if "plain" in moods else "good"
+    mood = "bad" if "bad" in moods else "good" if moods == {"good"} else "plain"
     return name, "; ".join((cause, *(f"{label.split()[0].lower()} {text}" for label, text, _ in judged))), mood
 
 

@@ -20,6 +20,8 @@ _VERDICTS: Mapping[str, tuple[str, Mood]] = {
     "data": ("the data contradict themselves too much to judge the motor", "bad"),
     "unexplained": ("something is missing and nothing in the catalogue explains it", "bad"),
 }
+# Stands on every page.
+SIMULATED = "SIMULATED DATA: no real motor was measured"
 # Nobody asks for more.
 FINEST_PERCENT = 0.01
 

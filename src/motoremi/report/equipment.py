@@ -1,0 +1,151 @@
+"""The equipment list: what measured, what stood in between, and how long its calibration holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import date, timedelta
+
+from motoremi.arrays import JsonDict
+from motoremi.data.laboratory import Equipment
+from motoremi.data.session import Session
+from motoremi.quantities import parse
+from motoremi.report.identity import imported_files
+from motoremi.report.parts import Materials, Section, Table
+
+NOT_STATED = "not stated"
+# Settings of an analyser that name a part of their own.
+PARTS = ("adapter", "fixture")
+# What is compensated or corrected for rather than calibrated.
+UNDATED = (*PARTS, "cable")
+
+
+@dataclass(frozen=True)
+class Item:
+    """A piece of equipment; dates in ISO 8601, empty where nobody stated them."""
+
+    kind: str
+    name: str
+    serial: str = ""
+    calibrated: str = ""
+    due: str = ""
+    certificate: str = ""
+    table: str = ""
+
+
+def equipment_section(materials: Materials) -> Section:
+    """A row for each instrument, correction, adapter and fixture, and for what the laboratory's profile adds."""
+    items = equipment_of(materials)
+    used = _used_on(materials.session)
+    rows = tuple(
+        (one.kind, one.name, one.serial or "-", one.calibrated or NOT_STATED, one.due or NOT_STATED, one.certificate or "-", one.table or "-")
+        for one in items
+    )
+    late = frozenset(index for index, one in enumerate(items) if _is_late(one, used))
+    columns = ("kind", "equipment", "serial number", "calibrated", "due", "certificate", "correction table")
+    if not rows:
+        return Section("Equipment", ("No equipment is stated.",))
+    return Section("Equipment", (), (Table("Equipment used", columns, rows, late),))
+
+
+def equipment_of(materials: Materials) -> tuple[Item, ...]:
+    """All equipment, what the session and the profile know by the same serial number in one row."""
+    laboratory = materials.laboratory
+    stated = laboratory.equipment if laboratory is not None else ()
+    items, joined = [], set()
+    for item in _of_session(materials.session):
+        own = next((one for one in stated if one.serial and one.serial == item.serial), None)
+        if own is not None:
+            joined.add(own)
+        items.append(item if own is None else _joined(item, own))
+    items += [_from_profile(one) for one in stated if one not in joined and _is_of(one, materials.session)]
+    days = laboratory.calibration_interval if laboratory is not None else None
+    return tuple(_with_due(item, days) for item in items)
+
+
+def overdue(materials: Materials) -> list[str]:
+    """What was used after its calibration was due."""
+    used = _used_on(materials.session)
+    return [f"the calibration of the {one.kind} {one.name} was due on {one.due}" for one in equipment_of(materials) if _is_late(one, used)]
+
+
+def not_stated(materials: Materials) -> list[str]:
+    """What a reader would look for and nobody stated."""
+    session, start = materials.session, materials.session.start
+    missing = [label for label, key in (("the motor's name", "motor"), ("its serial number", "serial")) if not start.get(key)]
+    missing += [label for label, key in (("who measured", "operator"), ("ambient conditions", "ambient")) if not start.get(key)]
+    items = equipment_of(materials)
+    kinds = {word for item in items for word in f"{item.kind} {item.name}".lower().replace("-", " ").split()}
+    if imported_files(session) and not any(item.kind in ("instrument", "analyser", "receiver") for item in items):
+        missing.append("the instruments and their serial numbers")
+    if session.spectra and not kinds & {"lisn", "amn", "probe", "antenna", "network"}:
+        missing.append("the LISN or transducer")
+    if session.sweeps and "fixture" not in kinds:
+        missing.append("the fixture")
+    dated = [item for item in items if item.kind not in UNDATED]
+    uncalibrated = list(dict.fromkeys(item.name if item.table else item.kind for item in dated if not item.calibrated))
+    return missing + ([f"calibration dates ({', '.join(uncalibrated)})"] if uncalibrated else [])
+
+
+def _of_session(session: Session) -> Iterator[Item]:
+    calibrated = session.start.get("calibrated") or {}
+    procedure = session.start.get("procedure") or {}
+    days = float(parse(procedure["calibration_within"], "d")) if "calibration_within" in procedure else None
+    seen = set()
+    for document in session.documents:
+        if document["kind"] != "instrument":
+            continue
+        identity, role = document.get("identity") or {}, str(document.get("role"))
+        name = " ".join(str(identity[key]) for key in ("vendor", "model") if identity.get(key)) or "did not say what it is"
+        item = Item(role, name, str(identity.get("serial") or ""), str(calibrated.get(role, "")))
+        if item in seen:
+            continue
+        seen.add(item)
+        yield _with_due(item, days)
+        settings = document.get("settings")
+        named: JsonDict = settings if isinstance(settings, dict) else {}
+        for part in PARTS:
+            if str(named.get(part, "none")).lower() not in ("none", "false", ""):
+                yield Item(part, str(named[part]))
+    for entry in session.corrections.entries:
+        told = entry.file or (f"{len(entry.frequency_hz)} values" if entry.frequency_hz else "one value")
+        day, due = (value.isoformat() if value is not None else "" for value in (entry.calibrated, entry.due))
+        yield Item(f"{entry.role} correction", entry.name, entry.serial, day, due, table=told)
+
+
+def _is_of(stated: Equipment, session: Session) -> bool:
+    """Whether something that only the profile knows belongs to a session: an instrument does not where others were identified."""
+    if stated.kind == "instrument" and any(document["kind"] == "instrument" for document in session.documents):
+        return False
+    return {"both": True, "impedance": bool(session.sweeps), "emission": bool(session.spectra)}[stated.used_for]
+
+
+def _from_profile(one: Equipment) -> Item:
+    return _joined(Item(one.kind, one.name, one.serial), one)
+
+
+def _joined(item: Item, stated: Equipment) -> Item:
+    """The laboratory's own record of a calibration wins over the bench file's."""
+    calibrated, due = (value.isoformat() if value is not None else "" for value in (stated.calibrated, stated.due))
+    newer = calibrated and calibrated != item.calibrated
+    return replace(item, calibrated=calibrated or item.calibrated, due=due or ("" if newer else item.due), certificate=stated.certificate)
+
+
+def _with_due(item: Item, days: float | None) -> Item:
+    """Due so many days after its calibration, where no date is stated."""
+    if item.due or days is None:
+        return item
+    try:
+        return replace(item, due=(date.fromisoformat(item.calibrated) + timedelta(days=days)).isoformat())
+    except (ValueError, OverflowError):
+        return item
+
+
+def _used_on(session: Session) -> str:
+    """The last day of a run; imported data have no such day for sure."""
+    times = [str(d.get("time", ""))[:10] for d in session.documents if d["kind"] in ("sweep", "spectrum", "final")]
+    return "" if imported_files(session) or not times else max(times)
+
+
+def _is_late(item: Item, used: str) -> bool:
+    return bool(used and item.due and item.due < used)

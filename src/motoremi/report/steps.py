@@ -1,0 +1,46 @@
+"""The steps of a session's procedure, and how far they came."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from motoremi.arrays import JsonDict
+from motoremi.data.session import Session
+
+
+def being_written(session: Session) -> bool:
+    """Whether the report is a step of the run that it reports."""
+    last = [d for d in session.documents if d["kind"] in ("step-start", "step-stop", "stop")][-1:]
+    return bool(last) and last[0]["kind"] == "step-start" and last[0].get("do") == "report"
+
+
+def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
+    """Number, name, settings and state of every step of the procedure, begun or not."""
+    begun = {d.get("step"): d for d in session.documents if d["kind"] == "step-start"}
+    ended = {d.get("step") for d in session.documents if d["kind"] == "step-stop"}
+    planned = list(_unrolled((session.start.get("procedure") or {}).get("steps", ())))
+    total = max([len(planned), *(int(d.get("of") or 0) for d in begun.values())])
+    rows = []
+    for number in range(1, total + 1):
+        document = begun.get(number)
+        plan = planned[number - 1] if number <= len(planned) else {}
+        settings: JsonDict = document.get("parameters") or {} if document else {k: v for k, v in plan.items() if k != "do"}
+        name = str((document or plan).get("do", "not known"))
+        if number in ended:
+            state = "done"
+        elif document is None:
+            state = "not begun"
+        else:
+            state = "this report" if name == "report" and being_written(session) else "not finished"
+        rows.append((number, name, ", ".join(f"{key} {value}" for key, value in settings.items()), state))
+    return rows
+
+
+def _unrolled(steps: object) -> Iterator[JsonDict]:
+    """Steps as written, those of a repeat as often as they are done."""
+    for step in steps if isinstance(steps, list | tuple) else ():
+        if isinstance(step, dict) and step.get("do") == "repeat":
+            for _ in range(int(step.get("times", 1))):
+                yield from _unrolled(step.get("steps"))
+        elif isinstance(step, dict):
+            yield step
