@@ -14,7 +14,7 @@ import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.session import load
 from motoremi.report.model import Materials, Report, build_report
-from motoremi.report.parts import Section, Table
+from motoremi.report.parts import Box, Letterhead, Section, Table
 from motoremi.report.pdf import NOT_INSTALLED, render_pdf
 from motoremi.workflow import ladder_of
 
@@ -72,10 +72,13 @@ def test_no_page_is_blank_and_nothing_runs_off_it(report):
 @pytest.mark.parametrize("text", HOSTILE)
 def test_text_is_shown_not_obeyed(text):
     table = Table(text, (text, text), ((text, text * 20),), frozenset({0}))
-    report = Report(text, text, ((text, text, "bad"),), (text,), (Section(text, (text,), (table,)),), {}, text, text, (text,))
+    boxes = (Box(text, ((text, text, "bad"),), (text, text, "good")),)
+    letterhead = Letterhead(text, (text,))
+    own = {"letterhead": letterhead, "number": text, "facts": ((text, text),), "statements": (text,), "mark": text}
+    report = Report(text, text, boxes, (text,), (Section(text, (text,), (table,)),), {}, text, text, (text,), **own)
     text_of_pdf = said(render_pdf(report))
     shown = squeezed(report.title).replace("\u7535\u673a", "\\u7535\\u673a")
-    assert text_of_pdf.count(shown) >= 30
+    assert text_of_pdf.count(shown) >= 40
 
 
 def test_without_typst_the_rest_is_written_and_one_line_says_so(tmp_path, measure, monkeypatch):

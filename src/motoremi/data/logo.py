@@ -17,6 +17,8 @@ MAXIMUM_PIXELS = 6000
 STORED_PIXELS = 1000
 # References are followed when it is drawn: ten levels of ten each would be ten thousand million shapes.
 MOST_SHAPES = 20_000
+# A drawing program nests a dozen groups; what draws it may nest no deeper than its stack.
+DEEPEST = 50
 PNG_START = b"\x89PNG\r\n\x1a\n"
 _SVG = "{http://www.w3.org/2000/svg}"
 _HREF = ("href", "{http://www.w3.org/1999/xlink}href")
@@ -47,6 +49,7 @@ _SILENT = frozenset(("title", "desc", "metadata"))
 # What a style may not hold: anything that fetches, and escapes that would hide it.
 _FETCHES = re.compile(r"@import|\\|expression\(|url\(\s*(?![\"']?#)", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*\+?([\d.]+(?:[eE][+-]?\d+)?)\s*(?:px|pt|mm|cm|in|pc|em|%)?\s*")
+_TOO_COMPLICATED = "is too complicated for a logo; save it as PNG"
 _NOT_AN_IMAGE = "is not an image that a report can show; save the logo as PNG or SVG"
 
 
@@ -124,8 +127,10 @@ def svg_logo(text: str, name: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _clean(element: ElementTree.Element, name: str) -> None:
+def _clean(element: ElementTree.Element, name: str, depth: int = 1) -> None:
     """Take out what is no drawing; refuse what would do something."""
+    if depth > DEEPEST:
+        raise BadInput(f"{name}: {_TOO_COMPLICATED}")
     for key, value in list(element.attrib.items()):
         if key.startswith("{") and key not in _HREF:
             del element.attrib[key]
@@ -141,7 +146,7 @@ def _clean(element: ElementTree.Element, name: str) -> None:
         elif own not in _DRAWING:
             raise BadInput(f"{name}: holds <{own[:30]}>, which is not allowed in a logo; save it as plain SVG or PNG")
         else:
-            _clean(child, name)
+            _clean(child, name, depth + 1)
 
 
 def _check_size(root: ElementTree.Element, name: str) -> None:
@@ -152,21 +157,23 @@ def _check_size(root: ElementTree.Element, name: str) -> None:
 
 
 def _check_references(root: ElementTree.Element, name: str) -> None:
-    """Refuse references in a circle, and so many that drawing would not end."""
+    """Refuse references in a circle, and so many or so deep that drawing would not end."""
     by_name = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-    counted: dict[int, float] = {}
+    # What stands for an element that is being looked at: met again on its own way, it is a circle.
+    known: dict[int, tuple[float, float]] = {}
 
-    def shapes(element: ElementTree.Element) -> float:
+    def drawn(element: ElementTree.Element, depth: int) -> tuple[float, float]:
+        """How many shapes an element comes to, and how deep they are nested."""
+        if depth > DEEPEST:
+            return math.inf, math.inf
         key = id(element)
-        if key not in counted:
-            counted[key] = math.inf  # met again on its own way: a circle
+        if key not in known:
+            known[key] = math.inf, math.inf
             used = next((element.get(href, "").strip() for href in _HREF if element.get(href)), "") if element.tag == f"{_SVG}use" else ""
-            counted[key] = 1 + sum(map(shapes, element)) + (shapes(by_name[used]) if used in by_name else 0)
-        return counted[key]
+            inside = [drawn(child, depth + 1) for child in (*element, *([by_name[used]] if used in by_name else []))]
+            known[key] = 1 + sum(count for count, _ in inside), 1 + max((height for _, height in inside), default=0)
+        return known[key]
 
-    try:
-        many = shapes(root) > MOST_SHAPES
-    except RecursionError:
-        many = True
-    if many:
-        raise BadInput(f"{name}: is too complicated for a logo; save it as PNG")
+    count, height = drawn(root, 1)
+    if count > MOST_SHAPES or height > DEEPEST:
+        raise BadInput(f"{name}: {_TOO_COMPLICATED}")
