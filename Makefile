@@ -47,10 +47,11 @@ docs: install
 faults: install
 	$(BIN)/python tests/fault_matrix.py
 
-# 200 runs killed and 200 stopped by Ctrl-C at random moments, each resumed.
+# 200 runs killed and 200 stopped by Ctrl-C at random moments, each resumed; 50 with prescan and final measurement killed, resumed and replayed.
 kills: install
-	$(BIN)/python tests/kill_run.py 200 SIGKILL
-	$(BIN)/python tests/kill_run.py 200 SIGINT
+	$(BIN)/python tests/kill_run.py 200 SIGKILL impedance_only
+	$(BIN)/python tests/kill_run.py 200 SIGINT impedance_only
+	$(BIN)/python tests/kill_run.py 50 SIGKILL conducted_emission
 
 # How fast simulation and replay are, and what recording costs.
 speed: install

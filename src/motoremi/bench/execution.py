@@ -12,6 +12,7 @@ from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.answer import NotDone, Prompt
 from motoremi.bench.connect import Bench
 from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
+from motoremi.bench.difference import RecordedEnd
 from motoremi.bench.driver import Driver, Identity
 from motoremi.bench.emission_steps import EmissionSteps
 from motoremi.bench.on_bench import shared_roles
@@ -206,6 +207,7 @@ class Execution:
         self._leaving = True
         # The supply first: nothing that another instrument does may keep the motor running.
         problems = dict.fromkeys(sorted(self.drivers, key="supply".__ne__), "")
+        ended: RecordedEnd | None = None
         for role, driver in ((role, self.drivers[role]) for role in problems):
             try:
                 # Where the procedure ends and the leaving begins: a replay has to know.
@@ -213,11 +215,15 @@ class Execution:
                 driver.safe()
             except (InstrumentError, ValueError) as error:
                 problems[role] = str(error)
+                ended = error if isinstance(error, RecordedEnd) else ended
             finally:
                 driver.close()
         # Written last: what cannot be stored must not keep the next instrument from its safe state.
         for role, problem in problems.items():
             self.writer.emit("safe", role=role, safe=not problem, problem=problem)
+        if ended is not None:
+            # The recorded run was killed while it did this: no instrument of a replay is left in any state.
+            raise ended
         return {role: problem for role, problem in problems.items() if problem}
 
     def _log(self, record: Mapping[str, Any]) -> None:
