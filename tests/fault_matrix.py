@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.faults import FAULTS, FaultLayer
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.runner import run, start_document
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import Session, SessionWriter, load, verify

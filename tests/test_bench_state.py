@@ -14,9 +14,10 @@ from fault_matrix import BENCH_FILE, SEED, small
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.answer import Answer
+from motoremi.bench.bench_file import BenchFile, load_bench_file
 from motoremi.bench.faults import FaultLayer
 from motoremi.bench.on_bench import on_bench
-from motoremi.bench.procedure import BenchFile, Procedure, load_bench_file, parse_procedure
+from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.rerun import rerun
 from motoremi.bench.resume import Done, needed_again

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.connections import CONNECTIONS, INSTRUCTIONS
 from motoremi.bench.keys import markdown, reference
-from motoremi.bench.procedure import BenchFile, load_procedure, parse_procedure, ready_procedures
+from motoremi.bench.procedure import load_procedure, parse_procedure, ready_procedures
 from motoremi.bench.progress import RunProgress
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.runner import run, start_document

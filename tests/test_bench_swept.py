@@ -12,9 +12,10 @@ from fault_matrix import SEED
 from record_sessions import procedure
 from serving import SPEED, served
 
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.clock import FastClock
 from motoremi.bench.connections import INSTRUCTIONS
-from motoremi.bench.procedure import BenchFile, parse_procedure
+from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.rerun import rerun
 from motoremi.bench.runner import make_bench, run, start_document
 from motoremi.bench.simulated import SimulatedBench

@@ -16,7 +16,8 @@ import pytest
 from skrf.io.touchstone import Touchstone
 
 import motoremi as me
-from motoremi.bench.procedure import load_bench_file, load_procedure
+from motoremi.bench.bench_file import load_bench_file
+from motoremi.bench.procedure import load_procedure
 from motoremi.bench.runner import start_document
 from motoremi.cli import main
 from motoremi.data.corrections import Corrections, read_corrections

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.bench_file import BenchFile
+from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.rerun import rerun
 from motoremi.bench.resume import Done

@@ -16,13 +16,14 @@ from motoremi.bench.difference import RecordedEnd
 from motoremi.bench.driver import Driver, Identity
 from motoremi.bench.emission_steps import EmissionSteps
 from motoremi.bench.on_bench import shared_roles
-from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure, SpectrumSpec
+from motoremi.bench.procedure import Planned, Procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.resume import Done
 from motoremi.bench.standards import judge_standard
 from motoremi.bench.state import MotorState, refuse_missing
 from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
+from motoremi.bench.tables import DRIVER_SETTINGS, SpectrumSpec
 from motoremi.bench.writer import Writer
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.data.sweep import ImpedanceSweep, Termination

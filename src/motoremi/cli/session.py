@@ -55,7 +55,7 @@ def import_(
     ] = None,
     limit: Annotated[
         str,
-        typer.Option("--limit", metavar="NAME", help="Judge the spectra against a limit ('motoremi limits', or your own .toml); FAIL is status 1."),
+        typer.Option("--limit", metavar="NAME", help="Judge the spectra against it ('motoremi limits', or your own .toml); FAIL is status 1."),
     ] = "",
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",

@@ -28,7 +28,7 @@ def workbench_(
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise BadInput(f"the workbench needs {' and '.join(missing)}: pip install 'motoremi[workbench]'")
 
-    from motoremi.bench.procedure import load_bench_file
+    from motoremi.bench.bench_file import load_bench_file
     from motoremi.data.paths import SESSION
     from motoremi.workbench.server import serve
 

@@ -18,7 +18,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.bench.procedure import BenchFile
+from motoremi.bench.bench_file import BenchFile
 from motoremi.data.paths import inside
 from motoremi.data.plain import object_from_json, plain
 from motoremi.data.text import clean_text, clean_value

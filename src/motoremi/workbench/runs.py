@@ -10,8 +10,9 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.answer import Answer
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.calibration import tell_doubts
-from motoremi.bench.procedure import BenchFile, Procedure
+from motoremi.bench.procedure import Procedure
 from motoremi.bench.progress import RunProgress
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.resume import Done

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import uvicorn
 
-from motoremi.bench.procedure import BenchFile
+from motoremi.bench.bench_file import BenchFile
 from motoremi.errors import BadInput
 from motoremi.workbench.app import Workbench, make_app
 from motoremi.workbench.shelf import Shelf
