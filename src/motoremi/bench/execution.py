@@ -181,7 +181,8 @@ class Execution:
         answer = self.prompt(text)
         if answer is None:
             return
-        self.writer.emit("prompt", text=text, asked=asked, answer=answer)
+        # Without the drawing, which says no more.
+        self.writer.emit("prompt", text=text.partition("\n")[0], asked=asked, answer=answer)
         if answer == "stop":
             raise KeyboardInterrupt
         if answer == "not done":
