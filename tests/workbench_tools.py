@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import uvicorn
 from conftest import FREQUENCY_HZ, simulated_sweeps
 from starlette.testclient import TestClient
 
@@ -82,7 +81,7 @@ def served(workbench: Workbench) -> Iterator[str]:
     listener.listen()
     port = listener.getsockname()[1]
     app = make_app(workbench, TOKEN, {f"127.0.0.1:{port}"})
-    server = Server(uvicorn.Config(app, log_level="error", lifespan="off", ws="none", timeout_graceful_shutdown=1), workbench)
+    server = Server(app, workbench)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     try:

@@ -29,6 +29,7 @@ from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.guard import REPORT_POLICY, Guard
+from motoremi.workbench.refusal import refusal
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
 
@@ -154,7 +155,7 @@ async def _in_words(answer: Callable[[], Response]) -> Response:
 
 async def _no_such_page(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    return _sentence(f"{error.detail}: {request.url.path}", error.status_code)
+    return refusal(request.scope, f"{error.detail}: {request.url.path}", error.status_code)
 
 
 def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any]) -> Callable[[Request, JsonDict], Any]:
