@@ -74,10 +74,11 @@ def make_fitted_session(folder: Path) -> Path:
 
 
 @contextmanager
-def served(workbench: Workbench) -> Iterator[str]:
-    """The workbench on a port of its own; gives the address with the token."""
+def served(workbench: Workbench, port: int = 0) -> Iterator[str]:
+    """The workbench on a port of its own, or on one that it had before; gives the address with the token."""
     listener = socket.socket()
-    listener.bind(("127.0.0.1", 0))
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener.bind(("127.0.0.1", port))
     listener.listen()
     port = listener.getsockname()[1]
     app = make_app(workbench, TOKEN, {f"127.0.0.1:{port}"})

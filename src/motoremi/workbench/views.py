@@ -54,6 +54,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "challenge": "sealed_sha256" in start,
         "sealed": is_open_challenge(session),
         "diagnosed": session.analysis("diagnosis") is not None,
+        "standing": desk.standing,
         "ladder": ladder(desk),
         "elements": [*ELEMENTS, *(desk.steps[-1].effects if desk.steps else ())],
     }
@@ -144,6 +145,7 @@ def effects(desk: Desk) -> JsonDict:
         "current": stored is not None and _of_model(stored) == list(top.effects),
         "in_model": list(top.effects),
         "catalogue": [_entry(name) for name in possible_effects(top)],
+        "standing": desk.standing,
         "ladder": ladder(desk),
     }
 

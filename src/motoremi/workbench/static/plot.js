@@ -112,6 +112,14 @@ export class Plots {
     return [Math.min(...this.plots.map((frame) => frame.x[0])), Math.max(...this.plots.map((frame) => frame.x.at(-1)))];
   }
 
+  // The span that is shown, if it is not all of it.
+  zoomed() {
+    const scale = this.plots[0]?.plot.scales.x;
+    if (!scale) return null;
+    const [low, high] = this.whole();
+    return scale.min > low || scale.max < high ? [scale.min, scale.max] : null;
+  }
+
   all() {
     this.span(...this.whole());
   }
@@ -194,6 +202,21 @@ export function repaint() {
       frame.plot.setScale("x", { min, max });
     }
   }
+}
+
+// Zoom, cursor and marks of a view's plots, for the same plots drawn anew.
+export function keptPlots() {
+  return [...live].map((group) => ({ at: group.at, marks: group.marks, span: group.zoomed() }));
+}
+
+export function restorePlots(kept) {
+  [...live].forEach((group, index) => {
+    if (!kept[index] || !group.plots.length) return;
+    group.at = kept[index].at;
+    group.marks = kept[index].marks;
+    if (kept[index].span) group.span(...kept[index].span);
+    group.tell();
+  });
 }
 
 export function leaveAll() {

@@ -19,4 +19,12 @@ function short(value, digits) {
 
 export const percent = (value) => show(value, "%", 3);
 export const share = (value) => `${(100 * value).toFixed(value < 0.0995 && value > 0 ? 1 : 0)}\u00a0%`;
+// A time of the session, as this computer's clock shows it.
+export function when(text, seconds = false) {
+  const time = new Date(text);
+  if (!text || Number.isNaN(time.getTime())) return "";
+  const two = (number) => String(number).padStart(2, "0");
+  return `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${two(time.getHours())}:${two(time.getMinutes())}${seconds ? `:${two(time.getSeconds())}` : ""}`;
+}
+
 export const band = (low, high) => `${show(low, "Hz")} - ${show(high, "Hz")}`;

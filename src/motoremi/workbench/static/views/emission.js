@@ -36,7 +36,6 @@ export const emission = {
       new Plots(box).add("level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 });
     }
     if (prediction) where.append(verdict(prediction));
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
 

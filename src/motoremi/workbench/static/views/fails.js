@@ -47,7 +47,6 @@ export const fails = {
       const failing = sweep.error_percent.map((value, index) => (sweep.fails[index] ? value : null));
       plots[sweep.termination].add("error", sweep.frequency_hz, [...errorSeries(sweep), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 });
     }
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
 

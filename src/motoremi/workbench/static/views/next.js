@@ -21,6 +21,5 @@ export const next = {
       where.append(card("What else could be measured",
         table(["measurement", "what to do", "pairs told apart", "smallest difference, in uncertainties"], told.menu.map((one) => [one.id, one.action, share(one.separates), show(one.ratio, "", 3)]))));
     }
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };

@@ -5,7 +5,7 @@ import { button, card, h, table } from "../dom.js";
 import { ladderDrawing } from "../ladder.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
-import { percent, show } from "../units.js";
+import { percent, show, when } from "../units.js";
 
 const UNITS = { ohm: "|Z| in Ω and phase", decibel: "|Z| in dBΩ and phase", cartesian: "R and X in Ω" };
 let units = "ohm";
@@ -22,8 +22,11 @@ export const session = {
     const choice = h("select", { id: "units", value: units, onchange: (event) => { units = event.target.value; page.redraw(true); } },
       Object.entries(UNITS).map(([key, text]) => h("option", { value: key, selected: key === units }, text)));
     const resume = head.resumable && button("Go on with this run", () => goOn(page), { class: "main" });
+    const measuring = head.state === "measuring";
     where.append(h("div", { class: "row" },
-      h("label", {}, "Units ", choice), button(curves.model ? "Fit again" : "Fit the paper's circuit", () => fit(page), { class: curves.model ? "" : "main", id: "fit" }), resume));
+      h("label", {}, "Units ", choice),
+      !measuring && button(curves.model ? "Fit again" : "Fit the paper's circuit", () => fit(page, head.standing), { class: curves.model ? "" : "main", id: "fit" }), resume,
+      measuring && h("p", { id: "measuring" }, "This session is being measured: what has arrived so far is shown here, and the run on the view Bench.")));
     const columns = h("div", { class: "columns" });
     where.append(columns);
     for (const sweep of curves.sweeps) {
@@ -42,12 +45,11 @@ export const session = {
       units = names[(names.indexOf(units) + 1) % names.length];
       page.redraw(true);
     };
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
 
-async function fit(page) {
-  await page.work("fitting: ants, then the likelihood on all points", () => post(sessionPath(page.session, "/fit")));
+async function fit(page, standing) {
+  await page.work("fitting: ants, then the likelihood on all points", () => post(sessionPath(page.session, "/fit"), { standing }));
 }
 
 function goOn(page) {
@@ -102,8 +104,8 @@ function model(head) {
 }
 
 function identity(head) {
-  const rows = [["motor", head.start.motor || "not named"], ["title", head.start.title], ["operator", head.start.operator], ["began", head.start.time.slice(0, 19).replace("T", " ")],
-    ["status", head.interrupted && head.status !== "interrupted" ? `${head.status}, not closed` : head.status], ["software", head.start.software]];
+  const rows = [["motor", head.start.motor || "not named"], ["title", head.start.title], ["operator", head.start.operator], ["began", when(head.start.time, true)],
+    ["status", head.state === "measuring" ? "measuring" : head.interrupted && head.status !== "interrupted" ? `${head.status}, not closed` : head.status], ["software", head.start.software]];
   return card("Session",
     table(["", ""], rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
