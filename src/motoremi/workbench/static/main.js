@@ -183,7 +183,7 @@ function markTab(name) {
     if (current) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
     // On a telephone the row of tabs is wider than the screen.
-    if (current) link.scrollIntoView({ block: "nearest", inline: "center" });
+    if (current) link.parentElement.scrollLeft = link.offsetLeft - (link.parentElement.clientWidth - link.offsetWidth) / 2;
   }
 }
 
@@ -290,7 +290,7 @@ async function back() {
 async function start() {
   const kept = localStorage.getItem("motoremi-theme");
   if (kept) document.documentElement.dataset.theme = kept;
-  element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}` }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
+  element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
   element("theme").addEventListener("click", otherTheme);
   element("help").addEventListener("click", keys);
   element("session-choice").addEventListener("change", async (event) => {

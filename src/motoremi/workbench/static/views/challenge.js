@@ -60,5 +60,5 @@ function score(told) {
   const mood = (outcome) => h("span", { class: outcome === "right" || outcome === "family" ? "good" : "bad" }, outcome);
   return card("The seal is open",
     h("p", { class: "large", id: "hidden" }, told.hidden.length ? told.hidden.join(" + ") : "it hid nothing"),
-    table(["", "answer", ""], [["you", told.yours.answer.join(" + "), mood(told.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(told.tool.outcome)]], { id: "score" }));
+    table(["who", "answer", "outcome"], [["you", told.yours.answer.join(" + "), mood(told.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(told.tool.outcome)]], { id: "score" }));
 }

@@ -1,12 +1,12 @@
 // Which effect is missing: the ranking with its evidence. Pointing at an effect shows its signature on this motor, a click adds it.
 
 import { get, post, sessionPath } from "../api.js";
-import { button, card, h, table } from "../dom.js";
+import { button, card, facts, h, table } from "../dom.js";
 import { ladderDrawing } from "../ladder.js";
 import { Plots } from "../plot.js";
 import { stay } from "../stay.js";
 import { term } from "../terms.js";
-import { percent, share, show } from "../units.js";
+import { chance, lag, percent, share, symbols } from "../units.js";
 
 // A pointer that only passes over a row asks for nothing.
 const REST_MS = 120;
@@ -65,7 +65,7 @@ function verdict(told) {
     found.findings.map((one) => h("p", { class: one.serious ? "bad" : "note" }, term("finding", one.id), ` (${one.place}): ${one.why}; ${one.remedy}`)),
     found.families.length > 0 && h("p", {}, term("family", "not told apart"), `: ${found.families.map((one) => one.join(", ")).join("; ")}`),
     found.caveats.map((text) => h("p", { class: "note" }, text)),
-    !told.current && h("p", { class: "bad" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since. Diagnose again to rank what is left.`));
+    !told.current && h("p", { class: "note" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since. Diagnose again to rank what is left.`));
 }
 
 function drawList(place) {
@@ -75,8 +75,8 @@ function drawList(place) {
     const inModel = told.in_model.includes(one.effect);
     const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${inModel ? "in the model:" : "add"} ${one.effect}`, onclick: () => add(place, one.effect), onfocus: () => rest(place, one.effect) }, one.effect);
     const cells = [h("div", {}, name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect]?.title ?? one.family),
-      one.parameters && h("div", {}, one.parameters, !one.plausible && h("span", { class: "bad" }, " beyond its physical range")))];
-    if (told.diagnosis) cells.push(one.probability === undefined ? "-" : share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent));
+      one.parameters && h("div", {}, symbols(one.parameters), !one.plausible && h("span", { class: "bad" }, " beyond its physical range")))];
+    if (told.diagnosis) cells.push(one.probability === undefined ? "-" : chance(one.probability), one.delta_bic === undefined ? "-" : lag(one.delta_bic), percent(one.rms_error_percent));
     else cells.push(one.family);
     return h("tr", { onmouseenter: () => rest(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
   };
@@ -120,7 +120,7 @@ async function look(place, effect) {
     plots.add("phase against the model's", sweep.frequency_hz, pair("deg"), { unit: "°", height: 130 });
   }
   const entry = told.entry;
-  place.signature.append(table(["", ""], [["what it is", entry.title], ["law", entry.formula], ["signature", entry.signature], ["look-alikes", entry.look_alikes.join(", ")], ["decided by", entry.deciding], ["source", entry.source]]));
+  place.signature.append(facts([["what it is", entry.title], ["law", entry.formula], ["signature", entry.signature], ["look-alikes", entry.look_alikes.join(", ")], ["decided by", entry.deciding], ["source", entry.source]]));
 }
 
 const add = (place, effect) => act(place, `adding ${effect}`, "/add", { effect });

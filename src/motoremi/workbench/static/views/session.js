@@ -1,11 +1,11 @@
 // Measured against model, for each termination: magnitude and phase (or R and X), and the error.
 
 import { get, post, sessionPath } from "../api.js";
-import { button, card, h, table } from "../dom.js";
+import { button, card, facts, h, table } from "../dom.js";
 import { ladderDrawing } from "../ladder.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
-import { percent, show, when } from "../units.js";
+import { percent, show, symbols, when } from "../units.js";
 
 const UNITS = { ohm: "|Z| in Ω and phase", decibel: "|Z| in dBΩ and phase", cartesian: "R and X in Ω" };
 let units = "ohm";
@@ -32,13 +32,13 @@ export const session = {
     for (const sweep of curves.sweeps) {
       const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.frequency_hz.length} points`));
       columns.append(box);
-      drawSweep(box, sweep, curves.model);
+      drawSweep(box, sweep, curves);
     }
     if (!curves.sweeps.length) columns.append(h("p", { class: "empty" }, "No impedance sweep in this session."));
-    const facts = h("div", { class: "columns" });
-    where.append(facts);
-    if (head.ladder.length) facts.append(model(head));
-    facts.append(identity(head));
+    const below = h("div", { class: "columns" });
+    where.append(below);
+    if (head.ladder.length) below.append(model(head));
+    below.append(identity(head));
     page.viewKey = (event) => {
       if (event.key.toLowerCase() !== "u") return;
       const names = Object.keys(UNITS);
@@ -57,7 +57,7 @@ function goOn(page) {
   page.go("bench");
 }
 
-export function drawSweep(box, sweep, hasModel) {
+function drawSweep(box, sweep, { model: hasModel, tolerance }) {
   const plots = new Plots(box), x = sweep.frequency_hz;
   const measured = complexParts(sweep.real, sweep.imag);
   const model = hasModel ? complexParts(sweep.model_real, sweep.model_imag) : null;
@@ -73,14 +73,14 @@ export function drawSweep(box, sweep, hasModel) {
     else plots.add("magnitude |Z| in dBΩ", x, pair("|Z|", "decibel"), { unit: "dBΩ" });
     plots.add("phase", x, pair("phase", "phase"), { unit: "°", height: 180 });
   }
-  if (hasModel) plots.add("error against the uncertainty", x, errorSeries(sweep), { unit: "%", log: true, height: 170, digits: 3 });
-  return plots;
+  if (hasModel) plots.add("error against the uncertainty", x, errorSeries(sweep, tolerance), { unit: "%", log: true, height: 170, digits: 3 });
 }
 
-export function errorSeries(sweep) {
+export function errorSeries(sweep, tolerance) {
   return [
     { label: "error", values: sweep.error_percent.map((value) => Math.max(value, 1e-6)), color: "--model" },
     { label: "uncertainty", values: sweep.uncertainty_percent, color: "--other", dash: [6, 4] },
+    ...(tolerance.error_percent === null ? [] : [{ label: "tolerance", values: sweep.frequency_hz.map(() => tolerance.error_percent), color: "--bad", dash: [2, 4] }]),
   ];
 }
 
@@ -95,11 +95,11 @@ function complexParts(real, imag) {
 function model(head) {
   const top = head.ladder.at(-1);
   return card("Model",
-    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " beside ", term("noise and analyser"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 4)}`),
+    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " beside ", term("noise and analyser"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 3)}`),
     top.beside.map((text) => h("p", {}, text)),
     !top.converged && h("p", { class: "bad" }, "The fit did not converge: do not use its values."),
     ladderDrawing(head.ladder),
-    table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, one.value, one.bar])),
+    table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, symbols(one.value), one.bar])),
     top.warnings.map((text) => h("p", { class: "note" }, text)));
 }
 
@@ -107,9 +107,9 @@ function identity(head) {
   const rows = [["motor", head.start.motor || "not named"], ["title", head.start.title], ["operator", head.start.operator], ["began", when(head.start.time, true)],
     ["status", head.state === "measuring" ? "measuring" : head.interrupted && head.status !== "interrupted" ? `${head.status}, not closed` : head.status], ["software", head.start.software]];
   return card("Session",
-    table(["", ""], rows.filter(([, value]) => value)),
+    facts(rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
     head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
     h("h3", {}, "Measured"),
-    table(["what", ""], [...head.sweeps.map((one) => [`${one.termination} sweep`, one.summary]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, one.summary])]));
+    table(["what", "how much"], [...head.sweeps.map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, one.summary])]));
 }
