@@ -226,7 +226,9 @@ def test_a_coarse_step_is_told_before_the_run() -> None:
     assert narrow().remarks() == ()
 
 
-def test_a_quasi_peak_scan_over_all_points_takes_its_time() -> None:
+def test_a_quasi_peak_scan_over_all_points_takes_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Only the time counts here, not what arrives.
+    monkeypatch.setattr(SimulatedBench, "level_dbuv", lambda self, frequency_hz, detector: np.full(frequency_hz.shape, 20.0))
     data = copy.deepcopy(load_procedure("conducted_emission").source)
     data["steps"] = [{"do": "identify"}, {"do": "spectrum", "detector": "quasi-peak", "dwell": "1 s"}]
     steps = rehearse(parse_procedure(data, "test"), BenchFile(backend="sim"))
