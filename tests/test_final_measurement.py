@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,7 +25,8 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.emission.finals import Rules, choose_maxima, final_values, judge_finals
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput, InstrumentError
-from motoremi.workflow import analyse
+from motoremi.workflow import analyse, opened, report_session
+from motoremi.workflow_emission import predict_session
 
 LIMIT = find_limit("cispr32-b")
 AXIS = 150e3 + 4.5e3 * np.arange(6634)
@@ -130,6 +132,18 @@ def test_a_full_test_reads_every_maximum_on_both_lines_and_judges_the_finals(who
     assert OTHER_LINE_DB < 0
     assert {value["line"] for value in prediction["finals"]} == {"L1"}
     assert {value["dwell_s"] for value in prediction["finals"]} == {1.0}
+
+
+def test_the_report_shows_readings_corrections_and_final_values(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
+    shutil.copytree(whole[0].path, tmp_path / "s")
+    with opened(tmp_path / "s") as store:
+        predict_session(store, limit="cispr32-b", corrections=Corrections.of([PAD], "test"), with_model=False)
+        report_session(store)
+    text = (tmp_path / "s" / "report" / "report.html").read_text(encoding="utf-8")
+    value = load(tmp_path / "s").analysis("prediction")["finals"][0]  # type: ignore[index]
+    assert value["level_dbuv"] == pytest.approx(value["reading_dbuv"] + 10.0)
+    for shown in ("Final values", "Corrections of the receiver", "+10.0 dB", f"{value['reading_dbuv']:.1f} dBuV", f">{value['level_dbuv']:.1f}<"):
+        assert shown in text
 
 
 def test_a_run_replays_bit_for_bit(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
