@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# How many runs `make kills` stops, and how many of a test with final measurement.
+KILLS ?= 200
+FINAL_KILLS ?= 50
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
 .PHONY: demo test lint bench emission docs faults kills speed page screenshots install clean
@@ -47,10 +50,11 @@ docs: install
 faults: install
 	$(BIN)/python tests/fault_matrix.py
 
-# 200 runs killed and 200 stopped by Ctrl-C at random moments, each resumed.
+# 200 runs killed and 200 stopped by Ctrl-C at random moments, each resumed; 50 with prescan and final measurement killed, resumed and replayed.
 kills: install
-	$(BIN)/python tests/kill_run.py 200 SIGKILL
-	$(BIN)/python tests/kill_run.py 200 SIGINT
+	$(BIN)/python tests/kill_run.py $(KILLS) SIGKILL impedance_only
+	$(BIN)/python tests/kill_run.py $(KILLS) SIGINT impedance_only
+	$(BIN)/python tests/kill_run.py $(FINAL_KILLS) SIGKILL conducted_emission
 
 # How fast simulation and replay are, and what recording costs.
 speed: install

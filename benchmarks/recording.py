@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.connect import driver_class, open_transport
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, ready_procedures
+from motoremi.bench.procedure import Procedure, load_procedure, ready_procedures
 from motoremi.bench.recording import RecordingTransport
 from motoremi.bench.rerun import rerun
 from motoremi.bench.runner import run, start_document

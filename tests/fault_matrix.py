@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import itertools
 import shutil
 import sys
 import tempfile
@@ -15,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.faults import FAULTS, FaultLayer
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.runner import run, start_document
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import Session, SessionWriter, load, verify
@@ -28,7 +30,7 @@ SEED = 5
 NOISE = 0.02
 # A motor that was waited for a little longer is a little warmer.
 STATE_NOISE = 0.02
-MEASURED = ("sweep", "spectrum")
+MEASURED = ("sweep", "spectrum", "final")
 BENCH_FILE = BenchFile(backend="sim", seed=SEED)
 
 
@@ -76,7 +78,7 @@ def cells(session: Session) -> list[Cell]:
     found: dict[tuple[int, str, str], list[int]] = {}
     counts: Counter[str] = Counter()
     left: set[str] = set()
-    starts, before, stored = [], {0: len(session.sweeps) + len(session.spectra)}, 0
+    starts, before, stored = [], {0: len(session.sweeps) + len(session.spectra) + len(session.finals)}, 0
     for document in session.documents:
         stored += document["kind"] in MEASURED
         if document["kind"] == "step-start":
@@ -129,7 +131,12 @@ def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path, nam
         bench.close()
     if not layer.struck:
         return "not struck"
-    if bench.stand.driven and not any("switch the supply off by hand" in document.get("problem", "") for document in acknowledged):
+    # Without a supply of the bench it is the operator who feeds the motor.
+    if (
+        "supply" in procedure.instruments
+        and bench.stand.driven
+        and not any("switch the supply off by hand" in document.get("problem", "") for document in acknowledged)
+    ):
         return "BAD: the motor is left running, and nobody is told"
     return _judged(error, acknowledged, reference, folder, cell.stored)
 
@@ -151,9 +158,9 @@ def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference
         if error.exit_status != InstrumentError.exit_status or not line or "\n" in line or len(line) > 500:
             return f"BAD: told as {line!r} with status {error.exit_status}"
         return "error" if session.status == "failed" else f"BAD: status {session.status}"
-    if session.status != "done" or len(stored) != len(reference.sweeps) + len(reference.spectra):
+    if session.status != "done" or len(stored) != len(reference.sweeps) + len(reference.spectra) + len(reference.finals):
         return "BAD: ended well without all data"
-    marked = any(spectrum.overload.any() or marks_of(spectrum.metadata.get("state")) for spectrum in session.spectra)
+    marked = any(spectrum.overload.any() or marks_of(spectrum.metadata.get("state")) for spectrum in (*session.spectra, *session.finals))
     return "marked" if marked else "recovered"
 
 
@@ -165,7 +172,8 @@ def _wrong_data(session: Session, reference: Session) -> str:
             return f"{mine.termination} sweep wrong by {100 * worst:.3g} %"
         if {**mine.metadata["settings"]} != {**theirs.metadata["settings"]}:
             return f"{mine.termination} sweep with other settings"
-    for ours, other in zip(session.spectra, reference.spectra, strict=False):
+    scans = itertools.chain(zip(session.spectra, reference.spectra, strict=False), zip(session.finals, reference.finals, strict=False))
+    for ours, other in scans:
         if not np.array_equal(ours.frequency_hz, other.frequency_hz):
             return f"{ours.detector} spectrum on other frequencies"
         if wrong := _wrong_state(ours.metadata.get("state", {}), other.metadata.get("state", {})):

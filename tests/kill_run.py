@@ -1,4 +1,5 @@
-"""A signal at random moments of a run, then resume. `make kills` does 200 of SIGKILL and of Ctrl-C, and prints a JSON document for each.
+"""A signal at random moments of a run, then resume. `make kills` does 200 of SIGKILL and of Ctrl-C, and 50 of a test
+with final measurement, and prints a JSON document for each.
 
 A program of its own: it forks, which a test process with threads must not. Each run is a fork of one that has everything loaded, so that
 200 kills cost seconds; what is killed is a whole process in the middle of its system calls all the same.
@@ -6,6 +7,7 @@ A program of its own: it forks, which a test process with threads must not. Each
 
 from __future__ import annotations
 
+import copy
 import gc
 import json
 import os
@@ -24,11 +26,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from fault_matrix import BENCH_FILE, SEED, small
 
+from motoremi.bench.procedure import Procedure, parse_procedure
+from motoremi.bench.rerun import MEASURED, rerun
 from motoremi.bench.runner import resumable, run, start_document
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import SessionWriter, load, reopen, verify
+from motoremi.workflow import analyse
 
-MEASURED = ("sweep", "spectrum")
 STOPPED = 130
 # A run takes a fraction of a second; one that hangs is ended by an alarm, and told as a problem.
 DEADLINE_S = 60
@@ -58,18 +62,27 @@ def forked(work: Callable[[], None]) -> int:
     return child
 
 
-def begin(folder: Path, bench: SimulatedBench, told: int) -> None:
+def procedure_of(name: str) -> Procedure:
+    """The ready procedure with few points and without its report; its scans are as fine as the maxima need."""
+    data = copy.deepcopy(small(name).source)
+    data["steps"] = [step for step in data["steps"] if step["do"] not in ("fit", "compare", "diagnose", "report")]
+    if name == "conducted_emission":
+        data["spectrum"] |= {"start": "1 MHz", "stop": "2 MHz", "step": "4.5 kHz"}
+    return parse_procedure(data, name)
+
+
+def begin(folder: Path, bench: SimulatedBench, told: int, procedure: Procedure) -> None:
     """A run that says over a pipe when the session exists and when each sweep or spectrum is stored."""
-    with SessionWriter.create(folder, start_document(small("impedance_only"), BENCH_FILE)) as writer:
+    with SessionWriter.create(folder, start_document(procedure, BENCH_FILE)) as writer:
         os.write(told, b"s")
         writer.subscribe(lambda document: os.write(told, b"m") and None if document["kind"] in MEASURED else None)
-        run(small("impedance_only"), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+        run(procedure, bench, writer, analyse=analyse(), prompt=lambda text: None)
 
 
 def go_on(folder: Path, bench: SimulatedBench) -> None:
     """`motoremi run --resume`."""
     procedure, done = resumable(load(folder), BENCH_FILE)
-    run(procedure, bench, reopen(folder), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+    run(procedure, bench, reopen(folder), analyse=analyse(), prompt=lambda text: None, done=done)
 
 
 def stored(folder: Path) -> dict[str, str]:
@@ -77,7 +90,7 @@ def stored(folder: Path) -> dict[str, str]:
     return {str(d["file"]): str(d["sha256"]) for d in load(folder).documents if d["kind"] in MEASURED}
 
 
-def one(folder: Path, bench: SimulatedBench, number: signal.Signals, after_s: float | None) -> tuple[bool, int]:
+def one(folder: Path, bench: SimulatedBench, procedure: Procedure, number: signal.Signals, after_s: float | None) -> tuple[bool, int]:
     """Run, and send a signal after so long; whether that stopped it, and how many measurements it had told of.
 
     Raises
@@ -86,7 +99,7 @@ def one(folder: Path, bench: SimulatedBench, number: signal.Signals, after_s: fl
         If the run hung.
     """
     hears, tells = os.pipe()
-    child = forked(lambda: begin(folder, bench, tells))
+    child = forked(lambda: begin(folder, bench, tells, procedure))
     os.close(tells)
     os.read(hears, 1)
     if after_s is not None:
@@ -102,11 +115,13 @@ def one(folder: Path, bench: SimulatedBench, number: signal.Signals, after_s: fl
     return os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == STOPPED, told.count(b"m")
 
 
-def main(number: signal.Signals, count: int, root: Path) -> dict[str, object]:
+def main(number: signal.Signals, count: int, name: str, root: Path) -> dict[str, object]:
     """Stop `count` runs; what was lost, and whether each could go on."""
-    bench = SimulatedBench(SEED)
+    bench, procedure = SimulatedBench(SEED), procedure_of(name)
+    # What the stand's emission is takes seconds to work out: once, here, and not in every run.
+    begin(root / "first", SimulatedBench(SEED), os.open(os.devnull, os.O_WRONLY), procedure)
     begun = time.perf_counter()
-    one(root / "whole", bench, number, None)
+    one(root / "whole", bench, procedure, number, None)
     duration_s = time.perf_counter() - begun
     reference = stored(root / "whole")
     randomly = random.Random(1)
@@ -115,7 +130,7 @@ def main(number: signal.Signals, count: int, root: Path) -> dict[str, object]:
         if kills == count:
             break
         folder = root / "run"
-        killed, told = one(folder, bench, number, randomly.uniform(0, duration_s))
+        killed, told = one(folder, bench, procedure, number, randomly.uniform(0, duration_s))
         if killed:
             kills += 1
             # Ctrl-C closes the session; after a kill it may be open.
@@ -126,7 +141,14 @@ def main(number: signal.Signals, count: int, root: Path) -> dict[str, object]:
             lost += max(0, told - has)
             problems += [f"kill {kills}: {problem}"] if problem else []
         shutil.rmtree(folder)
-    return {"signal": number.name, "kills": kills, "lost": lost, "kept": {str(n): kept[n] for n in sorted(kept)}, "problems": problems}
+    return {
+        "signal": number.name,
+        "procedure": name,
+        "kills": kills,
+        "lost": lost,
+        "kept": {str(n): kept[n] for n in sorted(kept)},
+        "problems": problems,
+    }
 
 
 def after(folder: Path, bench: SimulatedBench, told: int, reference: dict[str, str]) -> tuple[str, int]:
@@ -145,12 +167,25 @@ def after(folder: Path, bench: SimulatedBench, told: int, reference: dict[str, s
         return f"could not be resumed: {verify(folder)}", len(held)
     if len(now) != len(reference) or dict(list(now.items())[: len(held)]) != held:
         return "after going on, not all is there", len(held)
+    if any(document["kind"] == "final" for document in load(folder).documents):
+        _, status = os.waitpid(forked(lambda: replayed(folder)), 0)
+        return "its replay is not the same" if status else "", len(held)
     return "", len(held)
+
+
+def replayed(folder: Path) -> None:
+    """`motoremi replay`; an error if anything came out otherwise."""
+    try:
+        result = rerun(load(folder), folder.with_name("replay"), analyse)
+    finally:
+        shutil.rmtree(folder.with_name("replay"), ignore_errors=True)
+    if not result.same:
+        raise RuntimeError(f"replayed with differences: {result.differing}, {result.differences}")
 
 
 if __name__ == "__main__":
     # Memory is as good as a disk here: a killed process takes neither away, and only a power cut would need the disk's own promise.
     with tempfile.TemporaryDirectory(prefix="motoremi-kill-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as place:
-        told = main(signal.Signals[sys.argv[2]], int(sys.argv[1]), Path(place))
+        told = main(signal.Signals[sys.argv[2]], int(sys.argv[1]), sys.argv[3], Path(place))
     sys.stdout.write(json.dumps(told) + "\n")
     sys.exit(1 if told["problems"] or told["lost"] else 0)

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from fault_matrix import SEED, small
 
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.calibration import calibration_doubts, refuse_unless_calibrated
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.cli import main
 from motoremi.data.session import load
 from motoremi.errors import BadInput

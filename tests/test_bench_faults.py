@@ -48,6 +48,14 @@ def test_every_fault_of_what_feeds_and_watches_the_motor_ends_well(kinds: list[s
     assert ends["error"] > 0
 
 
+@pytest.mark.parametrize("kinds", [KINDS[part::4] for part in range(4)], ids=lambda kinds: kinds[0])
+def test_every_fault_of_a_final_measurement_ends_well(kinds: list[str]) -> None:
+    table, bad = matrix(PLACES, kinds, ("final", "leaving"), "conducted_emission")
+    assert bad == [], f"{rendered(table)}\n{bad}"
+    ends = Counter(end for row in table.values() for count in row.values() for end in count.elements())
+    assert ends["error"] > 0
+
+
 def test_an_unknown_fault_is_refused() -> None:
     bench = SimulatedBench(1)
     with pytest.raises(BadInput, match="unknown fault 'gremlin': use one of silence, dead"):

@@ -9,16 +9,8 @@ from typing import Any
 
 import pytest
 
-from motoremi.bench.procedure import (
-    BenchFile,
-    Compensate,
-    Identify,
-    Scan,
-    Sweep,
-    load_bench_file,
-    load_procedure,
-    parse_procedure,
-)
+from motoremi.bench.bench_file import BenchFile, load_bench_file
+from motoremi.bench.procedure import Compensate, Identify, Scan, Sweep, load_procedure, parse_procedure
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
 

@@ -15,6 +15,7 @@ from motoremi.bench.connect import attach, open_transport
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.runner import run, start_document
 from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.simulated_receiver import settling_db
 from motoremi.data.session import SessionWriter, load
 from motoremi.errors import BadInput, InstrumentError
 
@@ -44,7 +45,10 @@ def test_a_sister_scans(bench: SimulatedBench, name: str) -> None:
     assert driver.identify().model == FAMILY[name]
     spectrum = driver.scan("quasi-peak")
     assert spectrum.metadata["receiver"] == name
-    np.testing.assert_allclose(spectrum.level_dbuv, bench.level_dbuv(spectrum.frequency_hz, "quasi-peak"), atol=1e-3)
+    settings = spectrum.metadata["settings"]
+    dwell_s = settings["dwell_s"] if "dwell_s" in settings else settings["scan_time_s"] / len(spectrum)
+    expected = bench.level_dbuv(spectrum.frequency_hz, "quasi-peak") + settling_db("quasi-peak", dwell_s)
+    np.testing.assert_allclose(spectrum.level_dbuv, expected, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", FAMILY)

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.procedure import BenchFile, parse_procedure
+from motoremi.bench.bench_file import BenchFile
+from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.resume import Done, needed_again
 from motoremi.bench.runner import resumable, run, start_document
 from motoremi.bench.simulated import SimulatedBench

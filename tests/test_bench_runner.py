@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.connect import VisaBench
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.replay import ReplayBench
 from motoremi.bench.rerun import rerun
 from motoremi.bench.runner import Outcome, make_bench, resumable, run, start_document

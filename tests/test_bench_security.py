@@ -177,7 +177,7 @@ def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path, number: signal.
     assert process.stdin is not None
     said = ""
     until = time.monotonic() + 60
-    while "Ctrl-C stops" not in said and time.monotonic() < until:
+    while "s stop:" not in said and time.monotonic() < until:
         said += process.stderr.read(1)
     process.send_signal(number)
     _, error = process.communicate(timeout=60)

@@ -18,10 +18,11 @@ from fault_matrix import SEED, small
 from serving import SPEED, served, started
 
 from motoremi.bench.analyser import ImpedanceAnalyser
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
 from motoremi.bench.connections import INSTRUCTIONS, STANDARDS
-from motoremi.bench.procedure import BenchFile, parse_procedure
+from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.rerun import rerun
 from motoremi.bench.runner import make_bench, resumable, run, start_document

@@ -14,9 +14,10 @@ from fault_matrix import BENCH_FILE, SEED, small
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.answer import Answer
+from motoremi.bench.bench_file import BenchFile, load_bench_file
 from motoremi.bench.faults import FaultLayer
 from motoremi.bench.on_bench import on_bench
-from motoremi.bench.procedure import BenchFile, Procedure, load_bench_file, parse_procedure
+from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.rerun import rerun
 from motoremi.bench.resume import Done, needed_again
@@ -362,9 +363,8 @@ def test_the_command_line_takes_the_answers(
         main()
     assert caught.value.code == status
     error = capsys.readouterr().err
-    assert error.splitlines()[-1].endswith(
-        {0: "s stop: ", 3: "nothing was measured for this step, go on with --resume", 130: "stopped; what was measured is kept"}[status]
-    )
+    says = {0: "s stop: ", 3: "nothing was measured for this step, go on with --resume", 130: "stopped; what was measured is kept in "}
+    assert says[status] in error.splitlines()[-1]
     if status != 130:
         assert "CAUTION: the supply is ON (12 V). Connect the motor" in error
     assert not bench.stand.driven

@@ -35,7 +35,7 @@ def ignore_ctrl_c() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="no fork there")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGINT"])
 def test_stopped_at_random_moments_loses_no_sweep_and_goes_on(number: str) -> None:
-    command = [sys.executable, HERE / "kill_run.py", str(KILLS), number]
+    command = [sys.executable, HERE / "kill_run.py", str(KILLS), number, "impedance_only"]
     env = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=env, timeout=DEADLINE_S, preexec_fn=ignore_ctrl_c)
     told = json.loads(done.stdout)

@@ -16,7 +16,8 @@ import pytest
 from skrf.io.touchstone import Touchstone
 
 import motoremi as me
-from motoremi.bench.procedure import load_bench_file, load_procedure
+from motoremi.bench.bench_file import load_bench_file
+from motoremi.bench.procedure import load_procedure
 from motoremi.bench.runner import start_document
 from motoremi.cli import main
 from motoremi.data.corrections import Corrections, read_corrections
@@ -85,6 +86,10 @@ def test_a_motor_over_the_limit_behind_a_pad_fails(tmp_path: Path) -> None:
     assert [entry["name"] for entry in told["corrections"]] == ["pad"]
     raw, level = (np.array(told[key]["quasi-peak"]) for key in ("readings_dbuv", "measured_dbuv"))
     assert level - raw == pytest.approx(np.full(AXIS.size, 10.0), abs=1e-9)
+    # Told and judged in one go.
+    assert command("import", tmp_path / "once", "--spectrum", *files, "--limit", "cispr32-b")[0] == 0
+    status, out, _ = command("import", tmp_path / "both", "--spectrum", *files, "--corrections", chain, "--limit", "cispr32-b", "--json")
+    assert (status, json.loads(out)["verdict"]) == (1, "fail")
     stored = me.load(tmp_path / "told")
     assert stored.spectra[0].level_dbuv == pytest.approx(me.load(tmp_path / "bare").spectra[0].level_dbuv)
     assert stored.corrected_spectra[0].level_dbuv == pytest.approx(stored.spectra[0].level_dbuv + 10)

@@ -299,7 +299,7 @@ def test_receiver_export(tmp_path: Path, comma: bool, esu: bool, encoding: str) 
         # The firmware's version keeps its point.
         text = re.sub(r"(\d)\.(\d)", r"\1,\2", text).replace("2,28", "2.28", 1)
     peak, quasi, average = read_spectra(write(tmp_path, text.encode(encoding)))
-    assert [s.detector for s in (peak, quasi, average)] == ["peak", "quasi-peak", "average"]
+    assert [s.detector for s in (peak, quasi, average)] == ["peak", "quasi-peak", "cispr-average"]
     np.testing.assert_array_equal(peak.frequency_hz, GRID)
     np.testing.assert_array_equal(average.level_dbuv, [float(f"{x:.6f}") for x in LEVEL - 9])
     assert peak.resolution_bandwidth_hz == 9e3
@@ -401,7 +401,7 @@ def test_table_of_a_receiver_program(tmp_path: Path) -> None:
         f"{f / 1e6:.4f};{x:.2f};{x - 9:.2f};66,0;6,0\n".replace(".", ",") for f, x in zip(GRID, LEVEL, strict=True)
     )
     quasi, average = read_spectra(write(tmp_path, text.encode("latin-1")))
-    assert (quasi.detector, average.detector) == ("quasi-peak", "average")
+    assert (quasi.detector, average.detector) == ("quasi-peak", "cispr-average")
     assert quasi.level_dbuv[0] == 60.0
     with pytest.raises(BadInput, match="2 spectra"):
         read_spectrum(write(tmp_path, text.encode("latin-1")))

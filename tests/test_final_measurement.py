@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, parse_procedure
+from motoremi.bench.bench_file import BenchFile
+from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.rerun import rerun
 from motoremi.bench.resume import Done
@@ -23,7 +25,8 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.emission.finals import Rules, choose_maxima, final_values, judge_finals
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput, InstrumentError
-from motoremi.workflow import analyse
+from motoremi.workflow import analyse, opened, report_session
+from motoremi.workflow_emission import predict_session
 
 LIMIT = find_limit("cispr32-b")
 AXIS = 150e3 + 4.5e3 * np.arange(6634)
@@ -131,6 +134,18 @@ def test_a_full_test_reads_every_maximum_on_both_lines_and_judges_the_finals(who
     assert {value["dwell_s"] for value in prediction["finals"]} == {1.0}
 
 
+def test_the_report_shows_readings_corrections_and_final_values(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
+    shutil.copytree(whole[0].path, tmp_path / "s")
+    with opened(tmp_path / "s") as store:
+        predict_session(store, limit="cispr32-b", corrections=Corrections.of([PAD], "test"), with_model=False)
+        report_session(store)
+    text = (tmp_path / "s" / "report" / "report.html").read_text(encoding="utf-8")
+    value = load(tmp_path / "s").analysis("prediction")["finals"][0]  # type: ignore[index]
+    assert value["level_dbuv"] == pytest.approx(value["reading_dbuv"] + 10.0)
+    for shown in ("Final values", "Corrections of the receiver", "+10.0 dB", f"{value['reading_dbuv']:.1f} dBuV", f">{value['level_dbuv']:.1f}<"):
+        assert shown in text
+
+
 def test_a_run_replays_bit_for_bit(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
     again = rerun(whole[0], tmp_path / "again", analyse)
     assert again.same
@@ -225,7 +240,9 @@ def test_a_coarse_step_is_told_before_the_run() -> None:
     assert narrow().remarks() == ()
 
 
-def test_a_quasi_peak_scan_over_all_points_takes_its_time() -> None:
+def test_a_quasi_peak_scan_over_all_points_takes_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Only the time counts here, not what arrives.
+    monkeypatch.setattr(SimulatedBench, "level_dbuv", lambda self, frequency_hz, detector: np.full(frequency_hz.shape, 20.0))
     data = copy.deepcopy(load_procedure("conducted_emission").source)
     data["steps"] = [{"do": "identify"}, {"do": "spectrum", "detector": "quasi-peak", "dwell": "1 s"}]
     steps = rehearse(parse_procedure(data, "test"), BenchFile(backend="sim"))

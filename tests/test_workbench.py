@@ -13,9 +13,11 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
+from conftest import simulated_sweeps
 from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
+from motoremi.data.text import clean_value
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
@@ -86,6 +88,72 @@ def test_what_others_change_is_seen(at, copied):
     with opened(copied) as store:
         drop_from_session(store)
     assert len(at("/effects")["ladder"]) == 1
+
+
+@pytest.mark.parametrize(("path", "body"), [("/add", {"effect": "core-loss"}), ("/drop", {}), ("/fit", {}), ("/diagnose", {})])
+def test_a_ladder_that_moved_is_left_alone(at, copied, path, body):
+    shown = at("")["standing"]
+    assert at("/effects")["standing"] == shown
+    with opened(copied) as store:
+        add_to_session(store, "eddy-laminations")
+    before = [step["added"] for step in at("")["ladder"]]
+    told = at(path, standing=shown, **body)
+    assert "stands at the paper's circuit + eddy-laminations now" in told["error"]
+    assert [step["added"] for step in at("")["ladder"]] == before
+    assert at("/drop", standing=at("")["standing"])["after"]["effects"] == []
+    assert at("")["standing"] == shown
+
+
+def test_the_list_says_motor_date_and_state(tmp_path):
+    make_session(tmp_path / "complete", motor="M1")
+    make_fitted_session(tmp_path / "diagnosed")
+    sweeps, _ = simulated_sweeps(7)
+    client = client_of(bench_of(tmp_path))
+
+    def state(name):
+        return next(one for one in client.get("/api/sessions").json()["sessions"] if one["name"] == name)["state"]
+
+    with SessionWriter.create(tmp_path / "cut", {"title": "x", "motor": "M2"}) as writer:
+        writer.add_sweep(sweeps[0])
+        assert state("cut") == "measuring"
+        writer.close("interrupted")
+    assert state("cut") == "interrupted"
+    # What a program leaves that was killed: nobody writes, and nothing says that it ended.
+    log = tmp_path / "cut" / "session.jsonl"
+    log.write_bytes(b"".join(log.read_bytes().splitlines(keepends=True)[:-1]))
+    assert state("cut") == "interrupted"
+    (tmp_path / "no").mkdir()
+    (tmp_path / "no" / "session.jsonl").write_text("no session")
+    assert [state(name) for name in ("complete", "diagnosed", "no")] == ["complete", "diagnosed", "unreadable"]
+    entry = next(one for one in client.get("/api/sessions").json()["sessions"] if one["name"] == "complete")
+    assert entry["motor"] == "M1"
+    assert entry["began"].startswith(str(load(tmp_path / "complete").start["time"])[:16])
+
+
+def test_a_session_that_is_being_measured_is_no_interrupted_one(tmp_path):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    identifier = client.post("/api/run", json={**RUN, "ask": True}).json()["session"]
+    # The session is there as soon as the run is.
+    told = client.get(f"/api/sessions/{identifier}").json()
+    assert (told["state"], told["resumable"]) == ("measuring", False)
+    client.post("/api/run/stop", json={})
+    workbench.place.run.wait()
+    told = client.get(f"/api/sessions/{identifier}").json()
+    assert (told["state"], told["resumable"]) == ("interrupted", True)
+
+
+def test_pages_are_told_what_the_command_line_changes(copied):
+    workbench = bench_of(copied.parent, copied)
+    with served(workbench) as address, listening(address) as events:
+        listed = next(data for kind, data in events if kind == "sessions")
+        assert [one["state"] for one in listed["sessions"]] == ["diagnosed"]
+        with opened(copied) as store:
+            add_to_session(store, "eddy-laminations")
+        assert next(data for kind, data in events if kind == "changed") == {"session": workbench.shelf.first}
+        make_session(copied.parent / "new")
+        listed = next(data for kind, data in events if kind == "sessions" and len(data["sessions"]) == 2)
+        assert listed["sessions"][0]["name"] == "new"
 
 
 def test_a_session_that_somebody_writes_is_left_alone(at, copied):
@@ -297,7 +365,8 @@ def test_a_page_that_comes_late_catches_up_and_going_stops_nothing(tmp_path):
                     assert data["status"] == "done"
                     break
     documents = load(workbench.shelf.desk(run["session"]).path).documents
-    assert seen == list(documents[1:])
+    # A page is told line ends within a text written out.
+    assert seen == clean_value(list(documents[1:]))
 
 
 def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path):

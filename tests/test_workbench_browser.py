@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Page, expect
+from workbench_browser import PATIENCE_MS, VIEWS, Watched, needs_chromium
 from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
 from motoremi.data.session import load, reopen
@@ -23,62 +22,10 @@ from motoremi.workbench.desk import Desk
 from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
 
-expect.set_options(timeout=60_000)
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
-# A sandbox cannot be set up in most containers; the rest keeps the browser from talking to its maker.
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-VIEWS = ("bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge")
-# A diagnosis on a busy machine; only ends a test that would hang.
-PATIENCE_MS = 120_000
+pytestmark = needs_chromium
 COLOURS = 48
 # What the page itself never makes.
 FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield opened
-        opened.close()
-
-
-class Watched:
-    """A page, and everything that it asked for or complained of."""
-
-    def __init__(self, browser: Browser, address: str, **settings: object) -> None:
-        self.context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **settings})
-        self.page: Page = self.context.new_page()
-        self.page.set_default_timeout(PATIENCE_MS)
-        self.base = address.partition("/?")[0]
-        self.asked: list[str] = []
-        self.trouble: list[str] = []
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("console", lambda message: self.trouble.append(message.text) if message.type in ("error", "warning") else None)
-        self.page.on("pageerror", lambda error: self.trouble.append(str(error)))
-        self.page.on("dialog", lambda dialog: self.trouble.append(f"dialog: {dialog.message}"))
-        self.page.goto(address)
-
-    def see(self, view: str) -> None:
-        """Go to a view as the navigation does."""
-        self.page.click(f"nav a[href='#{view}']")
-        self.page.wait_for_selector(f"main[data-view={view}]:not([aria-busy])")
-
-    def close(self) -> None:
-        """Nothing left the machine, nothing was complained of."""
-        assert self.asked
-        assert [url for url in self.asked if not url.startswith(self.base)] == []
-        assert self.trouble == []
-        self.context.close()
 
 
 def keep(page: Page, name: str) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import uvicorn
 from conftest import FREQUENCY_HZ, simulated_sweeps
 from starlette.testclient import TestClient
 
@@ -75,14 +74,15 @@ def make_fitted_session(folder: Path) -> Path:
 
 
 @contextmanager
-def served(workbench: Workbench) -> Iterator[str]:
-    """The workbench on a port of its own; gives the address with the token."""
+def served(workbench: Workbench, port: int = 0) -> Iterator[str]:
+    """The workbench on a port of its own, or on one that it had before; gives the address with the token."""
     listener = socket.socket()
-    listener.bind(("127.0.0.1", 0))
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener.bind(("127.0.0.1", port))
     listener.listen()
     port = listener.getsockname()[1]
     app = make_app(workbench, TOKEN, {f"127.0.0.1:{port}"})
-    server = Server(uvicorn.Config(app, log_level="error", lifespan="off", ws="none", timeout_graceful_shutdown=1), workbench)
+    server = Server(app, workbench)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     try:

@@ -153,7 +153,7 @@ def choose_finals(
     return {"maxima": [one.to_dict() for one in chosen], "more": more, "limit": limit}
 
 
-def judged(store: Store, limit: str, uncertainty: float) -> JsonDict:
+def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_DB) -> JsonDict:
     """The verdict on what was measured; the prediction stands beside it where the motor's model has been fitted."""
     result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=bool(load(store.path).ladder))
     told = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import date
 
-from motoremi.bench.procedure import BenchFile, Procedure
+from motoremi.bench.bench_file import BenchFile
+from motoremi.bench.procedure import Procedure
 from motoremi.bench.writer import Writer
 from motoremi.data.calibration import calibration_doubt
 from motoremi.errors import BadInput

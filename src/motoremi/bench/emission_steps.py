@@ -11,9 +11,10 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connections import AT_THE_LISN, Condition
-from motoremi.bench.procedure import Planned, Procedure, SpectrumSpec
+from motoremi.bench.procedure import Planned, Procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.steps import Final, Scan
+from motoremi.bench.tables import SpectrumSpec
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.errors import BadInput
 

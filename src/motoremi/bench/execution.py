@@ -12,16 +12,18 @@ from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.answer import NotDone, Prompt
 from motoremi.bench.connect import Bench
 from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
+from motoremi.bench.difference import RecordedEnd
 from motoremi.bench.driver import Driver, Identity
 from motoremi.bench.emission_steps import EmissionSteps
 from motoremi.bench.on_bench import shared_roles
-from motoremi.bench.procedure import DRIVER_SETTINGS, Planned, Procedure, SpectrumSpec
+from motoremi.bench.procedure import Planned, Procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.resume import Done
 from motoremi.bench.standards import judge_standard
 from motoremi.bench.state import MotorState, refuse_missing
 from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
+from motoremi.bench.tables import DRIVER_SETTINGS, SpectrumSpec
 from motoremi.bench.writer import Writer
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.data.sweep import ImpedanceSweep, Termination
@@ -179,7 +181,8 @@ class Execution:
         answer = self.prompt(text)
         if answer is None:
             return
-        self.writer.emit("prompt", text=text, asked=asked, answer=answer)
+        # Without the drawing, which says no more.
+        self.writer.emit("prompt", text=text.partition("\n")[0], asked=asked, answer=answer)
         if answer == "stop":
             raise KeyboardInterrupt
         if answer == "not done":
@@ -206,6 +209,7 @@ class Execution:
         self._leaving = True
         # The supply first: nothing that another instrument does may keep the motor running.
         problems = dict.fromkeys(sorted(self.drivers, key="supply".__ne__), "")
+        ended: RecordedEnd | None = None
         for role, driver in ((role, self.drivers[role]) for role in problems):
             try:
                 # Where the procedure ends and the leaving begins: a replay has to know.
@@ -213,11 +217,15 @@ class Execution:
                 driver.safe()
             except (InstrumentError, ValueError) as error:
                 problems[role] = str(error)
+                ended = error if isinstance(error, RecordedEnd) else ended
             finally:
                 driver.close()
         # Written last: what cannot be stored must not keep the next instrument from its safe state.
         for role, problem in problems.items():
             self.writer.emit("safe", role=role, safe=not problem, problem=problem)
+        if ended is not None:
+            # The recorded run was killed while it did this: no instrument of a replay is left in any state.
+            raise ended
         return {role: problem for role, problem in problems.items() if problem}
 
     def _log(self, record: Mapping[str, Any]) -> None:

@@ -11,10 +11,12 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.lines import Lines
-from motoremi.bench.procedure import BenchFile, InstrumentSpec, Procedure, SegmentSpec, SpectrumSpec, SweepSpec
+from motoremi.bench.procedure import Procedure
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.steps import STEPS
+from motoremi.bench.tables import InstrumentSpec, SegmentSpec, SpectrumSpec, SweepSpec
 from motoremi.data.corrections import Correction
 from motoremi.quantities import show
 

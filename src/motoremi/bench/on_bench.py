@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from motoremi.bench.procedure import BenchFile, Procedure, parse_procedure
+from motoremi.bench.bench_file import BenchFile
+from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.roles import Role
 from motoremi.bench.state import refuse_missing
 from motoremi.bench.state_steps import SupplyStep

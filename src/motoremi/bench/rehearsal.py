@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from motoremi.arrays import JsonDict
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class
 from motoremi.bench.on_bench import on_bench
-from motoremi.bench.procedure import BenchFile, Procedure
+from motoremi.bench.procedure import Procedure
 from motoremi.bench.runner import run
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.state_steps import WaitFor

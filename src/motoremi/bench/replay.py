@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from datetime import datetime
 from typing import Any
 
 from motoremi.bench.clock import VirtualClock
@@ -227,7 +228,7 @@ class ReplayBench:
         self.clock = ReplayClock()
         self._lenient = lenient
         self._transports: list[ReplayTransport] = []
-        self._connections = 0
+        self.begin_run(None)
         # One recording for each time an instrument was opened: a run that was resumed has opened it again.
         self._recordings: dict[str, list[list[Mapping[str, Any]]]] = {}
         for number, record in enumerate(traffic, start=1):
@@ -242,6 +243,8 @@ class ReplayBench:
         parts = self._recordings.get(role)
         if not parts:
             raise InstrumentError(f"{role}: the session holds no recorded traffic of it")
+        if self._until is not None and datetime.fromisoformat(str(parts[0][0].get("time"))) > self._until:
+            raise RecordedEnd(f"{role}: the recorded run was stopped before this was opened")
         records = parts.pop(0)
         transport = ReplayTransport(str(records[0].get("resource", role)), records, self.clock, self._lenient)
         self._transports.append(transport)
@@ -255,9 +258,10 @@ class ReplayBench:
     def at_line(self, line: str) -> None:
         """What was recorded knows its line."""
 
-    def start_again(self) -> None:
-        """Count from one again, as the bench of a resumed run does."""
+    def begin_run(self, until: datetime | None) -> None:
+        """Count from one, as the bench of every run does; `until` is when the next run of the session began, if there was one."""
         self._connections = 0
+        self._until = until
 
     @property
     def differences(self) -> list[ReplayDifference]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from motoremi.arrays import JsonDict
@@ -101,10 +102,10 @@ def rerun(
     start = {key: session.start[key] for key in _KEPT if key in session.start}
     writer = SessionWriter.create(folder, {**start, "replay_of": session.path.name})
     ended, outcome = "done", None
-    for done, recorded_stop, answers in _runs(session):
+    for done, recorded_stop, from_outside, answers, until in _runs(session):
+        bench.begin_run(until)
         if done is not None:
             writer = reopen(folder)
-            bench.start_again()
         if listen is not None:
             writer.subscribe(listen)
         ended, outcome = "done", None
@@ -118,7 +119,8 @@ def rerun(
                 raise
             ended = recorded_stop
         else:
-            if recorded_stop:
+            # A kill or Ctrl-C during a step that asks no instrument leaves no trace in the traffic: there is nothing to stop a replay by.
+            if recorded_stop and not from_outside:
                 raise InstrumentError(f"the recorded run ended with {recorded_stop!r}, its replay came to its end")
     bench.finish()
     again = load(folder)
@@ -142,8 +144,10 @@ def _answering(answers: list[Answer]) -> Prompt:
     return prompt
 
 
-def _runs(session: Session) -> Iterable[tuple[Done | None, str, list[Answer]]]:
-    """Each run of the session: what was done before it, why it stopped (empty: it came to its end), and what the operator answered."""
+def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answer], datetime | None]]:
+    """Each run of the session: what was done before it, why it stopped (empty: it came to its end), whether by a kill or by Ctrl-C,
+    what the operator answered, and when the next one began.
+    """
     starts = [i for i, d in enumerate(session.documents) if d["kind"] == "resume"]
     edges = [0, *starts, len(session.documents)]
     for first, end in itertools.pairwise(edges):
@@ -152,7 +156,9 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str, list[Answer]]]:
         stop = next(reversed([d for d in own if d["kind"] == "stop"]), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
         answers = [d["answer"] for d in session.documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
-        yield (done_by(session, session.documents[:first]) if first else None), reason, answers
+        from_outside = stop is None or stop["status"] == "interrupted"
+        until = datetime.fromisoformat(session.documents[end]["time"]) if end < len(session.documents) else None
+        yield (done_by(session, session.documents[:first]) if first else None), reason, from_outside, answers, until
 
 
 def _held_against(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:

@@ -10,9 +10,10 @@ from datetime import date
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.answer import NotDone, Prompt
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.connect import Bench, VisaBench
 from motoremi.bench.execution import Analyse, Execution
-from motoremi.bench.procedure import BenchFile, Procedure, parse_procedure
+from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.resume import Done, needed_again
 from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.steps import ReportStep

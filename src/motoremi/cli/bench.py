@@ -17,8 +17,9 @@ from motoremi.errors import BadInput
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
     from motoremi.bench.answer import Answer
+    from motoremi.bench.bench_file import BenchFile
     from motoremi.bench.connect import Bench
-    from motoremi.bench.procedure import BenchFile, Procedure
+    from motoremi.bench.procedure import Procedure
     from motoremi.bench.rehearsal import Rehearsed
     from motoremi.bench.resume import Done
     from motoremi.bench.runner import Outcome
@@ -42,8 +43,9 @@ def run_(
     as_json: AsJson = False,
 ) -> None:
     """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails. Ctrl-C stops safely and keeps the data."""
+    from motoremi.bench.bench_file import BenchFile, load_bench_file
     from motoremi.bench.on_bench import on_bench
-    from motoremi.bench.procedure import BenchFile, load_bench_file, load_procedure
+    from motoremi.bench.procedure import load_procedure
     from motoremi.bench.runner import resumable, start_document
     from motoremi.data.session import SessionWriter, load, reopen
 

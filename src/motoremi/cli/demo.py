@@ -22,7 +22,8 @@ def demo_(
     as_json: AsJson = False,
 ) -> None:
     """Measure a simulated motor that hides an effect, fit, see where it fails, diagnose, add, watch the error fall, report."""
-    from motoremi.bench.procedure import BenchFile, load_procedure
+    from motoremi.bench.bench_file import BenchFile
+    from motoremi.bench.procedure import load_procedure
     from motoremi.bench.runner import run, start_document
     from motoremi.bench.simulated import SimulatedBench
     from motoremi.cli.bars import progress_bars

@@ -53,6 +53,10 @@ def import_(
             help="What stood between motor and instruments: TOML with [[correction]] tables (motoremi procedures --keys).",
         ),
     ] = None,
+    limit: Annotated[
+        str,
+        typer.Option("--limit", metavar="NAME", help="Judge the spectra against it ('motoremi limits', or your own .toml); FAIL is status 1."),
+    ] = "",
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
     operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
@@ -67,8 +71,14 @@ def import_(
     from motoremi.data.measurement import Measurement
     from motoremi.data.session import SessionWriter
     from motoremi.data.text import clean_text
+    from motoremi.emission.limit import find_limit
     from motoremi.emission.observe import observations
+    from motoremi.workflow_emission import judged
 
+    if limit:
+        find_limit(limit)
+        if not spectrum:
+            raise BadInput("--limit judges emission spectra: give --spectrum FILE...")
     if not short and not open_ and not spectrum:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     named = find_analyser(analyser).name if analyser is not None else None
@@ -102,11 +112,13 @@ def import_(
             writer.add_sweep(sweep)
         for item in spectra:
             writer.add_spectrum(item)
+        verdict = judged(writer, limit) if limit else None
         writer.close("done")
     if as_json:
         emit_json(
             {
                 "schema": "motoremi.import/1",
+                "verdict": verdict and verdict["verdict"],
                 "session": str(out),
                 "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
                 "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
@@ -117,7 +129,7 @@ def import_(
                 "observations": seen,
             }
         )
-        return
+        raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
     for sweep in sweeps:
         say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
     for item in corrected:
@@ -129,7 +141,10 @@ def import_(
         say("analyser not named: the size of its errors is estimated from the data; say --analyser NAME if you know it (none for ideal data)")
     for remark in [*caveats, *(one["text"] for one in seen)]:
         say(f"note: {remark}")
+    if verdict is not None:
+        say(f"verdict: {verdict['says']}")
     say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
+    raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
 
 
 def _sweeps(short: list[Path], open_: list[Path], fixture: str | None, band: str, accuracy: str) -> list[ImpedanceSweep]:

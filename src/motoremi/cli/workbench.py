@@ -28,13 +28,15 @@ def workbench_(
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise BadInput(f"the workbench needs {' and '.join(missing)}: pip install 'motoremi[workbench]'")
 
-    from motoremi.bench.procedure import load_bench_file
+    from motoremi.bench.bench_file import load_bench_file
     from motoremi.data.paths import SESSION
+    from motoremi.workbench.doorway import Opener
     from motoremi.workbench.server import serve
 
     if path is not None and not (path / SESSION).is_file():
         raise BadInput(f"{path}: no session here ({SESSION} is missing)")
     bench_file = None if bench is None else load_bench_file(bench)
+    opener = Opener()
 
     def ready(address: str) -> None:
         from motoremi.cli.output import emit_json, say
@@ -45,11 +47,12 @@ def workbench_(
             say(f"workbench: {address}\nKeep this address to yourself: it is the key. Ctrl-C ends the workbench.")
         sys.stdout.flush()
         if browser and not as_json and sys.stdout.isatty():
-            import webbrowser
+            opener.open(address)
 
-            webbrowser.open(address)
-
-    serve(folder, [] if path is None else [path], bench_file, port, ready)
+    try:
+        serve(folder, [] if path is None else [path], bench_file, port, ready)
+    finally:
+        opener.close()
 
 
 def register(app: typer.Typer) -> None:

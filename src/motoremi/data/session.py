@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -212,7 +212,7 @@ def load(path: str | os.PathLike[str]) -> Session:
             else:
                 _check_json(stored, f"{name}/{file}")
                 analyses[str(document.get("name"))] = stored
-    status = _run_status(chain)
+    status = run_status(chain.documents)
     return Session(
         path=folder,
         documents=chain.documents,
@@ -256,10 +256,10 @@ def _check_json(data: bytes, name: str) -> None:
         raise BadInput(f"{name}: is not a JSON object ({error})") from error
 
 
-def _run_status(chain: Chain) -> str:
+def run_status(documents: Sequence[JsonDict]) -> str:
     """How the measurement itself ended: later additions do not make an interrupted run a complete one, only a run that went on does."""
     status, is_addition = "interrupted", False
-    for document in chain.documents:
+    for document in documents:
         if document["kind"] == "stop" and document.get("status") in STATUSES:
             # A run whose report failed has two: the measurement's and its own.
             status = status if is_addition else str(document["status"])

@@ -147,6 +147,21 @@ class AppendFile:
         os.close(self._descriptor)
 
 
+def is_being_written(path: Path) -> bool:
+    """Whether a writer has this file locked."""
+    try:
+        descriptor = os.open(path, os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        _lock(descriptor)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
 if sys.platform == "win32":
     import msvcrt
 

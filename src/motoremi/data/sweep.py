@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
-from motoremi.quantities import parse, show_band
+from motoremi.quantities import parse, show, show_band
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +107,7 @@ class ImpedanceSweep:
     def summary(self) -> str:
         """One line for a person: points, span and range of |Z|."""
         magnitude = np.abs(self.impedance_ohm)
-        return f"{len(self)} points, {show_band(*self.span_hz)}, |Z| {magnitude.min():.3g} - {magnitude.max():.3g} Ohm"
+        return f"{len(self)} points, {show_band(*self.span_hz)}, |Z| {show(magnitude.min(), 'Ohm', 3)} - {show(magnitude.max(), 'Ohm', 3)}"
 
     def with_metadata(self, **extra: Any) -> ImpedanceSweep:
         """The same sweep with more metadata."""

@@ -132,7 +132,7 @@ class Receiver:
             return None
         both = parts[0]
         for part in parts[1:]:
-            both = Readings(*(np.hypot(getattr(both, name), getattr(part, name)) for name in FIELDS.values()))
+            both = Readings(*(np.hypot(getattr(both, name), getattr(part, name)) for name in dict.fromkeys(FIELDS.values())))
         return both
 
     def _with_events(

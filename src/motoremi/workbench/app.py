@@ -18,7 +18,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.bench.procedure import BenchFile
+from motoremi.bench.bench_file import BenchFile
 from motoremi.data.paths import inside
 from motoremi.data.plain import object_from_json, plain
 from motoremi.data.text import clean_text, clean_value
@@ -29,8 +29,11 @@ from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.guard import REPORT_POLICY, Guard
+from motoremi.workbench.listing import Listing
+from motoremi.workbench.refusal import refusal
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
+from motoremi.workbench.watch import Watch
 
 STATIC = Path(str(resources.files("motoremi.workbench") / "static"))
 # What may be taken out of a session's report folder.
@@ -55,6 +58,8 @@ class Workbench:
     def __init__(self, shelf: Shelf, bench_file: BenchFile | None = None) -> None:
         self.shelf = shelf
         self.events = Events()
+        self.listing = Listing(shelf)
+        self.watch = Watch(self.listing, self.events)
         self.place = Workplace(shelf, self.events, bench_file)
 
     def desk(self, request: Request) -> Desk:
@@ -69,9 +74,12 @@ class Workbench:
 
         return tell
 
-    def changed(self, identifier: str) -> None:
-        """Tell pages to look again."""
-        self.events.publish("changed", {"session": identifier})
+    def head(self, request: Request) -> JsonDict:
+        """What a session is, and whether it is being measured."""
+        desk = self.desk(request)
+        told = views.head(desk, request.path_params["id"])
+        state = self.listing.entry(desk.path).state
+        return {**told, "state": state, "resumable": told["resumable"] and state != "measuring"}
 
 
 def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
@@ -82,6 +90,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         Route("/", lambda request: FileResponse(STATIC / "index.html")),
         Mount("/static", StaticFiles(directory=STATIC, follow_symlink=True)),
         Route("/api/events", _stream(w)),
+        _get("/api/alive", lambda request: {}),
         _get("/api/terms", lambda request: TERMS),
         _get("/api/bench", lambda request: w.place.overview()),
         _post("/api/bench/look", lambda request, body: w.place.look(Asked.of(body))),
@@ -90,7 +99,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _post("/api/run/answer", lambda request, body: w.place.answer(body.get("answer", "done"))),
         _get("/api/run/trace/{seq:int}", lambda request: w.place.trace(request.path_params["seq"])),
         _get("/api/sessions", lambda request: _sessions(w)),
-        _get(session, lambda request: views.head(w.desk(request), request.path_params["id"])),
+        _get(session, w.head),
         _get(session + "/curves", lambda request: views.curves(w.desk(request))),
         _get(session + "/fails", lambda request: views.fails(w.desk(request))),
         _get(session + "/effects", lambda request: views.effects(w.desk(request))),
@@ -100,12 +109,13 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _get(session + "/emission", lambda request: emission.spectra(w.desk(request))),
         _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
-        _post(session + "/fit", _changing(w, lambda desk, body, progress: desk.fit())),
+        _post(session + "/fit", _changing(w, lambda desk, body, progress: desk.fit(_standing(body)))),
         _post(session + "/diagnose", _changing(w, _diagnose)),
         _post(session + "/add", _changing(w, _add)),
-        _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, *desk.drop()))),
+        _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, *desk.drop(_standing(body))))),
         _post(session + "/judge", _changing(w, _judge)),
         _post(session + "/predict", _changing(w, lambda desk, body, progress: emission.predict(desk, _text(body, "limit")))),
+        _get(session + "/report", lambda request: {"files": w.desk(request).report_files()}),
         _post(session + "/report", _changing(w, lambda desk, body, progress: {"files": desk.report()})),
         _post(session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body), progress))),
         _post("/api/challenge", lambda request, body: _new_challenge(w)),
@@ -154,7 +164,7 @@ async def _in_words(answer: Callable[[], Response]) -> Response:
 
 async def _no_such_page(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    return _sentence(f"{error.detail}: {request.url.path}", error.status_code)
+    return refusal(request.scope, f"{error.detail}: {request.url.path}", error.status_code)
 
 
 def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any]) -> Callable[[Request, JsonDict], Any]:
@@ -162,22 +172,23 @@ def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any]) -
 
     def act(request: Request, body: JsonDict) -> Any:
         identifier = request.path_params["id"]
-        told = change(w.desk(request), body, w.progress(identifier))
-        w.changed(identifier)
-        return told
+        try:
+            return change(w.desk(request), body, w.progress(identifier))
+        finally:
+            w.watch.look()
 
     return act
 
 
 def _stream(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
     async def endpoint(request: Request) -> Response:
-        return StreamingResponse(w.events.stream(w.place.state), media_type="text/event-stream")
+        return StreamingResponse(w.events.stream(w.place.state, w.watch.begin), media_type="text/event-stream")
 
     return endpoint
 
 
 def _sessions(w: Workbench) -> JsonDict:
-    return {"first": w.shelf.first, "sessions": [{"id": key, "name": path.name} for key, path in w.shelf.offered().items()]}
+    return {"first": w.shelf.first, "sessions": w.listing.entries()}
 
 
 def _text(body: JsonDict, key: str) -> str:
@@ -185,6 +196,11 @@ def _text(body: JsonDict, key: str) -> str:
     if not isinstance(value, str):
         raise BadInput(f"{key} must be text")
     return value
+
+
+def _standing(body: JsonDict) -> str | None:
+    """Which ladder the page showed when somebody clicked; a script need not say."""
+    return _text(body, "standing") if "standing" in body else None
 
 
 def _names(body: JsonDict) -> list[str]:
@@ -197,11 +213,11 @@ def _names(body: JsonDict) -> list[str]:
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
     if challenge.is_open_challenge(desk.session):
         raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
-    desk.diagnose(progress)
+    desk.diagnose(progress, _standing(body))
 
 
 def _add(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
-    return _step(desk, *desk.add(_text(body, "effect")))
+    return _step(desk, *desk.add(_text(body, "effect"), _standing(body)))
 
 
 def _step(desk: Desk, before: Any, after: Any) -> JsonDict:

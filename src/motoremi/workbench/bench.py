@@ -11,10 +11,11 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.answer import ANSWERS
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.calibration import refuse_unless_calibrated
 from motoremi.bench.connect import driver_class, driver_names
 from motoremi.bench.on_bench import on_bench
-from motoremi.bench.procedure import BenchFile, Procedure, load_procedure, ready_procedures
+from motoremi.bench.procedure import Procedure, load_procedure, ready_procedures
 from motoremi.bench.runner import make_bench, resumable, start_document, was_begun_on
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
 from motoremi.data.paths import inside

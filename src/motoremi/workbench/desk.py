@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -88,13 +90,19 @@ class Desk:
             raise BadInput("there is no model yet: fit this session first")
         return steps[-1]
 
-    def fit(self) -> None:
-        """Fit the model that the ladder stands at, from the bottom."""
-        self.change(fit_session)
+    @property
+    def standing(self) -> str:
+        """Changes with the ladder: what a page sends back, so that nobody changes a ladder that the page does not show."""
+        told = json.dumps([[*step.effects, step.objective] for step in self.steps])
+        return hashlib.sha256(told.encode()).hexdigest()[:12]
 
-    def diagnose(self, progress: Progress | None = None) -> None:
-        """Which effect is missing from the model that stands."""
-        self.change(lambda store: diagnose_session(store, progress=progress))
+    def fit(self, shown: str | None = None) -> None:
+        """Fit the model that the ladder stands at, from the bottom; `shown` as in `change`."""
+        self.change(fit_session, shown)
+
+    def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
+        """Which effect is missing from the model that stands; `shown` as in `change`."""
+        self.change(lambda store: diagnose_session(store, progress=progress), shown)
 
     def judge(self, tolerance: Tolerance) -> None:
         """Hold the model that stands against the measurement, by this tolerance from now on."""
@@ -115,14 +123,37 @@ class Desk:
             raise BadInput(f"a stored analysis cannot be read ({type(error).__name__}: {error}): diagnose or predict this session again") from error
         return [file.name for file in files]
 
+    def report_files(self) -> list[str]:
+        """Names of the report's files, as far as it was written."""
+        try:
+            return sorted(file.name for file in inside(self.path, "report").iterdir() if file.is_file())
+        except OSError:
+            return []
+
     def save(self, name: str, payload: JsonDict) -> None:
         """Store an analysis of the page's own."""
         self.change(lambda store: store.save_analysis(name, payload))
 
-    def change(self, action: Callable[[Store], object]) -> None:
-        """Do something with the session open for writing."""
+    def change(self, action: Callable[[Store], object], shown: str | None = None) -> None:
+        """Do something with the session open for writing.
+
+        Parameters
+        ----------
+        action : callable
+        shown : str, optional
+            The `standing` of the ladder that this was asked for.
+
+        Raises
+        ------
+        BadInput
+            If the ladder is another one by now.
+        """
         with self._turn:
+            if shown is not None:
+                self._require(shown)
             with opened(self.path) as store:
+                if shown is not None:
+                    self._require_unmoved()
                 action(store)
             self._stamp = None
 
@@ -152,17 +183,19 @@ class Desk:
         with self._glancing:
             return (self.top, self.prepared(effect)) if self._looking is asked else None
 
-    def add(self, effect: str) -> tuple[Fit, Fit]:
-        """Put an effect on top of the ladder; returns the model before and after."""
+    def add(self, effect: str, shown: str | None = None) -> tuple[Fit, Fit]:
+        """Put an effect on top of the ladder; returns the model before and after. `shown` as in `change`."""
         self._looking = None
         with self._turn:
+            self._require(shown)
             before, after = self.top, self.prepared(effect)
             self._store_ladder((*self._steps, after))
             return before, after
 
-    def drop(self) -> tuple[Fit, Fit]:
-        """Step back on the ladder; returns the model before and after."""
+    def drop(self, shown: str | None = None) -> tuple[Fit, Fit]:
+        """Step back on the ladder; returns the model before and after. `shown` as in `change`."""
         with self._turn:
+            self._require(shown)
             steps = self.steps
             if len(steps) < 2:
                 raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
@@ -180,11 +213,21 @@ class Desk:
 
     def _store_ladder(self, steps: Sequence[Fit]) -> None:
         with opened(self.path) as store:
-            # Under the lock of an open session: from here on nobody else writes.
-            if self._file_stamp(LADDER) != self._ladder_stamp:
-                raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
+            self._require_unmoved()
             save_ladder(store, steps)
         self._stamp = None
+
+    def _require(self, shown: str | None) -> None:
+        if shown is not None and shown != self.standing:
+            stands = " + ".join(("the paper's circuit", *self.steps[-1].effects)) if self.steps else "no model"
+            raise BadInput(
+                f"the ladder was changed since this page showed it and stands at {stands} now: nothing was done; look at it, then choose again"
+            )
+
+    def _require_unmoved(self) -> None:
+        # Under the lock of an open session: from here on nobody else writes.
+        if self._file_stamp(LADDER) != self._ladder_stamp:
+            raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
 
     def _refresh(self) -> None:
         stamp = self._file_stamp(SESSION)

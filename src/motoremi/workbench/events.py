@@ -11,8 +11,8 @@ from motoremi.arrays import JsonDict
 from motoremi.data.plain import plain
 from motoremi.data.text import clean_value
 
-# Shorter than what proxies and browsers take for a dead connection.
-HEARTBEAT_S = 15.0
+# A page that hears nothing for twice as long asks whether the workbench is still there.
+HEARTBEAT_S = 0.5
 
 
 class Events:
@@ -22,6 +22,11 @@ class Events:
         # None ends a stream.
         self._pages: set[asyncio.Queue[str | None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
+
+    @property
+    def heard(self) -> bool:
+        """Whether a page listens."""
+        return bool(self._pages)
 
     def publish(self, kind: str, data: JsonDict) -> None:
         """Tell every page that is open now."""
@@ -40,24 +45,27 @@ class Events:
         for page in self._pages:
             page.put_nowait(text)
 
-    async def stream(self, state: Callable[[], JsonDict]) -> AsyncIterator[str]:
+    async def stream(self, state: Callable[[], JsonDict], begun: Callable[[], None]) -> AsyncIterator[str]:
         """One page's stream: first the state, so that a page opened in mid-run catches up, then everything that happens.
 
         Parameters
         ----------
         state : callable
             What there is to catch up with; asked after the page listens, so that nothing falls in between.
+        begun : callable
+            Told once the page listens.
         """
         self._loop = asyncio.get_running_loop()
         page: asyncio.Queue[str | None] = asyncio.Queue()
         self._pages.add(page)
         try:
+            begun()
             yield _event("state", state())
             while True:
                 try:
                     text = await asyncio.wait_for(page.get(), HEARTBEAT_S)
                 except TimeoutError:
-                    text = ": still here\n\n"
+                    text = _event("beat", {})
                 if text is None:
                     return
                 yield text

@@ -8,14 +8,16 @@ from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.requests import ClientDisconnect
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from motoremi.workbench.body import LARGEST_BODY, TooLong, read_already, whole_body
+from motoremi.workbench.refusal import refusal
 
 SAFE_METHODS = frozenset({"GET", "HEAD"})
 # A page of ours is asked for by ourselves, or by somebody who types its address.
 WELCOME_SITES = frozenset({"same-origin", "none"})
-# The largest request is an effect's name with a few settings.
-LARGEST_BODY = 64 * 1024
 # Trusted types: a browser that knows them refuses to make markup from text, whatever a script tries.
 PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -31,6 +33,10 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+# Leads on to the page as a request of its own.
+ENTRANCE = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>motoremi workbench</title><meta http-equiv="refresh" content="0; url=/"></html>
+"""
 
 
 class Guard:
@@ -68,44 +74,59 @@ class Guard:
             await send(message)
 
         answer = self._refusal(scope) or self._entrance(scope)
-        await (answer or self._app)(scope, receive, send_with_headers)
+        if answer is None:
+            try:
+                body = await whole_body(receive)
+            except TooLong:
+                answer = _refuse(scope, f"the request is longer than {LARGEST_BODY // 1024} KiB", 413)
+            except TimeoutError:
+                answer = _refuse(scope, "the request did not arrive in time", 408)
+            except ClientDisconnect:
+                return
+            else:
+                await self._app(scope, read_already(body, receive), send_with_headers)
+                return
+        await answer(scope, receive, send_with_headers)
 
     def _refusal(self, scope: Scope) -> Response | None:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if host not in self._hosts:
-            return _refuse("this workbench answers on the loopback address only")
+            return _refuse(scope, "this workbench answers on the loopback address only")
         origin = headers.get("origin")
         if origin is not None and origin != f"http://{host}":
-            return _refuse("another page may not use this workbench")
-        if headers.get("sec-fetch-site", "none") not in WELCOME_SITES:
-            return _refuse("another page may not use this workbench")
+            return _refuse(scope, "another page may not use this workbench")
+        if headers.get("sec-fetch-site", "none") not in WELCOME_SITES and not self._shows_token(scope):
+            return _refuse(scope, "another page may not use this workbench")
         if scope["method"] in SAFE_METHODS:
             return None
         # A form of another page cannot send this type without asking first, and is not allowed to.
         if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-            return _refuse("requests are JSON", 415)
-        length = headers.get("content-length", "")
-        if not length.isdigit() or int(length) > LARGEST_BODY:
-            return _refuse("the request is too long, or does not say how long it is", 413)
+            return _refuse(scope, "requests are JSON", 415)
         return None
 
     def _entrance(self, scope: Scope) -> Response | None:
         """None for those who have shown the token; a cookie for those who show it now."""
-        query = parse_qs(scope["query_string"].decode("latin-1"))
-        shown = query.get("token", [""])[0]
-        if scope["path"] == "/" and scope["method"] in SAFE_METHODS and self._is_token(shown):
+        headers = Headers(scope=scope)
+        if self._shows_token(scope):
             # Out of the address, so that it does not stay in the history or on a screenshot.
-            answer = RedirectResponse("/", status_code=303)
+            answer: Response = RedirectResponse("/", status_code=303)
+            if headers.get("sec-fetch-site", "none") not in WELCOME_SITES:
+                # Sent here by the local file that opens the browser: a browser keeps the cookie from a redirection that another page began.
+                answer = HTMLResponse(ENTRANCE)
             answer.set_cookie(self._cookie, self._token, httponly=True, samesite="strict", path="/")
             return answer
-        headers = Headers(scope=scope)
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer" and self._is_token(bearer):
             return None
         if self._is_token(_cookie_of(headers, self._cookie)):
             return None
-        return _refuse("open the address that 'motoremi workbench' printed when it started: it carries the key to this page", 401)
+        return _refuse(scope, "open the address that 'motoremi workbench' printed when it started: it carries the key to this page", 401)
+
+    def _shows_token(self, scope: Scope) -> bool:
+        """Whether this is the address that was printed at the start."""
+        shown = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        return scope["path"] == "/" and scope["method"] in SAFE_METHODS and self._is_token(shown)
 
     def _is_token(self, shown: str) -> bool:
         return secrets.compare_digest(shown.encode(), self._token.encode())
@@ -119,5 +140,8 @@ def _cookie_of(headers: Headers, name: str) -> str:
     return "" if found is None else found.value
 
 
-def _refuse(why: str, status: int = 403) -> Response:
-    return JSONResponse({"error": why}, status_code=status)
+def _refuse(scope: Scope, why: str, status: int = 403) -> Response:
+    answer = refusal(scope, why, status)
+    # The connection ends with the answer: nobody waits for the rest of what was refused.
+    answer.headers["Connection"] = "close"
+    return answer

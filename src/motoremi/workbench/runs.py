@@ -10,8 +10,9 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.answer import Answer
+from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.calibration import tell_doubts
-from motoremi.bench.procedure import BenchFile, Procedure
+from motoremi.bench.procedure import Procedure
 from motoremi.bench.progress import RunProgress
 from motoremi.bench.rehearsal import rehearse
 from motoremi.bench.resume import Done
@@ -74,6 +75,7 @@ class Run:
         self._progress: JsonDict = {}
         self._told_s = 0.0
         self._stop = threading.Event()
+        self._begun = threading.Event()
         self._answered = threading.Event()
         self._answer: Answer = "done"
         self._thread = threading.Thread(target=self._work, name=f"run {folder.name}")
@@ -84,8 +86,9 @@ class Run:
         return self._thread.is_alive()
 
     def start(self) -> None:
-        """Begin."""
+        """Begin; returns as soon as there is a session to look at."""
         self._thread.start()
+        self._begun.wait()
 
     def stop(self) -> None:
         """Stop at the next exchange; the instruments are made safe and the data kept."""
@@ -142,6 +145,8 @@ class Run:
         except Exception as error:
             # A run must end in words on every page, whatever happened.
             self._status, self._message = "failed", f"internal error ({type(error).__name__}: {error}); report it"
+        finally:
+            self._begun.set()
         self._tell()
 
     def _measure(self) -> None:
@@ -149,6 +154,7 @@ class Run:
         try:
             with self._begin() as writer:
                 writer.subscribe(self._document)
+                self._begun.set()
                 tell_doubts(self._procedure, self._bench_file, writer)
                 ticks = [self._tick]
                 try:

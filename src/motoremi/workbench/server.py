@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import socket
 from collections.abc import Callable
 from pathlib import Path
 
 import uvicorn
+from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from motoremi.bench.procedure import BenchFile
+from motoremi.bench.bench_file import BenchFile
 from motoremi.errors import BadInput
 from motoremi.workbench.app import Workbench, make_app
 from motoremi.workbench.shelf import Shelf
@@ -17,12 +20,55 @@ from motoremi.workbench.shelf import Shelf
 LOOPBACK = "127.0.0.1"
 # Streams of open pages are cut after this long when the workbench ends.
 FAREWELL_S = 1
+# A request that has not said by then what it wants is cut off; longer than an idle connection is kept (uvicorn: 5 s).
+HEADER_DEADLINE_S = 8.0
+
+
+class Deadlined(H11Protocol):
+    """A connection whose next request must be there in time; uvicorn itself waits for ever once a byte has come, or none."""
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin."""
+        super().connection_made(transport)
+        self._await_request()
+
+    def on_response_complete(self) -> None:
+        """The next request may come."""
+        self._await_request()
+        super().on_response_complete()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The end."""
+        if self._late is not None:
+            self._late.cancel()
+        super().connection_lost(exc)
+
+    def _await_request(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+        self._late = self.loop.call_later(HEADER_DEADLINE_S, self._cut_off)
+
+    def _cut_off(self) -> None:
+        if self.cycle is None or self.cycle.response_complete:
+            self.transport.close()
 
 
 class Server(uvicorn.Server):
     """Ends the streams of open pages before it waits for their connections."""
 
-    def __init__(self, config: uvicorn.Config, workbench: Workbench) -> None:
+    def __init__(self, app: ASGIApp, workbench: Workbench) -> None:
+        config = uvicorn.Config(
+            app,
+            http=Deadlined,
+            log_level="error",
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            server_header=False,
+            timeout_graceful_shutdown=FAREWELL_S,
+        )
         super().__init__(config)
         self._workbench = workbench
 
@@ -60,19 +106,10 @@ def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port
     with _listening(port) as listener:
         actual = listener.getsockname()[1]
         app = make_app(workbench, token, {f"{LOOPBACK}:{actual}", f"localhost:{actual}"})
-        config = uvicorn.Config(
-            app,
-            log_level="warning",
-            access_log=False,
-            lifespan="off",
-            ws="none",
-            server_header=False,
-            timeout_graceful_shutdown=FAREWELL_S,
-        )
         # The socket listens already: whoever reads the address may come at once.
         ready(f"http://{LOOPBACK}:{actual}/?token={token}")
         try:
-            Server(config, workbench).run(sockets=[listener])
+            Server(app, workbench).run(sockets=[listener])
         finally:
             workbench.place.leave()
 

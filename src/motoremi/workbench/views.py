@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.session import Session
 from motoremi.diagnosis.candidates import possible_effects
 from motoremi.diagnosis.compare import Comparison
+from motoremi.diagnosis.menu import MENU
 from motoremi.diagnosis.parts import ELEMENTS
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
@@ -54,6 +56,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "challenge": "sealed_sha256" in start,
         "sealed": is_open_challenge(session),
         "diagnosed": session.analysis("diagnosis") is not None,
+        "standing": desk.standing,
         "ladder": ladder(desk),
         "elements": [*ELEMENTS, *(desk.steps[-1].effects if desk.steps else ())],
     }
@@ -107,7 +110,7 @@ def curves(desk: Desk) -> JsonDict:
                 "fails": curve.fails.tolist(),
             }
         )
-    return {"model": True, "sweeps": told}
+    return {"model": True, "tolerance": asdict(comparison.tolerance), "sweeps": told}
 
 
 def _first(session: Session) -> list[Any]:
@@ -143,7 +146,8 @@ def effects(desk: Desk) -> JsonDict:
         "diagnosis": None if stored is None else diagnosis(stored),
         "current": stored is not None and _of_model(stored) == list(top.effects),
         "in_model": list(top.effects),
-        "catalogue": [_entry(name) for name in possible_effects(top)],
+        "catalogue": [_entry(name) for name in dict.fromkeys((*possible_effects(top), *top.effects))],
+        "standing": desk.standing,
         "ladder": ladder(desk),
     }
 
@@ -178,9 +182,12 @@ def _diagnosis(stored: JsonDict) -> JsonDict:
     told["described"] = described(stored["unexplained_percent"]) if "unexplained_percent" in stored else ""
     told["where"] = [{**span, "band": show_band(*span["band_hz"])} for span in stored["where"]]
     told["caveats"] = list(stored.get("caveats", []))
+    # Where no effect explains it, each is at most as likely as the verdict is wrong.
+    left = 1.0 - float(stored["confidence"]) if stored["verdict"] == "unexplained" else 1.0
     told["candidates"] = [
         {
-            **{key: one[key] for key in ("effect", "family", "probability", "chi2_reduced", "rms_error_percent", "delta_bic", "plausible")},
+            **{key: one[key] for key in ("effect", "family", "chi2_reduced", "rms_error_percent", "delta_bic", "plausible")},
+            "probability": left * float(one["probability"]),
             "parameters": ", ".join(f"{name} = {show(float(p['value']), str(p.get('unit', '')))}" for name, p in one["parameters"].items()),
         }
         for one in stored["candidates"]
@@ -196,7 +203,10 @@ def following(desk: Desk) -> JsonDict:
     stored = session.analysis("diagnosis")
     if stored is None:
         raise BadInput("there is no diagnosis yet: diagnose this session first (view Effects)")
-    return _readable(lambda: {**stored["next_measurement"], "verdict": stored["verdict"]})
+    actions = {option.name: option.action for option in MENU}
+    return _readable(
+        lambda: {"action": actions.get(stored["next_measurement"]["id"], ""), **stored["next_measurement"], "verdict": stored["verdict"]}
+    )
 
 
 def _readable(read: Callable[[], JsonDict]) -> JsonDict:

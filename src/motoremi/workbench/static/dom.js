@@ -23,8 +23,13 @@ export function table(head, rows, attributes = {}) {
   const cells = (kind, row) => row.map((cell) => (cell instanceof HTMLTableCellElement ? cell : h(kind, {}, cell)));
   return h("div", { class: "scroll" },
     h("table", attributes,
-      h("thead", {}, h("tr", {}, cells("th", head))),
+      h("thead", {}, h("tr", {}, head.map((cell) => h("th", { scope: "col" }, cell)))),
       h("tbody", {}, rows.map((row) => (row instanceof HTMLTableRowElement ? row : h("tr", {}, cells("td", row)))))));
+}
+
+// Names and what they stand for; a list that needs no head.
+export function facts(rows, attributes = {}) {
+  return h("div", { class: "scroll" }, h("table", attributes, h("tbody", {}, rows.map(([name, ...values]) => h("tr", {}, h("th", { scope: "row" }, name), values.map((value) => h("td", {}, value)))))));
 }
 
 export function card(title, ...children) {

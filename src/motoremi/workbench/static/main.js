@@ -2,9 +2,11 @@
 
 import { get, sessionPath, Trouble } from "./api.js";
 import { button, h, table } from "./dom.js";
+import { connect } from "./link.js";
 import { leaveAll, repaint } from "./plot.js";
+import { stay } from "./stay.js";
 import { hideTip, loadTerms } from "./terms.js";
-import { percent } from "./units.js";
+import { percent, when } from "./units.js";
 import { bench } from "./views/bench.js";
 import { challenge } from "./views/challenge.js";
 import { effects } from "./views/effects.js";
@@ -28,12 +30,13 @@ const element = (id) => document.getElementById(id);
 
 // What the views share.
 export const page = {
-  session: "", head: null, run: null, listeners: new Set(), viewKey: null,
+  session: "", head: null, run: null, sessions: [], listeners: new Set(), viewKey: null,
 
   async choose(id) {
     page.session = id;
     await refreshSessions();
     await page.refresh();
+    tellAddress(true);
   },
 
   async refresh() {
@@ -49,16 +52,14 @@ export const page = {
   async work(doing, action) {
     quiet();
     const waiting = setTimeout(() => busy(doing), 150);
-    main.setAttribute("aria-busy", "true");
     try {
-      return await action();
+      return await occupied(action);
     } catch (trouble) {
       if (!(trouble instanceof Trouble)) throw trouble;
       complain(trouble.message);
       return undefined;
     } finally {
       clearTimeout(waiting);
-      main.removeAttribute("aria-busy");
       busy("");
     }
   },
@@ -66,6 +67,30 @@ export const page = {
   redraw,
   complain,
 };
+
+// Several things may be going on at once.
+let occupations = 0;
+
+async function occupied(action) {
+  occupations++;
+  main.setAttribute("aria-busy", "true");
+  try {
+    return await action();
+  } finally {
+    if (!--occupations) main.removeAttribute("aria-busy");
+  }
+}
+
+// Session and view stand in the address: reload keeps both, and so does a bookmark as long as the workbench runs.
+const sessionInAddress = () => new URLSearchParams(location.search).get("session") ?? "";
+
+function tellAddress(step = false) {
+  const told = new URL(location.href);
+  if (page.session) told.searchParams.set("session", page.session);
+  else told.searchParams.delete("session");
+  told.hash = wanted();
+  if (told.href !== location.href) history[step ? "pushState" : "replaceState"](null, "", told);
+}
 
 function tellStand() {
   const head = page.head;
@@ -92,41 +117,82 @@ function busy(text) {
 
 async function refreshSessions() {
   const told = await get("/api/sessions");
+  if (page.session && !told.sessions.some((one) => one.id === page.session)) {
+    complain("The session in this address is not on this workbench's list; the list above has those that are.");
+    page.session = "";
+  }
   if (!page.session) page.session = told.first || told.sessions[0]?.id || "";
+  list(told.sessions);
+}
+
+function list(sessions) {
+  page.sessions = sessions;
   const choice = element("session-choice");
-  choice.replaceChildren(...told.sessions.map((one) => h("option", { value: one.id }, one.name)));
-  if (!told.sessions.length) choice.append(h("option", { value: "" }, "none yet"));
+  choice.replaceChildren(...sessions.map((one) => h("option", { value: one.id, title: one.name }, [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "))));
+  if (!sessions.length) choice.append(h("option", { value: "" }, "none yet"));
   choice.value = page.session;
 }
 
 const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "session" : "bench");
 let drawing = 0;
 
-// The view is built beside the page and put in at once when it is complete.
+// The view is built beside the page and put in at once when it is complete. A view that is drawn anew keeps what its reader was doing.
 async function redraw(keep = false) {
   const name = wanted(), turn = ++drawing;
-  for (const link of document.querySelectorAll("#views a")) link.toggleAttribute("aria-current", link.hash === `#${name}`);
+  markTab(name);
   hideTip();
-  await page.work("reading", async () => {
+  const read = async () => {
     const view = VIEWS[name];
     if (page.session) await page.refresh();
     const missing = page.session || WITHOUT_SESSION.has(name) ? lacks(view) && view.without : NO_SESSION;
     const told = missing ? null : await view.load?.(page);
     if (turn !== drawing) return;
+    const restore = keep && stay(main);
     leaveAll();
     page.listeners.clear();
-    main.replaceChildren();
+    main.replaceChildren(h("h1", { class: "unseen" }, view.title));
     if (missing) main.append(h("p", { class: "empty" }, missing));
     else view.draw(main, told, page);
     main.dataset.view = name;
-    if (!keep) scrollTo(0, 0);
-  });
+    tellAddress();
+    if (keep) restore();
+    else scrollTo(0, 0);
+  };
+  // What the reader has just been told stays to be read.
+  await (keep ? attempt(read) : page.work("reading", read));
   if (turn === drawing && main.dataset.view !== name) {
     // The view could not be read; the sentence that says why stands above.
     leaveAll();
     main.replaceChildren();
     main.dataset.view = name;
   }
+}
+
+async function attempt(action) {
+  try {
+    await occupied(action);
+  } catch (trouble) {
+    if (!(trouble instanceof Trouble)) throw trouble;
+    complain(trouble.message);
+  }
+}
+
+function markTab(name) {
+  for (const link of document.querySelectorAll("#views a")) {
+    const current = link.hash === `#${name}`;
+    if (current) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+    // On a telephone the row of tabs is wider than the screen.
+    if (current) link.parentElement.scrollLeft = link.offsetLeft - (link.parentElement.clientWidth - link.offsetWidth) / 2;
+  }
+}
+
+// Somebody changed the session: this tab, another one, a run or the command line.
+function follow() {
+  const view = VIEWS[wanted()];
+  if (view.changed) page.listeners.forEach((listener) => listener("changed"));
+  else if (view.follows !== false) redraw(true);
+  else attempt(page.refresh);
 }
 
 function lacks(view) {
@@ -167,40 +233,64 @@ function keydown(event) {
 }
 
 function listen() {
-  const stream = new EventSource("/api/events");
-  const told = (event) => JSON.parse(event.data);
   const tell = (kind, data) => [...page.listeners].forEach((listener) => listener(kind, data));
-  stream.addEventListener("state", (event) => {
-    page.run = told(event).run;
-    tell("run", page.run);
-  });
-  stream.addEventListener("run", (event) => {
-    const now = told(event);
-    const ended = page.run?.status === "running" && now.status !== "running";
-    page.run = { ...page.run, ...now };
-    tell("run", page.run);
-    if (ended) tell("ended", page.run);
-  });
-  stream.addEventListener("document", (event) => {
-    const { session, document } = told(event);
-    // After a reconnection the state and the stream may overlap.
-    if (page.run?.session !== session || page.run.documents.some((one) => one.seq === document.seq)) return;
-    page.run.documents.push(document);
-    tell("document", document);
-  });
-  stream.addEventListener("progress", (event) => {
-    const { doing, done, total } = told(event);
-    if (!element("busy").hidden) busy(`trying ${doing} (${done} of ${total})`);
-  });
-  stream.addEventListener("changed", (event) => {
-    if (told(event).session === page.session) tell("changed");
-  });
+  connect({
+    state(told) {
+      page.run = told.run;
+      tell("run", page.run);
+    },
+    run(now) {
+      page.run = { ...page.run, ...now };
+      tell("run", page.run);
+    },
+    document({ session, document }) {
+      // After a reconnection the state and the stream may overlap.
+      if (page.run?.session !== session || page.run.documents.some((one) => one.seq === document.seq)) return;
+      page.run.documents.push(document);
+      tell("document", document);
+    },
+    progress({ doing, done, total }) {
+      if (!element("busy").hidden) busy(`trying ${doing} (${done} of ${total})`);
+    },
+    sessions(told) {
+      list(told.sessions);
+      const state = told.sessions.find((one) => one.id === page.session)?.state;
+      if (page.head && state && state !== page.head.state) follow();
+    },
+    changed(told) {
+      if (told.session === page.session) follow();
+    },
+  }, { gone, back });
+}
+
+// What needs the workbench is off while it is gone; focus returns to where it was.
+let focused = null;
+
+function gone(why) {
+  if (element("gone").hidden) focused = document.activeElement;
+  element("gone").textContent = why;
+  element("gone").hidden = false;
+  for (const one of document.querySelectorAll(":is(main, header) :is(button, input, select):enabled")) {
+    one.disabled = true;
+    one.dataset.off = "";
+  }
+}
+
+async function back() {
+  element("gone").hidden = true;
+  for (const one of document.querySelectorAll("[data-off]")) {
+    one.disabled = false;
+    delete one.dataset.off;
+  }
+  if (focused?.isConnected) focused.focus({ preventScroll: true });
+  await attempt(refreshSessions);
+  await redraw(true);
 }
 
 async function start() {
   const kept = localStorage.getItem("motoremi-theme");
   if (kept) document.documentElement.dataset.theme = kept;
-  element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}` }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
+  element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
   element("theme").addEventListener("click", otherTheme);
   element("help").addEventListener("click", keys);
   element("session-choice").addEventListener("change", async (event) => {
@@ -208,8 +298,8 @@ async function start() {
     await redraw();
   });
   document.addEventListener("keydown", keydown);
-  listen();
-  await page.work("reading", async () => {
+  page.session = sessionInAddress();
+  await attempt(async () => {
     await Promise.all([loadTerms(), refreshSessions()]);
     await page.refresh();
   });
@@ -218,7 +308,14 @@ async function start() {
     page.viewKey = null;
     redraw();
   });
-  await redraw();
+  addEventListener("popstate", () => {
+    const session = sessionInAddress();
+    if (!session || session === page.session) return;
+    page.session = element("session-choice").value = session;
+    redraw();
+  });
+  await redraw(true);
+  listen();
 }
 
 start();

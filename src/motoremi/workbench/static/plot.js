@@ -1,6 +1,7 @@
 // A sweep over log frequency: drag to zoom, a cursor with units, two marks, and all of it by keyboard.
 
 import { button, h } from "./dom.js";
+import { angleTicks, linearTicks, logTicks, tickLabels } from "./ticks.js";
 import { show } from "./units.js";
 
 /* global uPlot */
@@ -37,7 +38,7 @@ export class Plots {
   }
 
   options(frame) {
-    const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--grid"), width: 1 }, font: "12px system-ui, sans-serif" };
+    const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--soft"), width: 1 }, font: "12px system-ui, sans-serif" };
     return {
       width: Math.max(240, this.host.clientWidth - 2), height: frame.height, legend: { show: false }, focus: { alpha: 1 },
       cursor: { sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
@@ -52,9 +53,8 @@ export class Plots {
       }))],
       bands: frame.series.flatMap((one, index) => (one.band ? [{ series: [index + 1, index + 2], fill: color("--band") }] : [])),
       axes: [
-        { ...axis, size: 32, splits: (plot, index, low, high) => logTicks(low, high, plot.width / 70), filter: (plot, splits) => splits, values: (plot, splits) => splits.map((value) => show(value, "Hz", 5)) },
-        { ...axis, size: 72, values: (plot, splits) => splits.map((value) => show(value, frame.unit, 5)),
-          ...(frame.log ? { splits: (plot, index, low, high) => logTicks(low, high, plot.height / 30), filter: (plot, splits) => splits } : {}) },
+        { ...axis, size: 32, ...ticked(axis, logTicks, "Hz", (plot) => plot.width / 70) },
+        { ...axis, size: 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
       ],
       hooks: {
         setCursor: [(plot) => this.moved(plot)],
@@ -110,6 +110,14 @@ export class Plots {
 
   whole() {
     return [Math.min(...this.plots.map((frame) => frame.x[0])), Math.max(...this.plots.map((frame) => frame.x.at(-1)))];
+  }
+
+  // The span that is shown, if it is not all of it.
+  zoomed() {
+    const scale = this.plots[0]?.plot.scales.x;
+    if (!scale) return null;
+    const [low, high] = this.whole();
+    return scale.min > low || scale.max < high ? [scale.min, scale.max] : null;
   }
 
   all() {
@@ -196,12 +204,27 @@ export function repaint() {
   }
 }
 
+// Zoom, cursor and marks of a view's plots, for the same plots drawn anew.
+export function keptPlots() {
+  return [...live].map((group) => ({ at: group.at, marks: group.marks, span: group.zoomed() }));
+}
+
+export function restorePlots(kept) {
+  [...live].forEach((group, index) => {
+    if (!kept[index] || !group.plots.length) return;
+    group.at = kept[index].at;
+    group.marks = kept[index].marks;
+    if (kept[index].span) group.span(...kept[index].span);
+    group.tell();
+  });
+}
+
 export function leaveAll() {
   for (const group of [...live]) group.destroy();
 }
 
 function legend(one) {
-  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? "dashes" : "line"} c${one.color.slice(1)}` }, one.label);
+  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? (one.dash[0] < 4 ? "dotted" : "dashes") : "line"} c${one.color.slice(1)}` }, one.label);
 }
 
 function nearest(x, value) {
@@ -214,6 +237,19 @@ function nearest(x, value) {
   return value - x[low] < x[high] - value ? low : high;
 }
 
+// An axis with its ticks: a line for each tick with a label, a short mark for the minor ones.
+function ticked(axis, ticks, unit, most) {
+  const at = (plot, side) => ticks(...bounds(plot, side), most(plot));
+  const bounds = (plot, side) => { const { min, max } = plot.scales[plot.axes[side].scale]; return [min, max]; };
+  return {
+    splits: (plot, side, low, high) => ticks(low, high, most(plot)).all,
+    filter: (plot, splits) => splits,
+    values: (plot, splits, side) => tickLabels(splits, at(plot, side).labelled, unit),
+    grid: { ...axis.grid, filter: (plot, splits, side) => { const { labelled } = at(plot, side); return splits.map((value) => (labelled.has(value) ? value : null)); } },
+    ticks: { ...axis.ticks, size: 6, filter: (plot, splits) => splits },
+  };
+}
+
 function padded(low, high) {
   if (low === null || high === null) return [0, 1];
   const margin = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
@@ -224,21 +260,4 @@ function logRange(plot, low, high) {
   if (!(low > 0) || !(high > 0)) return [0.1, 10];
   const margin = Math.max((high / low) ** 0.06, 1.05);
   return [low / margin, high * margin];
-}
-
-// 1-2-5 ticks over decades, even steps within less than one.
-function logTicks(low, high, most) {
-  const ticks = [];
-  if (high / low > 8) {
-    const decades = Math.log10(high / low);
-    const leads = decades * 3 <= most ? [1, 2, 5] : [1];
-    const every = Math.max(1, Math.ceil(decades / most));
-    for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += every)
-      for (const lead of leads) ticks.push(Number(`${lead}e${power}`));
-  } else {
-    const rough = (high - low) / Math.max(2, Math.min(6, most)), unit = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map((lead) => lead * unit).find((one) => one >= rough);
-    for (let count = Math.ceil(low / step); count * step <= high; count++) ticks.push(Number((count * step).toPrecision(12)));
-  }
-  return ticks.filter((value) => value >= low && value <= high);
 }

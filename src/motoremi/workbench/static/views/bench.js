@@ -4,12 +4,15 @@ import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
-import { band, show } from "../units.js";
+import { band, duration } from "../units.js";
 
+// What is filled in outlives a reload, in this tab.
+const FORM = "motoremi-bench";
 const MEASURED = new Set(["sweep", "spectrum", "standard"]);
 
 export const bench = {
   title: "Bench",
+  follows: false,
   load: () => get("/api/bench"),
 
   draw(where, told, page) {
@@ -20,15 +23,13 @@ export const bench = {
     page.listeners.add((kind, data) => {
       if (kind === "run") drawState(place);
       else if (kind === "document") arrived(place, data);
-      else if (kind === "ended") page.work("reading", () => page.choose(data.session));
     });
   },
 };
 
 function form(place) {
   const { told, page } = place;
-  const kept = page.benchForm ?? { procedure: page.procedure ?? "full_motor_test", bench: told.real ? "real" : "simulated", motor: "", operator: told.operator, seed: 1, hides: "something", ask: false };
-  page.benchForm = kept;
+  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: page.procedure ?? "full_motor_test", bench: told.real ? "real" : "simulated", motor: "", operator: told.operator, seed: 1, hides: "something", ask: false };
   if (page.procedure) kept.procedure = page.procedure;
   page.procedure = null;
   const resume = page.resume;
@@ -39,6 +40,7 @@ function form(place) {
   const steps = h("div", { class: "wide" }), found = h("div", { class: "wide", id: "found" }), simulated = [];
   const only = (element) => { simulated.push(element); return element; };
   const update = () => {
+    sessionStorage.setItem(FORM, JSON.stringify(kept));
     for (const element of simulated) element.hidden = kept.bench !== "simulated";
     const procedure = told.procedures.find((one) => one.name === kept.procedure);
     steps.replaceChildren(h("details", {}, h("summary", {}, `${procedure.steps.length} steps with ${Object.entries(procedure.instruments).map(([role, driver]) => `${role} ${driver}`).join(", ")}`),
@@ -46,7 +48,7 @@ function form(place) {
   };
   const submit = (event) => {
     event.preventDefault();
-    page.work("starting", () => post("/api/run", kept));
+    page.work("starting", async () => page.choose((await post("/api/run", kept)).session));
   };
   const look = async () => {
     const answers = await page.work("asking the instruments who they are", () => post("/api/bench/look", kept));
@@ -101,7 +103,7 @@ function drawState(place) {
   place.heading.textContent = `${run.title} (${run.name})`;
   place.bar.hidden = !running;
   if (progress.total) place.bar.value = progress.done / progress.total;
-  const left = progress.unit === "s" ? `about ${show(progress.total - progress.done, "s", 3)} of measuring left` : `${progress.done} of ${progress.total}`;
+  const left = progress.unit === "s" ? `about ${duration(progress.total - progress.done)} of measuring left` : `${progress.done} of ${progress.total}`;
   place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.total ? `: ${left}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
   place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt.join("\n")), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));

@@ -36,9 +36,13 @@ async function begin(page) {
   await page.redraw();
 }
 
+// What is ticked stays so when the view is drawn anew.
+const ticked = new Map();
+
 function answer(told, page) {
-  const chosen = new Set();
-  const box = (value, text) => h("label", { class: "row" }, h("input", { type: "checkbox", value, onchange: (event) => (event.target.checked ? chosen.add(value) : chosen.delete(value)) }), text);
+  if (!ticked.has(page.session)) ticked.set(page.session, new Set());
+  const chosen = ticked.get(page.session);
+  const box = (value, text) => h("label", { class: "row" }, h("input", { type: "checkbox", value, checked: chosen.has(value), onchange: (event) => (event.target.checked ? chosen.add(value) : chosen.delete(value)) }), text);
   const give = (names) => async () => {
     const done = await page.work("the tool diagnoses the same motor", () => post(sessionPath(page.session, "/challenge"), { answer: names ?? [...chosen] }));
     if (done) await page.redraw();
@@ -56,5 +60,5 @@ function score(told) {
   const mood = (outcome) => h("span", { class: outcome === "right" || outcome === "family" ? "good" : "bad" }, outcome);
   return card("The seal is open",
     h("p", { class: "large", id: "hidden" }, told.hidden.length ? told.hidden.join(" + ") : "it hid nothing"),
-    table(["", "answer", ""], [["you", told.yours.answer.join(" + "), mood(told.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(told.tool.outcome)]], { id: "score" }));
+    table(["who", "answer", "outcome"], [["you", told.yours.answer.join(" + "), mood(told.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(told.tool.outcome)]], { id: "score" }));
 }

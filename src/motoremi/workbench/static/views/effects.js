@@ -1,11 +1,12 @@
 // Which effect is missing: the ranking with its evidence. Pointing at an effect shows its signature on this motor, a click adds it.
 
 import { get, post, sessionPath } from "../api.js";
-import { button, card, h, table } from "../dom.js";
+import { button, card, facts, h, table } from "../dom.js";
 import { ladderDrawing } from "../ladder.js";
 import { Plots } from "../plot.js";
+import { stay } from "../stay.js";
 import { term } from "../terms.js";
-import { percent, share, show } from "../units.js";
+import { chance, lag, percent, share, symbols } from "../units.js";
 
 // A pointer that only passes over a row asks for nothing.
 const REST_MS = 120;
@@ -15,6 +16,9 @@ export const effects = {
   title: "Effects",
   needs: "model",
   without: "Effects are added to a fitted model: fit this session first (view Session).",
+
+  // The signature that is being looked at stays.
+  changed: true,
 
   load: (page) => get(sessionPath(page.session, "/effects")),
 
@@ -28,13 +32,14 @@ export const effects = {
     where.append(h("div", { class: "columns" },
       h("div", {},
         card("Which effect is missing",
-          sealed || h("div", { class: "row" }, button(told.diagnosis ? "Diagnose again" : "Diagnose", () => diagnose(page), { class: told.diagnosis ? "" : "main", id: "diagnose" }), h("span", { class: "note" }, "refits the model with every effect of the catalogue")),
+          sealed || h("div", { class: "row" }, button(told.diagnosis ? "Diagnose again" : "Diagnose", () => diagnose(place), { class: told.diagnosis ? "" : "main", id: "diagnose" }), h("span", { class: "note" }, "refits the model with every effect of the catalogue")),
           told.diagnosis && verdict(told), place.list)),
       h("div", {}, card("Ladder", place.outcome, place.ladder, h("div", { class: "row" }, button("Drop the last effect", () => drop(place), { id: "drop" }))), place.signature)));
     drawList(place);
     drawLadder(place, told.ladder);
     const first = rows(told).map((one) => one.effect).find((name) => !told.in_model.includes(name));
     if (first && told.diagnosis) look(place, first);
+    page.listeners.add((kind) => kind === "changed" && !place.acting && follow(place));
     page.viewKey = (event) => {
       if (event.key === "ArrowDown" || event.key === "ArrowUp") {
         const all = [...place.list.querySelectorAll("button.effect")], at = all.indexOf(document.activeElement);
@@ -60,7 +65,7 @@ function verdict(told) {
     found.findings.map((one) => h("p", { class: one.serious ? "bad" : "note" }, term("finding", one.id), ` (${one.place}): ${one.why}; ${one.remedy}`)),
     found.families.length > 0 && h("p", {}, term("family", "not told apart"), `: ${found.families.map((one) => one.join(", ")).join("; ")}`),
     found.caveats.map((text) => h("p", { class: "note" }, text)),
-    !told.current && h("p", { class: "bad" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since. Diagnose again to rank what is left.`));
+    !told.current && h("p", { class: "note" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since. Diagnose again to rank what is left.`));
 }
 
 function drawList(place) {
@@ -70,8 +75,8 @@ function drawList(place) {
     const inModel = told.in_model.includes(one.effect);
     const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${inModel ? "in the model:" : "add"} ${one.effect}`, onclick: () => add(place, one.effect), onfocus: () => rest(place, one.effect) }, one.effect);
     const cells = [h("div", {}, name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect]?.title ?? one.family),
-      one.parameters && h("div", {}, one.parameters, !one.plausible && h("span", { class: "bad" }, " beyond its physical range")))];
-    if (told.diagnosis) cells.push(one.probability === undefined ? "-" : share(one.probability), show(one.delta_bic, "", 3), percent(one.rms_error_percent));
+      one.parameters && h("div", {}, symbols(one.parameters), !one.plausible && h("span", { class: "bad" }, " beyond its physical range")))];
+    if (told.diagnosis) cells.push(one.probability === undefined ? "-" : chance(one.probability), one.delta_bic === undefined ? "-" : lag(one.delta_bic), percent(one.rms_error_percent));
     else cells.push(one.family);
     return h("tr", { onmouseenter: () => rest(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
   };
@@ -115,38 +120,57 @@ async function look(place, effect) {
     plots.add("phase against the model's", sweep.frequency_hz, pair("deg"), { unit: "°", height: 130 });
   }
   const entry = told.entry;
-  place.signature.append(table(["", ""], [["what it is", entry.title], ["law", entry.formula], ["signature", entry.signature], ["look-alikes", entry.look_alikes.join(", ")], ["decided by", entry.deciding], ["source", entry.source]]));
+  place.signature.append(facts([["what it is", entry.title], ["law", entry.formula], ["signature", entry.signature], ["look-alikes", entry.look_alikes.join(", ")], ["decided by", entry.deciding], ["source", entry.source]]));
 }
 
-async function add(place, effect) {
-  clearTimeout(resting);
-  const told = await place.page.work(`adding ${effect}`, () => post(sessionPath(place.page.session, "/add"), { effect }));
-  if (told) await stepped(place, told);
-}
-
-async function drop(place) {
-  const told = await place.page.work("going back one step", () => post(sessionPath(place.page.session, "/drop")));
-  if (told) await stepped(place, told);
-}
+const add = (place, effect) => act(place, `adding ${effect}`, "/add", { effect });
+const drop = (place) => act(place, "going back one step", "/drop", {});
 
 // The new error first; the rest of the view follows.
-async function stepped(place, told) {
-  place.outcome.textContent = `error ${percent(told.before.rms_error_percent)} → ${percent(told.after.rms_error_percent)}`;
+async function act(place, doing, path, body) {
+  clearTimeout(resting);
   const { page } = place;
-  await page.work("reading", async () => {
-    const fresh = await get(sessionPath(page.session, "/effects"));
-    const focused = document.activeElement?.dataset?.effect;
-    Object.assign(place.told, fresh);
-    const box = document.getElementById("verdict");
-    if (box && fresh.diagnosis) box.replaceWith(verdict(fresh));
-    drawList(place);
-    drawLadder(place, fresh.ladder);
-    if (focused) place.list.querySelector(`[data-effect="${CSS.escape(focused)}"]`)?.focus();
-    await page.refresh();
-  });
+  place.acting = true;
+  const told = await page.work(doing, () => post(sessionPath(page.session, path), { ...body, standing: place.told.standing }));
+  if (told) place.outcome.textContent = `error ${percent(told.before.rms_error_percent)} → ${percent(told.after.rms_error_percent)}`;
+  await read(place);
+  place.acting = false;
 }
 
-async function diagnose(page) {
-  const done = await page.work("diagnosing: every effect of the catalogue is refitted", () => post(sessionPath(page.session, "/diagnose")));
-  if (done) await page.redraw();
+// Somebody else changed the session.
+async function follow(place) {
+  const before = place.told;
+  await read(place);
+  const { ladder, standing } = place.told;
+  if (standing !== before.standing) place.outcome.textContent = `The ladder was changed elsewhere: ${before.ladder.length} → ${ladder.length} steps, error ${percent(before.ladder.at(-1).rms_error_percent)} → ${percent(ladder.at(-1).rms_error_percent)}`;
+}
+
+async function read(place) {
+  const { page } = place;
+  let fresh;
+  try {
+    fresh = await get(sessionPath(page.session, "/effects"));
+    await page.refresh();
+  } catch (trouble) {
+    page.complain(trouble.message);
+    return;
+  }
+  if (!place.list.isConnected) return;
+  if (Boolean(fresh.diagnosis) !== Boolean(place.told.diagnosis)) {
+    await page.redraw(true);
+    return;
+  }
+  const moved = fresh.standing !== place.told.standing, restore = stay(place.list);
+  place.told = fresh;
+  document.getElementById("verdict")?.replaceWith(verdict(fresh));
+  drawList(place);
+  drawLadder(place, fresh.ladder);
+  restore();
+  if (moved && shownFor) look(place, shownFor);
+}
+
+async function diagnose(place) {
+  const { page } = place;
+  const done = await page.work("diagnosing: every effect of the catalogue is refitted", () => post(sessionPath(page.session, "/diagnose"), { standing: place.told.standing }));
+  if (done) await page.redraw(true);
 }

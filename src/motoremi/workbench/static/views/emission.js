@@ -4,7 +4,7 @@ import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
-import { band, show } from "../units.js";
+import { band, show, symbols } from "../units.js";
 
 /* global uPlot */
 
@@ -23,22 +23,27 @@ export const emission = {
     where.append(columns);
     for (const detector of [...new Set(spectra.map((one) => one.detector))]) {
       const own = spectra.filter((one) => one.detector === detector);
-      const box = card("", ...own.map((one) => h("p", { class: "note" }, `${one.condition}: ${one.summary}`, one.overload > 0 && h("span", { class: "bad" }, ` ${one.overload} points overloaded`))));
+      const box = card("", ...own.map((one) => h("p", { class: "note" }, `${one.condition}: ${symbols(one.summary)}`, one.overload > 0 && h("span", { class: "bad" }, ` ${one.overload} points overloaded`))));
       box.firstChild.append(term(detector, `${detector} detector`));
       columns.append(box);
       const lines = own.map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
-      for (const [key, label, color, dash] of [["predicted_dbuv", "predicted", "--model", undefined], ["limit_dbuv", "limit", "--bad", [8, 4]]]) {
-        const values = prediction?.[key]?.[detector];
-        if (values) lines.push({ x: prediction.frequency_hz, values, label, color, dash });
-      }
+      const predicted = prediction?.predicted_dbuv?.[detector];
+      if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
+      for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--bad", dash });
       // Spectra may stand on different frequencies.
       const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
       new Plots(box).add("level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 });
     }
     if (prediction) where.append(verdict(prediction));
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
+
+// A level of the peak detector is judged against the limits of the others: where it is below them, they are kept.
+function limits(prediction, detector) {
+  const known = prediction?.limit_dbuv ?? {};
+  if (known[detector]) return [["limit", known[detector], [8, 4]]];
+  return detector === "peak" ? Object.entries(known).map(([name, values], index) => [`${name} limit`, values, index ? [2, 4] : [8, 4]]) : [];
+}
 
 function verdict(prediction) {
   const { judged = [], error_bands: bands = [], remarks = [] } = prediction;

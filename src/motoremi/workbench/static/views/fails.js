@@ -37,7 +37,7 @@ export const fails = {
             ? table(["sweep", "span", term("share", "share of the squared error"), term("rms error")], told.where.map((one) => row(one, [one.sweep, one.band, share(one.share), percent(one.rms_error_percent)])), { id: "where" })
             : h("p", { class: "good" }, "Nowhere beyond the measurement's uncertainty.")),
         card("Error per band", h("p", {}, verdict(told.verdict), ` within the `, term("tolerance"), ` of ${tolerance(told.tolerance)} at every point`),
-          table(["sweep", "band", "rms", "largest", "dB", "degrees", ""], told.bands.map((one) => row(one, [one.sweep, one.band, percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3), verdict(one.verdict)])), { id: "bands" }),
+          table(["sweep", "band", "rms", "largest", "dB", "degrees", "verdict"], told.bands.map((one) => row(one, [one.sweep, one.band, percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3), verdict(one.verdict)])), { id: "bands" }),
           judge(told, page))),
       columns);
     for (const sweep of curves.sweeps) {
@@ -45,11 +45,24 @@ export const fails = {
       columns.append(box);
       plots[sweep.termination] = new Plots(box);
       const failing = sweep.error_percent.map((value, index) => (sweep.fails[index] ? value : null));
-      plots[sweep.termination].add("error", sweep.frequency_hz, [...errorSeries(sweep), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 });
+      plots[sweep.termination].add("error", sweep.frequency_hz, [...errorSeries(sweep, told.tolerance), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 });
+      drawParts(plots[sweep.termination], sweep, told.tolerance);
     }
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
+
+// Magnitude and phase by themselves, where they are judged.
+function drawParts(plots, sweep, limits) {
+  const x = sweep.frequency_hz, judged = (title, values, limit, unit) => plots.add(title, x, [
+    { label: "error", values, color: "--model" },
+    { label: "tolerance", values: x.map(() => limit), color: "--bad", dash: [2, 4] }, { label: "", values: x.map(() => -limit), color: "--bad", dash: [2, 4] },
+  ], { unit, height: 170, digits: 3 });
+  const magnitude = x.map((_, at) => 20 * Math.log10(Math.hypot(sweep.model_real[at], sweep.model_imag[at]) / Math.hypot(sweep.real[at], sweep.imag[at])));
+  const angle = (real, imag, at) => Math.atan2(imag[at], real[at]) * 180 / Math.PI;
+  const phase = x.map((_, at) => (((angle(sweep.model_real, sweep.model_imag, at) - angle(sweep.real, sweep.imag, at) + 540) % 360) + 360) % 360 - 180);
+  if (limits.magnitude_db !== null) judged("magnitude, model against measured", magnitude, limits.magnitude_db, "dB");
+  if (limits.phase_deg !== null) judged("phase, model against measured", phase, limits.phase_deg, "°");
+}
 
 function tolerance(limits) {
   const told = [[limits.error_percent, "% error"], [limits.magnitude_db, "dB"], [limits.phase_deg, "degrees"]];

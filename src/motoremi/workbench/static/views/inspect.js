@@ -43,7 +43,6 @@ export const inspect = {
       plots.add(first, x, series(sweep.real, null, sweep.model_real, sweep.law_real), { unit });
       plots.add(second, x, series(losses, lossy ? sweep.real : null, lossy ? ratio(sweep.model_imag, sweep.model_real) : sweep.model_imag, sweep.law_real && (lossy ? ratio(sweep.law_imag, sweep.law_real) : sweep.law_imag)), { unit: secondUnit, height: 180 });
     }
-    where.append(card("In words", h("pre", { class: "text" }, told.lines.join("\n"))));
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
+    where.append(card("In words", h("pre", { class: "text", tabindex: 0, "aria-label": "The inspection in words" }, told.lines.join("\n"))));
   },
 };

@@ -15,12 +15,13 @@ export const next = {
   draw(where, told, page) {
     const procedure = told.procedure?.replace(/\.toml$/, "");
     where.append(card("Measure next",
-      h("p", { class: "large", id: "next-id" }, told.id), h("p", {}, told.why), h("p", {}, term("next measurement", "How it was found")),
-      procedure && button(`Set up ${procedure} on the bench`, () => { page.procedure = procedure; page.go("bench"); }, { class: "main" })));
+      h("p", { class: "large", id: "next-id" }, told.id),
+      told.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${told.action}.`), h("p", {}, told.why), h("p", {}, term("next measurement", "How it was found")),
+      procedure && button(`Set up ${procedure} on the bench`, () => { page.procedure = procedure; page.go("bench"); }, { class: "main" }),
+      !procedure && told.action && h("p", { class: "note" }, "No procedure of the bench does this: it is done by hand.")));
     if (told.menu?.length) {
       where.append(card("What else could be measured",
         table(["measurement", "what to do", "pairs told apart", "smallest difference, in uncertainties"], told.menu.map((one) => [one.id, one.action, share(one.separates), show(one.ratio, "", 3)]))));
     }
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };

@@ -1,6 +1,6 @@
 // The report: write it, look at it, take its files.
 
-import { post, sessionPath } from "../api.js";
+import { get, post, sessionPath } from "../api.js";
 import { button, card, h } from "../dom.js";
 
 const KINDS = { html: "the report as a page", pdf: "the report on paper", json: "all data, for machines", csv: "parameters and bands, for a spreadsheet", xml: "verdicts as JUnit, for CI" };
@@ -8,12 +8,11 @@ const KINDS = { html: "the report as a page", pdf: "the report on paper", json: 
 export const report = {
   title: "Report",
 
+  load: (page) => get(sessionPath(page.session, "/report")),
+
   draw(where, told, page) {
-    const files = h("ul", { id: "report-files" });
-    const write = async () => {
-      const made = await page.work("writing the report", () => post(sessionPath(page.session, "/report")));
-      if (made) files.replaceChildren(...made.files.map((name) => entry(page, name)));
-    };
+    const files = h("ul", { id: "report-files" }, told.files.map((name) => entry(page, name)));
+    const write = () => page.work("writing the report", () => post(sessionPath(page.session, "/report")));
     where.append(card("Report",
       h("p", {}, "Identity, sweeps, model, where it fails, ladder, ranking, spectra, what was not done, and the next measurement, as they stand now."),
       button("Write the report", write, { class: "main", id: "write-report" }), files));

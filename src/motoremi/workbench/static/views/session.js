@@ -1,11 +1,11 @@
 // Measured against model, for each termination: magnitude and phase (or R and X), and the error.
 
 import { get, post, sessionPath } from "../api.js";
-import { button, card, h, table } from "../dom.js";
+import { button, card, facts, h, table } from "../dom.js";
 import { ladderDrawing } from "../ladder.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
-import { percent, show } from "../units.js";
+import { percent, show, symbols, when } from "../units.js";
 
 const UNITS = { ohm: "|Z| in Ω and phase", decibel: "|Z| in dBΩ and phase", cartesian: "R and X in Ω" };
 let units = "ohm";
@@ -22,32 +22,34 @@ export const session = {
     const choice = h("select", { id: "units", value: units, onchange: (event) => { units = event.target.value; page.redraw(true); } },
       Object.entries(UNITS).map(([key, text]) => h("option", { value: key, selected: key === units }, text)));
     const resume = head.resumable && button("Go on with this run", () => goOn(page), { class: "main" });
+    const measuring = head.state === "measuring";
     where.append(h("div", { class: "row" },
-      h("label", {}, "Units ", choice), button(curves.model ? "Fit again" : "Fit the paper's circuit", () => fit(page), { class: curves.model ? "" : "main", id: "fit" }), resume));
+      h("label", {}, "Units ", choice),
+      !measuring && button(curves.model ? "Fit again" : "Fit the paper's circuit", () => fit(page, head.standing), { class: curves.model ? "" : "main", id: "fit" }), resume,
+      measuring && h("p", { id: "measuring" }, "This session is being measured: what has arrived so far is shown here, and the run on the view Bench.")));
     const columns = h("div", { class: "columns" });
     where.append(columns);
     for (const sweep of curves.sweeps) {
       const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.frequency_hz.length} points`));
       columns.append(box);
-      drawSweep(box, sweep, curves.model);
+      drawSweep(box, sweep, curves);
     }
     if (!curves.sweeps.length) columns.append(h("p", { class: "empty" }, "No impedance sweep in this session."));
-    const facts = h("div", { class: "columns" });
-    where.append(facts);
-    if (head.ladder.length) facts.append(model(head));
-    facts.append(identity(head));
+    const below = h("div", { class: "columns" });
+    where.append(below);
+    if (head.ladder.length) below.append(model(head));
+    below.append(identity(head));
     page.viewKey = (event) => {
       if (event.key.toLowerCase() !== "u") return;
       const names = Object.keys(UNITS);
       units = names[(names.indexOf(units) + 1) % names.length];
       page.redraw(true);
     };
-    page.listeners.add((kind) => kind === "changed" && page.redraw(true));
   },
 };
 
-async function fit(page) {
-  await page.work("fitting: ants, then the likelihood on all points", () => post(sessionPath(page.session, "/fit")));
+async function fit(page, standing) {
+  await page.work("fitting: ants, then the likelihood on all points", () => post(sessionPath(page.session, "/fit"), { standing }));
 }
 
 function goOn(page) {
@@ -55,7 +57,7 @@ function goOn(page) {
   page.go("bench");
 }
 
-export function drawSweep(box, sweep, hasModel) {
+function drawSweep(box, sweep, { model: hasModel, tolerance }) {
   const plots = new Plots(box), x = sweep.frequency_hz;
   const measured = complexParts(sweep.real, sweep.imag);
   const model = hasModel ? complexParts(sweep.model_real, sweep.model_imag) : null;
@@ -71,14 +73,14 @@ export function drawSweep(box, sweep, hasModel) {
     else plots.add("magnitude |Z| in dBΩ", x, pair("|Z|", "decibel"), { unit: "dBΩ" });
     plots.add("phase", x, pair("phase", "phase"), { unit: "°", height: 180 });
   }
-  if (hasModel) plots.add("error against the uncertainty", x, errorSeries(sweep), { unit: "%", log: true, height: 170, digits: 3 });
-  return plots;
+  if (hasModel) plots.add("error against the uncertainty", x, errorSeries(sweep, tolerance), { unit: "%", log: true, height: 170, digits: 3 });
 }
 
-export function errorSeries(sweep) {
+export function errorSeries(sweep, tolerance) {
   return [
     { label: "error", values: sweep.error_percent.map((value) => Math.max(value, 1e-6)), color: "--model" },
     { label: "uncertainty", values: sweep.uncertainty_percent, color: "--other", dash: [6, 4] },
+    ...(tolerance.error_percent === null ? [] : [{ label: "tolerance", values: sweep.frequency_hz.map(() => tolerance.error_percent), color: "--bad", dash: [2, 4] }]),
   ];
 }
 
@@ -93,21 +95,21 @@ function complexParts(real, imag) {
 function model(head) {
   const top = head.ladder.at(-1);
   return card("Model",
-    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " beside ", term("noise and analyser"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 4)}`),
+    h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " beside ", term("noise and analyser"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 3)}`),
     top.beside.map((text) => h("p", {}, text)),
     !top.converged && h("p", { class: "bad" }, "The fit did not converge: do not use its values."),
     ladderDrawing(head.ladder),
-    table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, one.value, one.bar])),
+    table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, symbols(one.value), one.bar])),
     top.warnings.map((text) => h("p", { class: "note" }, text)));
 }
 
 function identity(head) {
-  const rows = [["motor", head.start.motor || "not named"], ["title", head.start.title], ["operator", head.start.operator], ["began", head.start.time.slice(0, 19).replace("T", " ")],
-    ["status", head.interrupted && head.status !== "interrupted" ? `${head.status}, not closed` : head.status], ["software", head.start.software]];
+  const rows = [["motor", head.start.motor || "not named"], ["title", head.start.title], ["operator", head.start.operator], ["began", when(head.start.time, true)],
+    ["status", head.state === "measuring" ? "measuring" : head.interrupted && head.status !== "interrupted" ? `${head.status}, not closed` : head.status], ["software", head.start.software]];
   return card("Session",
-    table(["", ""], rows.filter(([, value]) => value)),
+    facts(rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
     head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
     h("h3", {}, "Measured"),
-    table(["what", ""], [...head.sweeps.map((one) => [`${one.termination} sweep`, one.summary]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, one.summary])]));
+    table(["what", "how much"], [...head.sweeps.map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
 }

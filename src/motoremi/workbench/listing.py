@@ -1,0 +1,98 @@
+"""The list of sessions: motor, date and state of each, without opening it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from motoremi.arrays import JsonDict
+from motoremi.data.chain import read_chain
+from motoremi.data.paths import SESSION, inside
+from motoremi.data.session import run_status
+from motoremi.data.source import read_bytes
+from motoremi.data.storage import is_being_written
+from motoremi.errors import BadInput
+from motoremi.workbench.shelf import Shelf
+
+State: TypeAlias = Literal["measuring", "interrupted", "failed", "complete", "diagnosed", "unreadable"]
+Stamp: TypeAlias = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One session of the list.
+
+    Parameters
+    ----------
+    motor : str
+        Empty if nobody named it.
+    began : str
+        ISO 8601, UTC.
+    state : str
+        "measuring" while another thread or process writes its measurement, otherwise how that ended, or "diagnosed".
+    """
+
+    motor: str
+    began: str
+    state: State
+
+
+class Listing:
+    """What is on the shelf; a session is read again only when its file has changed.
+
+    Parameters
+    ----------
+    shelf : Shelf
+    """
+
+    def __init__(self, shelf: Shelf) -> None:
+        self._shelf = shelf
+        self._known: dict[Path, tuple[Stamp, Entry]] = {}
+
+    def entries(self) -> list[JsonDict]:
+        """Every session that can be opened, newest first."""
+        told = []
+        for identifier, path in self._shelf.offered().items():
+            entry = self.entry(path)
+            told.append({"id": identifier, "name": path.name, "motor": entry.motor, "began": entry.began, "state": entry.state})
+        return told
+
+    def stamps(self) -> dict[str, Stamp]:
+        """What changes with each session's file."""
+        return {identifier: stamp for identifier, path in self._shelf.offered().items() if (stamp := _stamp(path)) is not None}
+
+    def entry(self, path: Path) -> Entry:
+        """What the list says of one session."""
+        stamp = _stamp(path)
+        if stamp is None:
+            return Entry("", "", "unreadable")
+        known = self._known.get(path)
+        if known is None or known[0] != stamp:
+            known = self._known[path] = stamp, _read(path)
+        entry = known[1]
+        # A program that is killed leaves the file as it is: whether somebody measures is asked each time.
+        if entry.state == "interrupted" and is_being_written(path / SESSION):
+            return Entry(entry.motor, entry.began, "measuring")
+        return entry
+
+
+def _read(path: Path) -> Entry:
+    try:
+        documents = read_chain(read_bytes(inside(path, SESSION))).documents
+    except BadInput:
+        documents = ()
+    if not documents:
+        return Entry("", "", "unreadable")
+    start, status = documents[0], run_status(documents)
+    diagnosed = any(document["kind"] == "analysis" and document.get("name") == "diagnosis" for document in documents)
+    state: State = "interrupted" if status == "interrupted" else "failed" if status == "failed" else "diagnosed" if diagnosed else "complete"
+    return Entry(str(start.get("motor", "")), str(start.get("time", "")), state)
+
+
+def _stamp(path: Path) -> Stamp | None:
+    try:
+        found = (path / SESSION).stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

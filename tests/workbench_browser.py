@@ -1,0 +1,69 @@
+"""A real browser for the tests of the page, and what it asked for or complained of."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+expect.set_options(timeout=60_000)
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+# A sandbox cannot be set up in most containers; the rest keeps the browser from talking to its maker.
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+VIEWS = ("bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge")
+# A diagnosis on a busy machine; only ends a test that would hang.
+PATIENCE_MS = 120_000
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
+
+
+@contextmanager
+def launched() -> Iterator[Browser]:
+    """A browser until the block ends."""
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield opened
+        opened.close()
+
+
+class Watched:
+    """A page, and everything that it asked for or complained of."""
+
+    def __init__(self, browser: Browser, address: str, **settings: object) -> None:
+        self.context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **settings})
+        self.page: Page = self.context.new_page()
+        self.page.set_default_timeout(PATIENCE_MS)
+        self.base = address.partition("/?")[0]
+        self.asked: list[str] = []
+        self.trouble: list[str] = []
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("console", lambda message: self.trouble.append(message.text) if message.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda error: self.trouble.append(str(error)))
+        self.page.on("dialog", lambda dialog: self.trouble.append(f"dialog: {dialog.message}"))
+        self.page.goto(address)
+
+    def see(self, view: str) -> None:
+        """Go to a view as the navigation does."""
+        self.page.click(f"nav a[href='#{view}']")
+        self.drawn(view)
+
+    def drawn(self, view: str) -> None:
+        """Wait until a view stands there complete."""
+        self.page.wait_for_selector(f"main[data-view={view}]:not([aria-busy])")
+
+    def close(self) -> None:
+        """Nothing left the machine, nothing was complained of."""
+        assert self.asked
+        assert [url for url in self.asked if not url.startswith(self.base)] == []
+        assert self.trouble == []
+        self.context.close()
