@@ -9,10 +9,10 @@ import pytest
 from scipy.special import iv, ive
 
 from motoremi.errors import BadInput
-from motoremi.model import laws
+from motoremi.model import materials
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, catalogue, find_effect, identifiers
-from motoremi.model.laws import COPPER_MU_SIGMA
+from motoremi.model.materials import COPPER_MU_SIGMA
 from motoremi.model.motor import Motor, dc_motor
 
 # Table 1 of the paper, Rr read as ohm, with a damped winding so that no point sits on a singular peak.
@@ -156,7 +156,7 @@ def test_formula_text_equals_the_code(identifier):
         **TABLE_1, **start, "s": s, "f": frequency, "pi": np.pi, "sqrt": np.sqrt, "tanh": np.tanh, "exp": np.exp, "atan": np.arctan,
         "I0": lambda x: iv(0, x), "I1": lambda x: iv(1, x), "mu0": 1.0, "sigma_copper": COPPER_MU_SIGMA,
     }  # fmt: skip
-    termination = "short" if identifier == "distributed-winding" else "open"
+    termination = "short" if identifier in ("distributed-winding", "machine-winding") else "open"
     if termination == "short":
         runner = tape(motor, "short")
     got = runner.impedance(s, values_of(motor, **{f"{identifier}.{k}": v for k, v in start.items()}))
@@ -176,13 +176,29 @@ def test_formula_text_equals_the_code(identifier):
         expected = network(**{place: formula if effect.name == "insulation-leakage" else 1 / (s * formula)})
     elif effect.name in ("skin-effect", "proximity-effect", "brush-contact"):
         expected = network(Ra=evaluate_formula(text, names))
-    elif effect.name in ("eddy-laminations", "permeability-relaxation", "core-loss", "field-coupling"):
+    elif effect.name in ("eddy-laminations", "permeability-relaxation", "core-loss", "field-coupling", "rotor-cage", "shorted-turn"):
         expected = network(La=evaluate_formula(text, names))
     elif effect.name == "bearing-film":
         expected = network(Rr=evaluate_formula(text, names))
+    elif effect.name == "frame-eddy":
+        expected = network(Lr=evaluate_formula(text, names))
+    elif effect.name == "common-mode-flux":
+        expected = network(La=evaluate_formula(text.removesuffix(" in the open-circuit sweep"), names))
+    elif effect.name == "winding-modes":
+        winding = tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
+        expected = base_z - winding + evaluate_formula(text, {**names, "Z_winding": winding})
+    elif identifier == "suppressor-capacitor":
+        winding = tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
+        expected = base_z - winding + evaluate_formula(text, {**names, "Z_across": winding})
+    elif identifier == "suppressor-capacitor@frame":
+        expected = evaluate_formula(text, {**names, "Z_across": base_z})
+    elif identifier == "suppressor-capacitor@pair":
+        winding = tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
+        frame = evaluate_formula(text, {**names, "Z_across": base_z - winding})
+        expected = evaluate_formula(text, {**names, "Z_across": winding + frame})
     elif effect.name == "second-resonance":
         expected = base_z + evaluate_formula(text, names)
-    elif effect.name == "distributed-winding":
+    elif effect.name in ("distributed-winding", "machine-winding"):
         expected = evaluate_formula(text, names)
     elif effect.name == "ground-strap-inductance":
         frame = base_z - tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
@@ -237,11 +253,11 @@ def test_catalogue_tells_what_a_person_needs():
 @pytest.mark.parametrize("radius_m", [1e-12, 1e-7, 1e-5, 1e-4, 1.5e-3, 2e-2, 1.0])
 def test_table_of_round_wires_is_the_bessel_functions(radius_m):
     s = 2j * np.pi * np.geomspace(40, 110e6, 301)
-    value, (slope,) = laws.skin_factor(s, np.array([radius_m]))
+    value, (slope,) = materials.skin_factor(s, np.array([radius_m]))
     x = radius_m * np.sqrt(s * COPPER_MU_SIGMA)
     exact = x * ive(0, x) / ive(1, x) / 2
     # A tiny real part keeps the law off the table.
-    _, (exact_slope,) = laws.skin_factor(s * (1 + 1e-15j), np.array([radius_m]))
+    _, (exact_slope,) = materials.skin_factor(s * (1 + 1e-15j), np.array([radius_m]))
     # Cubics in steps of 0.0025 err by h^4/384 of the fourth derivative, their slopes by h^3/24 of it.
     np.testing.assert_allclose(value, exact, rtol=1e-11)
     np.testing.assert_allclose(slope * radius_m, exact_slope * radius_m, atol=1e-8 * np.abs(exact).max())

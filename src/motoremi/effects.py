@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from motoremi.model import laws
+from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, Shunted, with_law
 from motoremi.model.effects import effects_from
 from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.seen import Seen
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -18,9 +19,11 @@ __all__ = [
     "Parallel",
     "Parameter",
     "Scaled",
+    "Seen",
     "Series",
     "Shunted",
     "effects_from",
     "laws",
+    "materials",
     "with_law",
 ]

@@ -186,8 +186,14 @@ def own_labels(fit: Fit, added: Sequence[str]) -> set[str]:
 
 
 def possible_effects(fit: Fit) -> list[str]:
-    """Effects that could be added to a fit, given its sweeps."""
-    return [name for name in identifiers() if (name not in fit.effects or find_effect(name).effect.repeatable) and seen_in(fit, name)]
+    """Effects that could be the cause of what a fit leaves, given its sweeps."""
+    lowest = min(float(sweep.frequency_hz[0]) for sweep in fit.measurement.sweeps)
+    return [name for name in identifiers() if _possible(fit, name, lowest) and seen_in(fit, name)]
+
+
+def _possible(fit: Fit, name: str, lowest_hz: float) -> bool:
+    added = find_effect(name)
+    return added.fits(fit.motor) and not added.effect.describes and lowest_hz <= added.effect.below_hz
 
 
 def seen_in(fit: Fit, effect: str) -> frozenset[str]:

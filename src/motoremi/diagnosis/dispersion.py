@@ -7,6 +7,7 @@ the circuit and, with permeability and permittivity in place of L and C, a mater
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +17,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.model import laws
+from motoremi.model import laws, materials
+from motoremi.model.effects import catalogue
 
 # (s, size, parameters) -> complex value over s
 Shape: TypeAlias = Callable[..., ComplexArray]
@@ -44,15 +46,21 @@ class DispersiveLaw:
         (s, size, own parameters) -> complex value.
     starts : mapping
         Own parameter -> start values; `*span` stands for a few frequencies over the sweep.
-    effects : tuple of str
-        Effects of the catalogue that have this law; `one + other` where it takes both.
+    kinds : tuple of str
+        What an effect of the catalogue that has this law is `seen_as`; several where it takes one of each.
     """
 
     name: str
     formula: str
     shape: Shape
     starts: Mapping[str, Sequence[float] | str] = field(default_factory=dict)
-    effects: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects of the catalogue that have this law; `one + other` where it takes both."""
+        names = [[effect.name for effect in catalogue() if kind in effect.seen_as] for kind in self.kinds]
+        return tuple(" + ".join(one) for one in itertools.product(*names)) if names else ()
 
 
 def _scaled(factor: laws.Law, inverse: bool = False) -> Shape:
@@ -87,7 +95,7 @@ def _leaking(s: ComplexArray, size: float, leak_hz: float) -> ComplexArray:
 
 
 def _leaking_cole_cole(s: ComplexArray, size: float, leak_hz: float, strength: float, corner_hz: float, exponent: float) -> ComplexArray:
-    relaxing = size / laws.relaxation_factor(s, strength, corner_hz, exponent)[0]
+    relaxing = size / materials.relaxation_factor(s, strength, corner_hz, exponent)[0]
     result: ComplexArray = relaxing + size * TWO_PI * leak_hz / s
     return result
 
@@ -98,7 +106,7 @@ def _leaking_debye(s: ComplexArray, size: float, leak_hz: float, strength: float
 
 def _leaking_diffusion(s: ComplexArray, size: float, leak_hz: float, corner_hz: float) -> ComplexArray:
     """A conducting sheet in which the field is pushed out: both parts of the admittance fall together."""
-    value = laws.lamination_factor(s, 1.0, corner_hz)[0]
+    value = materials.lamination_factor(s, 1.0, corner_hz)[0]
     result: ComplexArray = (size + size * TWO_PI * leak_hz / s) * value
     return result
 
@@ -124,9 +132,9 @@ CONSTANT = DispersiveLaw("constant", "x", _constant)
 RELAXATION = DispersiveLaw(
     "relaxation",
     "L (1 - k + k / (1 + s/w))",
-    _scaled(laws.debye_permeability_factor),
+    _scaled(materials.debye_factor),
     {"share": (0.1, 0.6), "corner_hz": "*span"},
-    ("permeability-relaxation",),
+    ("inductance-relaxation",),
 )
 LORENTZ = DispersiveLaw(
     "damped resonance of the material (Lorentz)",
@@ -137,61 +145,63 @@ LORENTZ = DispersiveLaw(
 DIFFUSION = DispersiveLaw(
     "diffusion",
     "L (1 - k + k tanh(x)/x), x = sqrt(s/(pi f))",
-    _scaled(laws.lamination_factor),
+    _scaled(materials.lamination_factor),
     {"share": (0.3, 0.8), "corner_hz": "*span"},
-    ("eddy-laminations",),
+    ("inductance-diffusion",),
 )
 COUPLED_RESONANCE = DispersiveLaw(
     "resonance",
     "L (1 - k^2 s^2 / (s^2 + s w/Q + w^2))",
     _scaled(laws.coupled_winding_factor),
     {"coupling": (0.1,), "resonance_hz": "*span", "quality": (3.0, 30.0)},
-    ("field-coupling", "second-resonance"),
+    ("inductance-resonance",),
 )
 SHUNT_RESISTANCE = DispersiveLaw(
-    "resistance across it", "L / (1 + s L/R)", _shunted_inductance, {"resistance_ohm": (100.0, 1e3, 1e4, 1e5)}, ("core-loss",)
+    "resistance across it", "L / (1 + s L/R)", _shunted_inductance, {"resistance_ohm": (100.0, 1e3, 1e4, 1e5)}, ("inductance-shunted",)
 )
 CONSTANT_ANGLE = DispersiveLaw(
-    "constant loss angle", "C (s/w0)^(-2 delta/pi)", _scaled(laws.constant_phase_factor, True), {"tan_delta": (0.003, 0.03)}, ("dielectric-loss",)
+    "constant loss angle",
+    "C (s/w0)^(-2 delta/pi)",
+    _scaled(materials.constant_phase_factor, True),
+    {"tan_delta": (0.003, 0.03)},
+    ("capacitance-angle",),
 )
 COLE_COLE = DispersiveLaw(
     "relaxation",
     "C (1 + d / (1 + (s/w)^a))",
-    _scaled(laws.relaxation_factor, True),
+    _scaled(materials.relaxation_factor, True),
     {"strength": (0.03, 0.5), "corner_hz": "*span", "exponent": (0.9,)},
-    ("dielectric-relaxation",),
+    ("capacitance-relaxation",),
 )
-LEAKAGE = DispersiveLaw("leakage", "C + G/s", _leaking, {"leak_hz": (1e2, 1e4, 1e6)}, ("insulation-leakage",))
+LEAKAGE = DispersiveLaw("leakage", "C + G/s", _leaking, {"leak_hz": (1e2, 1e4, 1e6)}, ("capacitance-leakage",))
 LEAKING_DEBYE = DispersiveLaw(
     "leakage and a Debye relaxation",
     "C (1 + d / (1 + s/w)) + G/s",
     _leaking_debye,
     {"leak_hz": (1e4,), "strength": (0.3, 3.0), "corner_hz": "*span"},
-    ("insulation-leakage + dielectric-relaxation",),
+    ("capacitance-leakage", "capacitance-relaxation"),
 )
 LEAKING_COLE_COLE = DispersiveLaw(
     "leakage and a Cole-Cole relaxation",
     "C (1 + d / (1 + (s/w)^a)) + G/s",
     _leaking_cole_cole,
     {"leak_hz": (1e4,), "strength": (0.3, 3.0), "corner_hz": "*span", "exponent": (0.8,)},
-    ("insulation-leakage + dielectric-relaxation",),
+    ("capacitance-leakage", "capacitance-relaxation"),
 )
 LEAKING_DIFFUSION = DispersiveLaw(
     "leakage and diffusion", "(C + G/s) tanh(x)/x, x = sqrt(s/(pi f))", _leaking_diffusion, {"leak_hz": (1e4,), "corner_hz": "*span"}
 )
-SKIN = DispersiveLaw("skin effect", "R x I0(x) / (2 I1(x))", _scaled(laws.skin_factor), {"radius_m": (5e-5, 2e-4, 8e-4)}, ("skin-effect",))
+SKIN = DispersiveLaw("skin effect", "R x I0(x) / (2 I1(x))", _scaled(materials.skin_factor), {"radius_m": (5e-5, 2e-4, 8e-4)}, ("conductor-skin",))
 LAYERS = DispersiveLaw(
     "layers of wire (Dowell)",
     "R (M + (m^2 - 1)/3 D)",
-    _scaled(laws.dowell_factor),
+    _scaled(materials.dowell_factor),
     {"height_m": (3e-5, 1e-4, 3e-4), "layers": (3.0, 10.0)},
-    ("proximity-effect",),
+    ("conductor-layers",),
 )
-FILM = DispersiveLaw(
-    "film, R parallel C", "R + R1 / (1 + s/w)", _film, {"resistance_ohm": (1.0, 100.0), "corner_hz": "*span"}, ("brush-contact", "bearing-film")
-)
-LEAD = DispersiveLaw("an inductance in series", "R + s L", _with_inductance, {"inductance_h": (1e-8, 1e-6)}, ("lead-inductance",))
-CELL = DispersiveLaw("resonance", "R / (1 + Q (s/w + w/s))", _cell, {"resonance_hz": "*span", "quality": (1.0, 10.0)}, ("second-resonance",))
+FILM = DispersiveLaw("film, R parallel C", "R + R1 / (1 + s/w)", _film, {"resistance_ohm": (1.0, 100.0), "corner_hz": "*span"}, ("film",))
+LEAD = DispersiveLaw("an inductance in series", "R + s L", _with_inductance, {"inductance_h": (1e-8, 1e-6)}, ("series-inductance",))
+CELL = DispersiveLaw("resonance", "R / (1 + Q (s/w + w/s))", _cell, {"resonance_hz": "*span", "quality": (1.0, 10.0)}, ("cell",))
 
 # What an element or a part may look like, by its unit: henry for Z/s, farad for Y/s, ohm for an impedance.
 BY_UNIT: Mapping[str, tuple[DispersiveLaw, ...]] = {

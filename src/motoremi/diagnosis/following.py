@@ -54,7 +54,7 @@ def next_measurement(fit: Fit, rivals: Sequence[Fit]) -> JsonDict:
 def _confirming(fit: Fit) -> JsonDict:
     """The change to which the effect that was added last would answer most."""
     effect = find_effect(fit.effects[-1]).effect
-    foreseen = [(option, answering(option, fit)) for option in MENU if effect.name in option.effects]
+    foreseen = [(option, answering(option, fit)) for option in MENU if option.name in effect.responds]
     option, answer = max(foreseen, key=lambda entry: entry[1].ratio, default=(None, Parting(0.0)))
     if option is None or answer.ratio < CLEAR:
         return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}

@@ -158,7 +158,9 @@ def _changed(option: Option, fit: Fit) -> dict[str, float]:
             values[name] *= factor
     for name in values:
         label, _, short = name.rpartition(".")
-        values[name] *= option.effects.get(label.split("@")[0].split("#")[0], {}).get(short, 1.0)
+        if label:
+            answers = find_effect(label.split("#")[0]).effect.responds
+            values[name] *= answers.get(option.name, {}).get(short, 1.0)
     return values
 
 

@@ -1,4 +1,4 @@
-"""What can be measured next, and what each measurement would do to the elements and effects of a model.
+"""What can be measured next, and what each measurement would do to the elements of a model; what it does to an effect, the effect says.
 
 How strongly an effect answers to temperature, bias or handling is an estimate from textbooks (unconfirmed for any one motor), so that
 only the pattern over frequency counts, its size within a factor of two.
@@ -30,8 +30,6 @@ class Option:
         In units of one sweep.
     elements : mapping
         Factor on each element of the paper's circuit that the change moves.
-    effects : mapping
-        Effect -> parameter -> factor; 0 removes a linear quantity.
     procedure : str
         Bench procedure that does it, if the bench can.
     """
@@ -41,7 +39,6 @@ class Option:
     kind: Kind
     effort: float
     elements: Mapping[str, float] = field(default_factory=dict)
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     procedure: str = ""
 
 
@@ -50,81 +47,19 @@ MENU = (
     Option("far-end-grounded", "tie the far end of the winding to the frame and sweep from the terminal to the frame", "sweep", 2.0),
     Option("dc-resistance", "measure the winding's DC resistance with four wires", "value", 1.5),
     Option("insulation-resistance", "measure the insulation resistance from winding to frame at DC", "value", 1.5),
-    Option(
-        "repeat-first-sweep", "repeat the first sweep after the last one", "change", 1.0,
-        effects={"temperature-drift": {"capacitance_change": 0.0}}, procedure="impedance_only",
-    ),
-    Option(
-        "sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0,
-        effects={"range-step": {"real_step": 0.0, "imaginary_step": 0.0}},
-    ),
-    Option(
-        "shaft-turned", "turn the shaft a little and repeat both sweeps", "change", 1.5,
-        effects={
-            "bearing-film": {"resistance_ohm": 5.0, "capacitance_f": 0.6},
-            "brush-contact": {"resistance_ohm": 1.5, "capacitance_f": 0.7},
-        },
-    ),
-    Option(
-        "contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 2.0,
-        effects={"contact-resistance": {"resistance_ohm": 0.0}},
-    ),
-    Option(
-        "field-winding", "open the field winding's terminals (short them if they were open) and repeat both sweeps", "change", 2.0,
-        effects={"field-coupling": {"coupling": 0.1}},
-    ),
+    Option("repeat-first-sweep", "repeat the first sweep after the last one", "change", 1.0, procedure="impedance_only"),
+    Option("sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0),
+    Option("shaft-turned", "turn the shaft a little and repeat both sweeps", "change", 1.5),
+    Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 2.0),
+    Option("field-winding", "open the field winding's terminals (short them if they were open) and repeat both sweeps", "change", 2.0),
     Option("standards", "put a 50 Ohm and a 100 pF standard on the fixture in the motor's place", "standard", 2.5),
-    Option(
-        "repeat-compensation", "repeat open, short and load compensation and both sweeps", "change", 2.5,
-        effects={
-            "open-residual": {"conductance_s": 0.0, "capacitance_f": 0.0},
-            "short-residual": {"resistance_ohm": 0.0, "inductance_h": 0.0},
-            "gain-error": {"error": 0.0},
-            "cable-delay": {"delay_s": 0.0},
-        },
-    ),
-    Option(
-        "longer-lead", "add a known length to the test lead and repeat both sweeps", "change", 3.0,
-        effects={"lead-inductance": {"resistance_ohm": 2.0, "inductance_h": 2.0}},
-    ),
-    Option(
-        "longer-strap", "double the length of the strap to the frame and repeat the open-circuit sweep", "change", 3.0,
-        effects={"ground-strap-inductance": {"resistance_ohm": 2.0, "inductance_h": 2.0}},
-    ),
-    Option(
-        "terminal-block", "lift the lead off the terminal block and sweep the motor without it", "change", 3.0,
-        effects={"terminal-capacitance": {"capacitance_f": 0.0}},
-    ),
-    Option(
-        "end-turn-touched", "tape a strip of foil on the end turns and repeat both sweeps", "change", 3.0,
-        effects={"second-resonance": {"resonance_hz": 0.97}}, elements={"Cf": 1.02},
-    ),
-    Option(
-        "dc-bias", "repeat both sweeps with a DC bias through the winding", "change", 4.0,
-        elements={"La": 0.9},
-        effects={
-            "eddy-laminations": {"corner_hz": 1.25},
-            "permeability-relaxation": {"share": 0.7},
-            "core-loss": {"resistance_ohm": 0.95},
-            "brush-contact": {"resistance_ohm": 0.3},
-        },
-    ),
-    Option(
-        "second-temperature", "warm the motor by 30 K and repeat both sweeps", "change", 5.0,
-        elements={"Ra": 1.12},
-        effects={
-            "skin-effect": {"radius_m": 0.945},
-            "proximity-effect": {"height_m": 0.945},
-            "eddy-laminations": {"corner_hz": 1.1},
-            "core-loss": {"resistance_ohm": 1.05},
-            "insulation-leakage": {"resistance_ohm": 0.15},
-            "dielectric-relaxation": {"corner_hz": 3.0},
-            "dielectric-loss": {"tan_delta": 1.4},
-            "bearing-film": {"resistance_ohm": 0.5},
-        },
-    ),
-    Option(
-        "dried", "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps", "change", 6.0,
-        effects={"insulation-leakage": {"resistance_ohm": 10.0}, "dielectric-loss": {"tan_delta": 0.5}},
-    ),
-)  # fmt: skip
+    Option("repeat-compensation", "repeat open, short and load compensation and both sweeps", "change", 2.5),
+    Option("longer-lead", "add a known length to the test lead and repeat both sweeps", "change", 3.0),
+    Option("longer-strap", "double the length of the strap to the frame and repeat the open-circuit sweep", "change", 3.0),
+    Option("terminal-block", "lift the lead off the terminal block and sweep the motor without it", "change", 3.0),
+    Option("end-turn-touched", "tape a strip of foil on the end turns and repeat both sweeps", "change", 3.0, elements={"Cf": 1.02}),
+    Option("dc-bias", "repeat both sweeps with a DC bias through the winding", "change", 4.0, elements={"La": 0.9}),
+    Option("second-temperature", "warm the motor by 30 K and repeat both sweeps", "change", 5.0, elements={"Ra": 1.12}),
+    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 8.0, elements={"La": 0.6}),
+    Option("dried", "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps", "change", 6.0),
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,12 +19,12 @@ from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import THOROUGH, Trail, race
-from motoremi.fitting.readings import read_start
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Found, Solution, Task, arrived_on_all, climb, search_base
-from motoremi.fitting.starts import base_starts
+from motoremi.fitting.starts import base_starts, seen
 from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects.seen import Seen
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 from motoremi.spread import one_blas_thread
 
@@ -164,8 +165,8 @@ def trail_to(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
-    if read := read_start(before.measurement, added.effect.name):
-        tried.append(dict(read))
+    if added.effect.reader is not None:
+        tried += [dict(start) for start in added.effect.reader(_seen_by(before))]
     if near:
         bases = [{**own, **near}, own]
     else:
@@ -176,6 +177,14 @@ def trail_to(
             bases.append({**own, **before.parameters, **before.nuisance})
     starts = [_started(base, start, label) for start in tried for base in bases]
     return Trail(task, starts, len(bases), before.sizes)
+
+
+@lru_cache(maxsize=4)
+def _seen_by(fit: Fit) -> Seen:
+    """The sweeps beside what a fit makes of them."""
+    sweeps = seen(fit.measurement)
+    model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
+    return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:

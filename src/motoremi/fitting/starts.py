@@ -7,6 +7,7 @@ its noise over much of the band, where that way is biased; but with its resonanc
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +17,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import informative_points
-from motoremi.fitting.rational import Rational, rational_fit
+from motoremi.model.effects.seen import Seen
 
 FRAME_POINTS = 80
 # Around the band: a resonance further away than this shows only by its slope.
@@ -60,18 +61,25 @@ def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray
     return at, seen, branch / (1 + s * winding["Ca"] * branch)
 
 
-def short_rational(measurement: Measurement, degrees: tuple[int, int]) -> Rational | None:
-    """A rational fit of the short-circuit sweep; None without one."""
+@lru_cache(maxsize=8)
+def seen(measurement: Measurement) -> Seen:
+    """What start values can be read from."""
+    apart = open_and_winding(measurement)
+    at, open_ohm, through_ohm = apart if apart is not None else (None, None, None)
+    return dataclasses.replace(_short(measurement), frame_hz=at, open_ohm=open_ohm, through_ohm=through_ohm)
+
+
+def _short(measurement: Measurement) -> Seen:
     for sweep in measurement.sweeps:
         if sweep.termination == "short":
-            return rational_fit(sweep.frequency_hz, sweep.mean_ohm, 1 / np.abs(sweep.mean_ohm), degrees)
-    return None
+            return Seen(sweep.frequency_hz, sweep.mean_ohm)
+    return Seen()
 
 
 @lru_cache(maxsize=8)
 def _winding(measurement: Measurement) -> Mapping[str, float]:
     """Ra, La, Ca from (b0 + b1 s)/(1 + a1 s + a2 s^2)."""
-    found = short_rational(measurement, (1, 2))
+    found = _short(measurement).short_rational((1, 2))
     if found is None:
         return {}
     (b0, b1), a2 = found.numerator, found.denominator[2]

@@ -286,6 +286,66 @@ class Line(Node):
         return Line(*children)
 
 
+@dataclass(frozen=True)
+class Bridged(Node):
+    """A uniform line as `Line`, closed by `load`, with a branch `across` it from end to end.
+
+    With y = 1/Z_shunt and u = Z_series y = theta^2, its admittances are (theta coth(theta) + Z_series/Z_across)/Z_series at either end and
+    -(theta/sinh(theta) + Z_series/Z_across)/Z_series between them.
+    """
+
+    series: Node
+    shunt: Node
+    across: Node
+    load: Node
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.series, self.shunt, self.across, self.load)
+
+    @staticmethod
+    def _ends(u: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+        """theta coth(theta), theta/sinh(theta), the first less the second, and the derivatives of the two for u.
+
+        Power series where the closed forms would cancel.
+        """
+        small = np.abs(u) < 1e-3
+        theta = np.sqrt(np.where(small, 1.0, u))
+        once = np.exp(-theta)
+        less = 1 - once**2
+        coth, inverse = (1 + once**2) / less, 2 * once / less
+        here, between, apart = theta * coth, theta * inverse, theta * (1 - once) / (1 + once)
+        here_slope, between_slope = 0.5 * (coth / theta - inverse**2), 0.5 * inverse * (1 / theta - coth)
+        if np.any(small):
+            few = u[small]
+            here[small], here_slope[small] = 1 + few * (1 / 3 - few / 45), 1 / 3 + few * (-2 / 45 + few * 2 / 315)
+            between[small], between_slope[small] = 1 + few * (-1 / 6 + few * 7 / 360), -1 / 6 + few * (7 / 180 - few * 31 / 5040)
+            apart[small] = few * (1 / 2 + few * (-1 / 24 + few / 240))
+        return here, between, apart, here_slope, between_slope
+
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        a, y = parts[0], 1 / parts[1]
+        inverse, bridge, load = 1 / a, 1 / parts[2], 1 / parts[3]
+        ends = self._ends(a * y)
+        own, through = ends[0] * inverse + bridge, ends[1] * inverse + bridge
+        bottom = own + load
+        # own - through^2 / bottom without the difference of near equals.
+        impedance = bottom / (ends[2] * inverse * (own + through) + own * load)
+        return impedance, (y, inverse, bridge, load, ends, through / bottom)
+
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        y, inverse, bridge, load, (here, between, _, here_slope, between_slope), passed = kept
+        turn = -(impedance**2)
+        by_own, by_through = turn * (1 + passed**2), -2 * turn * passed
+        by_y = by_own * here_slope + by_through * between_slope
+        by_a = (by_own * (here_slope * y - here * inverse) + by_through * (between_slope * y - between * inverse)) * inverse
+        by_bridge = turn * (1 - passed) ** 2
+        return [by_a, -by_y * y**2, -by_bridge * bridge**2, -turn * (passed * load) ** 2], ()
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Bridged(*children)
+
+
 def walk(node: Node) -> Iterator[Node]:
     """All nodes of a circuit, children before their parent."""
     for child in node.children:

@@ -10,7 +10,8 @@ from typing import Literal, TypeAlias
 
 from motoremi.errors import BadInput
 from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, is_element, replace_element, replace_leaf, walk
+from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, is_element, replace_element, replace_leaf, walk
+from motoremi.model.laws import Law
 from motoremi.model.parameter import Parameter
 
 Terminations: TypeAlias = tuple[Literal["short", "open"], ...]
@@ -36,6 +37,15 @@ class Attachment:
 
 
 @dataclass(frozen=True)
+class Apart:
+    """An element that differs in the open-circuit sweep, by a factor of its impedance."""
+
+    element: str
+    law: Law
+    parameters: tuple[Parameter, ...]
+
+
+@dataclass(frozen=True)
 class Motor:
     """A motor as two circuits that share their elements.
 
@@ -47,8 +57,10 @@ class Motor:
         From the far end of the winding to the frame: (Rr + s Lr + 1/s Cr) parallel Cf, the second term of eq. (2).
     distribution : Parameter, optional
         Share of Cf that is spread along the winding.
-    capacitance_drift : Parameter, optional
-        Relative growth of Ca between the short- and the open-circuit sweep.
+    spread : Node, optional
+        From the turns to the frame, all along the winding; what lies beside its copper (Ca) is then across its ends.
+    apart : tuple of Apart
+        Elements that differ in the open-circuit sweep.
     attachments : tuple of Attachment
         From the motor outwards to the analyser.
     effects : tuple of str
@@ -58,7 +70,8 @@ class Motor:
     winding: Node
     frame: Node
     distribution: Parameter | None = None
-    capacitance_drift: Parameter | None = None
+    spread: Node | None = None
+    apart: tuple[Apart, ...] = ()
     attachments: tuple[Attachment, ...] = ()
     effects: tuple[str, ...] = ()
 
@@ -70,12 +83,13 @@ class Motor:
         if termination not in (*BOTH, "grounded"):
             raise BadInput(f"unknown termination {termination!r}: use 'short', 'open' or 'grounded'")
         winding, frame = self.winding, self.frame
-        drift = self.capacitance_drift
-        if drift is not None and termination != "short":
-            winding = replace_leaf(winding, "Ca", lambda leaf: Scaled(leaf, laws.drift_factor, (drift,)))
-        share = self.distribution
+        if termination != "short":
+            for apart in self.apart:
+                winding = replace_leaf(winding, apart.element, lambda leaf, apart=apart: Scaled(leaf, apart.law, apart.parameters))  # type: ignore[misc]
         seen: Node
-        if share is not None:
+        if self.spread is not None:
+            seen = self._machine(winding, self.spread, frame if termination == "open" else None)
+        elif (share := self.distribution) is not None:
             spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
             rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
             seen = Line(winding, spread, rest if termination == "open" else None)
@@ -85,6 +99,15 @@ class Motor:
             if ("short" if termination == "short" else "open") in attachment.terminations:
                 seen = attachment.wrap(seen)
         return seen
+
+    @staticmethod
+    def _machine(winding: Node, spread: Node, frame: Node | None) -> Node:
+        """Copper and core as a line toward the frame, with all that lies beside them across its ends."""
+        copper, *beside = winding.children
+        across = Parallel(tuple(beside)) if len(beside) > 1 else beside[0]
+        if frame is None:
+            return Parallel((Line(copper, spread), across))
+        return Bridged(copper, spread, across, frame)
 
     def _insulation(self, name: str) -> Node:
         """The element with everything that effects have made of it (dielectric loss and the like)."""
@@ -116,6 +139,10 @@ class Motor:
     def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
         """The motor with one more part between it and the analyser."""
         return dataclasses.replace(self, attachments=(*self.attachments, Attachment(wrap, terminations)))
+
+    def with_branch(self, branch: Node) -> Motor:
+        """The motor with one more part across its winding, beside Ca."""
+        return dataclasses.replace(self, winding=Parallel((*self.winding.children, branch)))
 
     def with_first_turns(self, cell: Node) -> Motor:
         """The motor with a part in series at the winding's terminal: lumped even where the winding is not, inside all that is attached."""

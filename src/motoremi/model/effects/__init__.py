@@ -10,7 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from motoremi.errors import BadInput
-from motoremi.model.effects import connection, instrument, insulation, own, winding
+from motoremi.model.effects import connection, instrument, insulation, machine, own, suppressor, winding
 from motoremi.model.effects.effect import AddedEffect, Effect, split_identifier
 from motoremi.model.motor import Motor
 
@@ -22,7 +22,7 @@ __all__ = ["AddedEffect", "Effect", "add_effects", "catalogue", "catalogue_sha25
 @lru_cache(maxsize=1)
 def catalogue() -> tuple[Effect, ...]:
     """All known effects: those of the contract in its order, then those of installed packages, then the user's own files."""
-    known = [*winding.EFFECTS, *insulation.EFFECTS, *connection.EFFECTS, *instrument.EFFECTS]
+    known = [*winding.EFFECTS, *machine.EFFECTS, *insulation.EFFECTS, *connection.EFFECTS, *suppressor.EFFECTS, *instrument.EFFECTS]
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         effect = entry.load()
         if not isinstance(effect, Effect):
@@ -97,11 +97,11 @@ def find_effect(text: str) -> AddedEffect:
             if place:
                 raise BadInput(f"{name} has only one place: write it without '@{place}'")
             return AddedEffect(effect, name, "")
-        if not place:
+        if place not in effect.places and not place:
             raise BadInput(f"{name} needs a place: one of {', '.join(effect.identifiers)}")
         if place not in effect.places:
             raise BadInput(f"{name} cannot be at {place}: use one of {', '.join(effect.identifiers)}")
-        return AddedEffect(effect, f"{name}@{place}", place)
+        return AddedEffect(effect, f"{name}@{place}" if place else name, place)
     close = difflib.get_close_matches(text, identifiers(), n=1)
     hint = f"did you mean {close[0]}?" if close else "'motoremi effects' lists the catalogue"
     raise BadInput(f"unknown effect {text!r}: {hint}")

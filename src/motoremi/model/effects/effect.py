@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
+from motoremi.model.effects.readings import Reader
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -31,7 +33,8 @@ class Effect:
     title : str
         What it is, in a few words.
     places : tuple of str
-        Elements it may attach to (`dielectric-loss@Cf`); empty where there is only one place.
+        Elements it may attach to (`dielectric-loss@Cf`); empty where there is only one place. An empty name is the usual place, which
+        need not be written.
     formula : str
         The law as text, in the parameters' short names and `s`; a test holds it against the code.
     parameters : tuple of Parameter
@@ -46,9 +49,21 @@ class Effect:
         Adds the effect to a motor.
     starts : tuple of mapping
         Start values worth trying, by short name; `*La` multiplies the element La that the search starts from,
-        `-Ca` is taken off Ca, most of it at most. `fitting.readings` adds what the sweeps themselves give away.
+        `-Ca` is taken off Ca, most of it at most.
+    reader : callable, optional
+        Further start values that the sweeps themselves give away; `=La` sets the element La.
+    responds : mapping
+        Measurement of the menu -> parameter -> factor: what a change of conditions does to it.
+    seen_as : tuple of str
+        Which laws of `diagnosis.dispersion` an element may show that has this effect.
     repeatable : bool
         Whether a motor may have several.
+    describes : bool
+        True for what tells how a motor behaves and not why: the search names it no cause, a person can add it.
+    below_hz : float
+        The search looks for it only where the sweeps begin below this: elsewhere nothing of it shows.
+    excludes : tuple of str
+        Effects beside which it has no meaning.
     kin : str
         Finer grouping than `group`, for tables; which effects the *data* cannot tell apart is computed, never read from here.
     """
@@ -69,6 +84,12 @@ class Effect:
     places: tuple[str, ...] = ()
     repeatable: bool = False
     kin: str = ""
+    reader: Reader | None = None
+    responds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    seen_as: tuple[str, ...] = ()
+    describes: bool = False
+    below_hz: float = math.inf
+    excludes: tuple[str, ...] = ()
 
     @property
     def family(self) -> str:
@@ -78,7 +99,7 @@ class Effect:
     @property
     def identifiers(self) -> tuple[str, ...]:
         """All names under which it can be added."""
-        return tuple(f"{self.name}@{place}" for place in self.places) or (self.name,)
+        return tuple(f"{self.name}@{place}" if place else self.name for place in self.places) or (self.name,)
 
     def to_dict(self) -> JsonDict:
         """What a person or a program may want to know."""
@@ -107,8 +128,12 @@ class AddedEffect:
         Raises
         ------
         BadInput
-            If the motor has it already and it cannot occur twice.
+            If the motor has it already and it cannot occur twice, or has one beside which it has no meaning.
         """
+        for name in dict.fromkeys(motor.effects):
+            other = split_identifier(name)[0]
+            if other in self.effect.excludes:
+                raise BadInput(f"{self.identifier} and {name} describe the same thing: drop {name} first")
         count = motor.effects.count(self.identifier)
         if count and not self.effect.repeatable:
             raise BadInput(f"{self.identifier} is in the model already; drop it first or add another effect")
@@ -116,6 +141,11 @@ class AddedEffect:
         parameters = {p.name: dataclasses.replace(p, name=f"{label}.{p.name}") for p in self.effect.parameters}
         changed = self.effect.change(motor, self.place, parameters)
         return dataclasses.replace(changed, effects=(*motor.effects, self.identifier))
+
+    def fits(self, motor: Motor) -> bool:
+        """Whether it can be added to a motor."""
+        names = {split_identifier(name)[0] for name in motor.effects}
+        return not names & set(self.effect.excludes) and (self.effect.repeatable or self.identifier not in motor.effects)
 
     def label_in(self, motor: Motor) -> str:
         """Prefix of its parameters once it has been added to `motor`."""

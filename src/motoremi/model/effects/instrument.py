@@ -9,7 +9,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Scaled, Series, Shunted, ThroughCable
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.laws import Law
-from motoremi.model.motor import BOTH, Motor, Terminations
+from motoremi.model.motor import BOTH, Apart, Motor, Terminations
 from motoremi.model.parameter import Parameter
 
 
@@ -34,7 +34,7 @@ def _contact(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> M
 
 
 def _drift(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    return dataclasses.replace(motor, capacitance_drift=parameters["capacitance_change"])
+    return dataclasses.replace(motor, apart=(*motor.apart, Apart("Ca", laws.drift_factor, (parameters["capacitance_change"],))))
 
 
 EFFECTS = (
@@ -63,6 +63,7 @@ EFFECTS = (
         source="physics notes A.2; fixture handbook values",
         change=_wrapped(Shunted, laws.conductance_and_capacitance),
         starts=({"conductance_s": 0.0, "capacitance_f": 0.0},),
+        responds={"repeat-compensation": {"conductance_s": 0.0, "capacitance_f": 0.0}},
     ),
     Effect(
         name="short-residual",
@@ -81,6 +82,7 @@ EFFECTS = (
         source="physics notes A.2; fixture handbook values",
         change=_short_residual,
         starts=({"resistance_ohm": 0.0, "inductance_h": 0.0},),
+        responds={"repeat-compensation": {"resistance_ohm": 0.0, "inductance_h": 0.0}},
     ),
     Effect(
         name="gain-error",
@@ -96,6 +98,7 @@ EFFECTS = (
         source="physics notes A.2; fixture handbook: 0.5 % (f / 10 MHz)^2",
         change=_wrapped(Scaled, laws.square_law_gain),
         starts=({"error": 0.0},),
+        responds={"repeat-compensation": {"error": 0.0}},
     ),
     Effect(
         name="cable-delay",
@@ -111,6 +114,7 @@ EFFECTS = (
         source="physics notes A.2",
         change=_wrapped(ThroughCable, laws.line_tangent),
         starts=({"delay_s": 1e-10, "-Ca": 2e-12},),
+        responds={"repeat-compensation": {"delay_s": 0.0}},
     ),
     Effect(
         name="contact-resistance",
@@ -137,6 +141,7 @@ EFFECTS = (
         # One signed parameter serves both sweeps: a contact that is bad in both at once is a lead's resistance.
         change=_contact,
         starts=({"resistance_ohm": 0.3}, {"resistance_ohm": -0.3}),
+        responds={"contacts-cleaned": {"resistance_ohm": 0.0}},
     ),
     Effect(
         name="range-step",
@@ -157,6 +162,7 @@ EFFECTS = (
         change=_wrapped(Scaled, laws.gain_step),
         starts=({"real_step": 0.0, "imaginary_step": 0.0, "frequency_hz": 5e6},),
         repeatable=True,
+        responds={"sweep-downwards": {"real_step": 0.0, "imaginary_step": 0.0}},
     ),
     Effect(
         name="temperature-drift",
@@ -172,5 +178,6 @@ EFFECTS = (
         source="physics notes A.1 effect 17",
         change=_drift,
         starts=({"capacitance_change": 0.0},),
+        responds={"repeat-first-sweep": {"capacitance_change": 0.0}},
     ),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from motoremi.model import laws
+from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Parallel
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.winding import scale
@@ -31,10 +31,12 @@ EFFECTS = (
         signature="phase of the capacitive part stays at -(90 - delta) deg; C falls slowly",
         look_alikes=("dielectric-relaxation", "insulation-leakage", "core-loss"),
         deciding="a sweep from 40 Hz (leakage falls as 1/f, a constant angle stays, a relaxation is a bell), temperature, drying",
-        source="constant-phase element; physics notes A.1 effect 6",
-        change=scale("", laws.constant_phase_factor),
+        source="constant-phase element: Jonscher, Dielectric Relaxation in Solids (1983)",
+        change=scale("", materials.constant_phase_factor),
         starts=({"tan_delta": 0.004}, {"tan_delta": 0.03}),
         places=PLACES,
+        responds={"second-temperature": {"tan_delta": 1.4}, "dried": {"tan_delta": 0.5}},
+        seen_as=("capacitance-angle",),
     ),
     Effect(
         name="dielectric-relaxation",
@@ -51,10 +53,13 @@ EFFECTS = (
         signature="C drops across the corner frequency, tan delta is a bell",
         look_alikes=("dielectric-loss", "insulation-leakage", "range-step"),
         deciding="a second temperature (the corner moves, the strength stays), a sweep from 40 Hz",
-        source="Debye, Cole and Cole 1941; physics notes A.1 effect 7",
-        change=scale("", laws.relaxation_factor),
+        source="Cole and Cole, J. Chem. Phys. 9 (1941) 341",
+        change=scale("", materials.relaxation_factor),
         starts=tuple({"strength": d, "corner_hz": f, "exponent": 0.95} for d in (0.02, 0.15) for f in (2e5, 1e6, 4e6, 1.2e7)),
         places=PLACES,
+        repeatable=True,
+        responds={"second-temperature": {"corner_hz": 3.0}},
+        seen_as=("capacitance-relaxation",),
     ),
     Effect(
         name="insulation-leakage",
@@ -76,9 +81,11 @@ EFFECTS = (
         signature="tan delta falls as 1/f",
         look_alikes=("dielectric-loss", "bearing-film", "core-loss"),
         deciding="insulation resistance at DC, a sweep from 40 Hz, drying at 60 - 80 °C",
-        source="physics notes A.1 effect 8",
+        source="IEEE Std 43 (insulation resistance of rotating machinery)",
         change=_leakage,
         starts=({"resistance_ohm": 2e5}, {"resistance_ohm": 2e4}, {"resistance_ohm": 1e3}),
         places=PLACES,
+        responds={"second-temperature": {"resistance_ohm": 0.15}, "dried": {"resistance_ohm": 10.0}},
+        seen_as=("capacitance-leakage",),
     ),
 )

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from motoremi.model import laws
+from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Parallel, Series, with_law
+from motoremi.model.effects import readings
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.laws import Law
 from motoremi.model.motor import Motor
@@ -61,13 +62,15 @@ EFFECTS = (
         formula="Ra * x * I0(x) / (2 * I1(x)), x = radius_m * sqrt(s * mu0 * sigma_copper)",
         parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"),),
         limit="radius_m -> 0",
-        limit_values={"radius_m": 1e-7},
+        limit_values={"radius_m": 1e-8},
         signature="R grows as sqrt(f), phase of the extra part +45 deg, the resonance of La and Ca is damped a little",
         look_alikes=("proximity-effect", "eddy-laminations"),
         deciding="a sweep from 40 Hz (the corner shows below 150 kHz) and the DC resistance",
-        source="Bessel solution for a round conductor; physics notes A.1 effect 1; copper at 20 °C",
-        change=scale("Ra", laws.skin_factor),
+        source="Bessel solution for a round conductor (Lammeraner and Stafl, Eddy Currents, 1966); copper at 20 °C",
+        change=scale("Ra", materials.skin_factor),
         starts=({"radius_m": 0.4e-3},),
+        responds={"second-temperature": {"radius_m": 0.945}},
+        seen_as=("conductor-skin",),
     ),
     Effect(
         name="proximity-effect",
@@ -84,9 +87,11 @@ EFFECTS = (
         signature="R grows as f^2, then as sqrt(f), far above the skin effect's; the inductance falls",
         look_alikes=("skin-effect", "eddy-laminations", "core-loss"),
         deciding="a sweep from 40 Hz (region of f^2), rotor removed, DC resistance at two temperatures",
-        source="Dowell 1966 (textbook form, porosity 0.8 assumed: unconfirmed for a given motor); physics notes A.1 effect 2",
-        change=scale("Ra", laws.dowell_factor),
+        source="Dowell, Proc. IEE 113 (1966) 1387 (textbook form, porosity 0.8 assumed: unconfirmed for a given motor)",
+        change=scale("Ra", materials.dowell_factor),
         starts=({"height_m": 0.2e-3, "layers": 4.0}, {"height_m": 0.08e-3, "layers": 8.0}, {"height_m": 0.05e-3, "layers": 3.0}),
+        responds={"second-temperature": {"height_m": 0.945}},
+        seen_as=("conductor-layers",),
     ),
     Effect(
         name="eddy-laminations",
@@ -95,7 +100,7 @@ EFFECTS = (
         title="eddy currents in the core's laminations",
         formula="s * La * (1 - share + share * tanh(x) / x), x = sqrt(s / (pi * corner_hz))",
         parameters=(
-            Parameter("share", "", 0.01, 0.95, "share of La whose flux crosses laminations"),
+            Parameter("share", "", 0.01, 0.999, "share of La whose flux crosses laminations; nearly all with a small air gap"),
             Parameter(
                 "corner_hz",
                 "Hz",
@@ -109,20 +114,22 @@ EFFECTS = (
         signature="L falls as f^-0.5 and R grows as f^0.5 over decades, without a resonance of its own",
         look_alikes=("skin-effect", "proximity-effect", "permeability-relaxation"),
         deciding="a sweep from 40 Hz (knee at the corner frequency), DC bias, rotor in and out",
-        source="one-dimensional diffusion in a sheet; physics notes A.1 effect 3",
-        change=scale("La", laws.lamination_factor),
+        source="one-dimensional diffusion in a sheet (Lammeraner and Stafl, Eddy Currents, 1966)",
+        change=scale("La", materials.lamination_factor),
         # A thin, high-cornered share is a false valley next to the true one, so the grid covers both.
         # Above the corner only (1 - share) of La is left, so La has to start as much higher.
         starts=tuple({"share": k, "corner_hz": f, "*La": 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
+        responds={"dc-bias": {"corner_hz": 1.25}, "second-temperature": {"corner_hz": 1.1}},
+        seen_as=("inductance-diffusion",),
     ),
     Effect(
         name="permeability-relaxation",
         group="winding",
         kin="winding-loss",
         title="magnetic relaxation of the core",
-        formula="s * La * (1 - share + share / (1 + s / (2 * pi * corner_hz)))",
+        formula="s * La * (1 - share + share / (1 + x**exponent + (quality * x)**2)), x = s / (2 * pi * corner_hz)",
         parameters=(
-            Parameter("share", "", 0.01, 0.95, "share of La that relaxes"),
+            Parameter("share", "", 0.01, 0.9999, "share of La that relaxes; nearly all of a closed ferrite core's"),
             Parameter(
                 "corner_hz",
                 "Hz",
@@ -130,18 +137,24 @@ EFFECTS = (
                 1e9,
                 "MnZn 1 - 5 MHz, NiZn 10 - 300 MHz, bonded magnets to 1 GHz (textbook values)",
             ),
+            Parameter("exponent", "", 0.5, 1.0, "1 is one time constant (Debye), less is many (Cole-Cole)", special=1.0),
+            Parameter("quality", "", 0.01, 3.0, "of a damped resonance (Lorentz) at corner_hz / quality; 0.01 is none", special=0.01),
         ),
         limit="share -> 0",
-        limit_values={"share": 0.0, "corner_hz": 1e6},
+        limit_values={"share": 0.0, "corner_hz": 1e6, "exponent": 1.0, "quality": 0.01},
         signature="one step of L round the corner frequency, R as f^2 below it and flat above",
         look_alikes=("core-loss", "field-coupling", "eddy-laminations"),
         deciding="DC bias (moves permeability, not a shorted turn), rotor in and out",
-        source="Debye permeability; physics notes A.1 effect 4",
-        change=scale("La", laws.debye_permeability_factor),
+        source="Cole and Cole, J. Chem. Phys. 9 (1941) 341, for permeability; damped resonance: Nakamura, J. Appl. Phys. 88 (2000) 348",
+        change=scale("La", materials.permeability_factor),
         starts=(
-            *({"share": 0.03, "corner_hz": f} for f in (3e5, 1e6, 4e6, 12e6)),
-            *({"share": 0.3, "corner_hz": f} for f in (1e6, 8e6, 6e7)),
+            *({"share": 0.03, "corner_hz": f, **readings.ONE_TIME_CONSTANT} for f in (3e5, 1e6, 4e6, 12e6)),
+            *({"share": 0.3, "corner_hz": f, **readings.ONE_TIME_CONSTANT} for f in (1e6, 8e6, 6e7)),
         ),
+        reader=readings.relaxing_core,
+        repeatable=True,
+        responds={"dc-bias": {"share": 0.7}},
+        seen_as=("inductance-relaxation",),
     ),
     Effect(
         name="core-loss",
@@ -157,9 +170,11 @@ EFFECTS = (
         signature="flattens the resonance of La and Ca, R grows as f^2 below it, |Z| far from it unchanged",
         look_alikes=("dielectric-loss@Ca", "permeability-relaxation", "proximity-effect"),
         deciding="shape of R below the resonance over a decade (f^2 here, f^3 for tan delta, f^0.5 for laminations)",
-        source="physics notes A.1 effect 5; Mirafzal et al. 2007",
+        source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 43 (2007) 1233",
         change=_core_loss,
         starts=({"resistance_ohm": 5e2}, {"resistance_ohm": 3e3}, {"resistance_ohm": 3e4}),
+        responds={"dc-bias": {"resistance_ohm": 0.95}, "second-temperature": {"resistance_ohm": 1.05}},
+        seen_as=("inductance-shunted",),
     ),
     Effect(
         name="second-resonance",
@@ -177,7 +192,7 @@ EFFECTS = (
         signature="a local bump with a dip of phase at one frequency, in both sweeps",
         look_alikes=("field-coupling", "distributed-winding"),
         deciding="touch or tape an end turn: the bump moves; several regular bumps mean a distributed winding",
-        source="physics notes A.1 effect 11; Mirafzal et al. 2007",
+        source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 43 (2007) 1233 (first turns)",
         change=_second_resonance,
         # Weak cells on a fine grid (each step is narrower than a bump), and strong ones on a coarse one.
         starts=(
@@ -185,6 +200,9 @@ EFFECTS = (
             *({"inductance_h": 3e-7, "resonance_hz": f, "resistance_ohm": 200.0} for f in (3e6, 6e6, 11e6, 18e6)),
         ),
         repeatable=True,
+        reader=readings.second_cell,
+        responds={"end-turn-touched": {"resonance_hz": 0.97}},
+        seen_as=("inductance-resonance", "cell"),
     ),
     Effect(
         name="distributed-winding",
@@ -201,7 +219,8 @@ EFFECTS = (
         signature="the short-circuit sweep turns capacitive and resonant below La-Ca; several regular bumps",
         look_alikes=("second-resonance", "terminal-capacitance"),
         deciding="swap the terminals; ground the far end as a third termination",
-        source="uniform line; physics notes A.1 effect 12; Mirafzal et al. 2009",
+        source="uniform line (textbook); on motors: Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142",
+        excludes=("machine-winding",),
         change=_distributed,
         # Without the effect, what is spread across the winding was taken for a part of Ca.
         starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))),
@@ -222,12 +241,15 @@ EFFECTS = (
         signature="a narrow pair of bump and dip at the other winding's resonance, in both sweeps",
         look_alikes=("permeability-relaxation", "second-resonance"),
         deciding="open and short the field winding",
-        source="coupled coils; physics notes A.1 effect 16",
+        source="coupled coils (textbook); no measured motor is cited",
         change=scale("La", laws.coupled_winding_factor),
         starts=(
             *({"coupling": 0.04, "resonance_hz": f, "quality": 10.0} for f in np.geomspace(2e5, 25e6, 24)),
             *({"coupling": 0.2, "resonance_hz": f, "quality": q} for f in (1e5, 5e5, 2e6, 6e6, 15e6) for q in (0.5, 10.0)),
         ),
+        reader=readings.coupled_winding,
+        responds={"field-winding": {"coupling": 0.1}},
+        seen_as=("inductance-resonance",),
     ),
     Effect(
         name="brush-contact",
@@ -244,9 +266,11 @@ EFFECTS = (
         signature="R falls from a low-frequency value: nearly invisible beside Ra",
         look_alikes=("contact-resistance",),
         deciding="turn the rotor, DC bias of 0 - 1 A, measure on the bars",
-        source="physics notes A.1 effect 15",
+        source="Holm, Electric Contacts (1967), for films; the capacitance is an estimate without a source",
         change=_film("Ra"),
         starts=({"resistance_ohm": 2.0, "capacitance_f": 2e-8},),
+        responds={"shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7}, "dc-bias": {"resistance_ohm": 0.3}},
+        seen_as=("film",),
     ),
     Effect(
         name="bearing-film",
@@ -262,8 +286,11 @@ EFFECTS = (
         signature="none at standstill; while turning Cr shrinks and the sweep scatters",
         look_alikes=("insulation-leakage@Cr", "dielectric-relaxation@Cr"),
         deciding="at rest against turning slowly, shaft grounded by a brush, level of the drive",
-        source="physics notes A.1 effect 13",
+        source="Busse et al., IEEE Ind. Appl. Mag. 3 (1997) no. 6, 21",
         change=_film("Rr"),
         starts=tuple({"resistance_ohm": r, "capacitance_f": c} for r in (5.0, 300.0, 5e3) for c in (1e-10, 1e-9)),
+        reader=readings.film,
+        responds={"shaft-turned": {"resistance_ohm": 5.0, "capacitance_f": 0.6}, "second-temperature": {"resistance_ohm": 0.5}},
+        seen_as=("film",),
     ),
 )

@@ -1,0 +1,183 @@
+"""Readers of start values: what the sweeps give away of effects that add a resonance or a time constant.
+
+With one such effect, a sweep is a quotient of polynomials of known degree; its elements are in the partial fractions or in the continued
+fraction of a rational fit. Steps from a grid of start values would have to hit a resonance within its width.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from motoremi.model.effects.seen import Seen
+from motoremi.model.rational import Rational
+
+# Sets of start values of an effect by short name, those of elements as `=La`; none where these data allow for none.
+Reader: TypeAlias = Callable[[Seen], Sequence[Mapping[str, float]]]
+
+# Where the rational fit finds a resistance below zero, such a share of the effect's own is tried.
+LEAST_SHARE = 0.01
+# Resonances of a mode that are looked at, how far beyond the sweep, and how many of them are tried.
+MODES_SOUGHT, MODES_BEYOND, MODES_TRIED = 90, 1.5, 6
+# Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
+ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
+
+
+def _from(rational: Rational | None, read: Callable[[Rational], dict[str, float]]) -> list[dict[str, float]]:
+    """What a rational fit says, if it says something possible."""
+    if rational is None:
+        return []
+    with np.errstate(all="ignore"):
+        start = read(rational)
+    return [start] if all(np.isfinite(value) and value > 0 for value in start.values()) else []
+
+
+def second_cell(seen: Seen) -> list[dict[str, float]]:
+    """A resonant cell in series with the winding."""
+    return _from(seen.resonating, _second_cell)
+
+
+def coupled_winding(seen: Seen) -> list[dict[str, float]]:
+    """A resonant winding coupled to La."""
+    return _from(seen.resonating, _coupled_winding)
+
+
+def relaxing_core(seen: Seen) -> list[dict[str, float]]:
+    """A share of La that relaxes with one time constant."""
+    return _from(seen.relaxing, _relaxing_core)
+
+
+def film(seen: Seen) -> list[dict[str, float]]:
+    """A film in series with Rr."""
+    return _from(seen.frame, _film)
+
+
+def _second_cell(short: Rational) -> dict[str, float]:
+    """The winding and a cell in series, from the partial fractions: the cell is the one of less inductance."""
+    denominator = short.denominator[::-1]
+    poles = np.roots(denominator)
+    poles = poles[poles.imag > 0]
+    if poles.size != 2:
+        return {"=La": np.nan}
+    residues = np.polyval(short.numerator[::-1], poles) / np.polyval(np.polyder(denominator), poles)
+    capacitance = 1 / (2 * residues.real * short.middle)
+    inductance = 1 / (np.abs(poles * short.middle) ** 2 * capacitance)
+    cell, winding = np.argsort(inductance)
+    return {
+        "=Ra": float(-(residues * poles.conj()).real[winding] / residues.real[winding] * short.middle * inductance[winding]),
+        "=La": float(inductance[winding]),
+        "=Ca": float(capacitance[winding]),
+        "inductance_h": float(inductance[cell]),
+        "resonance_hz": float(np.abs(poles[cell]) * short.middle / (2 * np.pi)),
+        "resistance_ohm": float(-1 / (2 * poles.real[cell] * short.middle * capacitance[cell])),
+    }
+
+
+def _coupled_winding(short: Rational) -> dict[str, float]:
+    """Ra + s La (1 - k^2 s^2 / (s^2 + s w/Q + w^2)) beside Ca."""
+    elements, missing, (a2, a1, a0) = _beside_ca(short)
+    resonance = np.sqrt(a0 / a2)
+    return {
+        **elements,
+        "coupling": float(np.sqrt(missing)),
+        "resonance_hz": float(resonance * short.middle / (2 * np.pi)),
+        "quality": float(resonance * a2 / a1),
+    }
+
+
+def _relaxing_core(short: Rational) -> dict[str, float]:
+    """Ra + s La (1 - k s / (s + w)) beside Ca."""
+    elements, missing, (a1, a0) = _beside_ca(short)
+    return {**elements, "share": float(missing), "corner_hz": float(a0 / a1 * short.middle / (2 * np.pi)), **ONE_TIME_CONSTANT}
+
+
+def _beside_ca(short: Rational) -> tuple[dict[str, float], float, np.ndarray]:
+    """From the continued fraction: elements, the share of La that is missing at high frequencies, and what the branch beside Ca has below."""
+    numerator = short.numerator[::-1]
+    shunt, rest = np.polydiv(short.denominator[::-1], numerator)
+    below = _last(rest, numerator.size - 1)
+    branch, _ = np.polydiv(numerator, below)
+    (b0, b1), (a1, a0) = short.numerator[:2], below[-2:]
+    inductance = b1 / a0 - b0 * a1 / a0**2
+    elements = {"=Ra": float(b0 / a0), "=La": float(inductance / short.middle), "=Ca": float(shunt[0] / short.middle)}
+    return elements, float(1 - branch[0] / inductance), below
+
+
+def _film(frame: Rational) -> dict[str, float]:
+    """Cf beside Rr + s Lr + 1 / (s Cr) + R / (1 + s R C), from the continued fraction of s times the frame's impedance."""
+    numerator = frame.numerator[::-1] / frame.middle
+    shunt, rest = np.polydiv(np.append(frame.denominator[::-1], 0.0), numerator)
+    # The branch is the numerator over s (a1 + a2 s): no direct current flows through Cr.
+    a2, a1, _ = _last(rest, 3)
+    series, rest = np.polydiv(numerator, [a2, a1, 0.0])
+    both, corner = _last(rest, 2)[0] / a2, a1 / a2
+    through_cr = numerator[-1] / a1
+    if not (corner > frame.lowest and 0 < through_cr < both):
+        # The film's time constant is too long for this band, which sees little more than both capacitances in series.
+        corner, through_cr = frame.lowest, both / 2
+    film = both - through_cr
+    resistance = film / corner
+    return {
+        "=Cf": float(shunt[0] / frame.middle),
+        "=Lr": float(series[0] / frame.middle),
+        "=Rr": float(max(series[1], LEAST_SHARE * resistance)),
+        "=Cr": float(1 / (through_cr * frame.middle)),
+        "resistance_ohm": float(resistance),
+        "capacitance_f": float(1 / (film * frame.middle)),
+    }
+
+
+def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
+    """The coefficients of the lowest powers, however many the division left."""
+    padded: np.ndarray = np.concatenate([np.zeros(count), polynomial])[-count:]
+    return padded
+
+
+def winding_modes(seen: Seen) -> list[dict[str, float]]:
+    """Where one more series branch across the terminals would take most off the relative error, the strongest first."""
+    if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None:
+        return []
+    s = 2j * np.pi * seen.frequency_hz
+    # To first order, an admittance Y beside the model changes its impedance Z by -Z Y.
+    left = 1 - seen.model_ohm / seen.short_ohm
+    found: list[tuple[float, dict[str, float]]] = []
+    known = seen.parameters.get("winding-modes.quality")
+    for quality in (known,) if known else (2.0, 5.0, 15.0):
+        gains = []
+        resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_SOUGHT)
+        for resonance_hz in resonances:
+            x = s / (2 * np.pi * resonance_hz)
+            branch = -seen.model_ohm * s / (1 + x / quality + x**2)
+            strength = float(np.vdot(branch, branch).real)
+            size = float(np.vdot(branch, left).real) / strength
+            gains.append((size**2 * strength if size > 0 else 0.0, size))
+        gain = np.array([one for one, _ in gains])
+        peaks = [i for i in range(gain.size) if gain[i] > 0 and gain[i] >= gain[max(i - 1, 0)] and gain[i] >= gain[min(i + 1, gain.size - 1)]]
+        found += [(gain[i], {"capacitance_f": gains[i][1], "resonance_hz": float(resonances[i]), "quality": quality}) for i in peaks]
+    found.sort(key=lambda pair: -pair[0])
+    return [start for _, start in found[:MODES_TRIED]]
+
+
+def machine_winding(seen: Seen) -> list[dict[str, float]]:
+    """From the inductance at the lowest frequencies and the first parallel resonance, for cages and irons of several corners."""
+    if seen.frequency_hz is None or seen.short_ohm is None:
+        return []
+    frequency, impedance = seen.frequency_hz, seen.short_ohm
+    lowest = float(impedance.imag[0] / (2 * np.pi * frequency[0]))
+    falling = np.flatnonzero((impedance.imag[1:] <= 0) & (impedance.imag[:-1] > 0))
+    if lowest <= 0 or not falling.size:
+        return []
+    resonance = float(frequency[falling[0] + 1])
+    starts = []
+    for iron in (0.5 * resonance, 2 * resonance):
+        for exponent in (0.5, 0.8):
+            remaining = 0.7 * lowest / abs(1 + (1j * resonance / iron) ** exponent)
+            # A line with a shorted far end resonates where it is a quarter of a wave long.
+            slots = (np.pi / 2) ** 2 / ((2 * np.pi * resonance) ** 2 * remaining)
+            for cage in (3 * frequency[0], 0.03 * resonance):
+                own = {"slots_f": slots, "path_ohm": 300.0, "iron_hz": iron, "exponent": exponent, "cage_share": 0.3, "cage_hz": float(cage)}
+                elements = {"=Ra": max(0.5 * float(impedance.real[0]), 1e-3), "=La": 1.1 * lowest, "=Ca": 0.2 * slots}
+                starts.append({**elements, **own})
+    return starts

@@ -1,0 +1,89 @@
+"""Interference suppressors built into motors: capacitors at the brushes and chokes in the leads."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from motoremi.model import laws, materials
+from motoremi.model.circuit import Leaf, Node, Parallel, Scaled, Series
+from motoremi.model.effects.effect import Effect
+from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
+
+
+def _capacitor(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    branch = Series(
+        (
+            Leaf("suppressor C", laws.capacitor, (parameters["capacitance_f"],)),
+            Leaf("suppressor ESR", laws.resistance_and_inductance, (parameters["esr_ohm"], parameters["esl_h"])),
+        )
+    )
+    if not place:
+        return motor.with_branch(branch)
+    shunted = motor.attached(lambda node: Parallel((node, branch)))
+    if place == "frame":
+        return shunted
+    return dataclasses.replace(shunted, frame=Parallel((shunted.frame, branch)))
+
+
+def _choke(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    core = (parameters["share"], parameters["corner_hz"])
+    coil = Scaled(Leaf("choke L", laws.inductor, (parameters["inductance_h"],)), materials.debye_factor, core)
+    choke: Node = Series((Leaf("choke R", laws.resistor, (parameters["resistance_ohm"],)), coil))
+    choke = Parallel((choke, Leaf("choke C", laws.capacitor, (parameters["capacitance_f"],))))
+    return motor.attached(lambda node: Series((node, choke)))
+
+
+EFFECTS = (
+    Effect(
+        name="suppressor-capacitor",
+        group="connection",
+        kin="suppressor",
+        title="a suppressor capacitor across the terminals, from the terminal to the frame, or one from either terminal to the frame",
+        formula="Z_across / (1 + Z_across / (esr_ohm + s * esl_h + 1 / (s * capacitance_f)))",
+        parameters=(
+            Parameter("capacitance_f", "F", 0.4e-9, 10e-6, "1 nF to the frame, 10 nF - 1 uF across the terminals; varistors 0.5 - 5 nF"),
+            Parameter("esr_ohm", "Ohm", 1e-3, 10.0, "10 mOhm - 1 Ohm of ceramic and film capacitors, more of varistors"),
+            Parameter("esl_h", "H", 0.3e-9, 200e-9, "1 nF a chip, 1 nH a millimetre of wire"),
+        ),
+        limit="capacitance_f -> 0",
+        limit_values={"capacitance_f": 1e-24, "esr_ohm": 0.1, "esl_h": 1e-8},
+        signature="|Z| low over a wide band with a sharp series resonance at 1 - 50 MHz, inductive above",
+        look_alikes=("second-resonance", "winding-modes", "terminal-capacitance"),
+        deciding="look: a disc or film capacitor at the brush holder; lift one of its legs and sweep again",
+        source="IEC 60384-14 (capacitors of class X and Y); values as in suppressor data sheets, unconfirmed for a given motor",
+        change=_capacitor,
+        starts=tuple({"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)),
+        places=("", "frame", "pair"),
+        responds={"second-temperature": {"capacitance_f": 0.97}},
+    ),
+    Effect(
+        name="suppressor-choke",
+        group="connection",
+        kin="suppressor",
+        title="a suppressor choke in the lead: a coil on a ferrite rod",
+        formula=(
+            "Z + 1 / (1 / (resistance_ohm + s * inductance_h * (1 - share + share / (1 + s / (2 * pi * corner_hz)))) + s * capacitance_f)"
+        ),
+        parameters=(
+            Parameter("inductance_h", "H", 0.3e-6, 1e-3, "2 - 50 uH on rods of 3 to 8 mm"),
+            Parameter("share", "", 0.05, 0.97, "share of the flux in the ferrite: a rod's air path leaves little below 0.5"),
+            Parameter("corner_hz", "Hz", 0.5e6, 300e6, "MnZn 1 - 5 MHz, NiZn 5 - 300 MHz"),
+            Parameter("capacitance_f", "F", 0.1e-12, 20e-12, "between the turns"),
+            Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "of its wire"),
+        ),
+        limit="inductance_h, resistance_ohm -> 0",
+        limit_values={"inductance_h": 1e-18, "share": 0.5, "corner_hz": 1e7, "capacitance_f": 1e-18, "resistance_ohm": 1e-12},
+        signature="some uH more in both sweeps than the winding's, lossy above a few MHz, a broad parallel resonance at 10 - 100 MHz",
+        look_alikes=("lead-inductance", "second-resonance", "permeability-relaxation"),
+        deciding="look: a rod with a few turns at each brush; bridge it with a wire and sweep again",
+        source="ferrite makers' data on rod cores; ranges are estimates, unconfirmed for a given motor",
+        change=_choke,
+        starts=tuple(
+            {"inductance_h": x, "share": 0.8, "corner_hz": f, "capacitance_f": 2e-12, "resistance_ohm": 0.02, "-La": x}
+            for x in (1e-6, 4e-6) for f in (3e6, 2e7)
+        ),
+        responds={"dc-bias": {"share": 0.8}, "second-temperature": {"resistance_ohm": 1.12}},
+    ),
+)  # fmt: skip
