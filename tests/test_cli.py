@@ -141,7 +141,7 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     inductor = DATA / "eth_4294A_inductor" / "impedance.txt"
     assert motoremi("import", tmp_path / "l", "--short", inductor).returncode == 0
     fitted = motoremi("fit", tmp_path / "l")
-    assert "not determined: no sweep depends on it" in fitted.stdout
+    assert "not in these sweeps: Rr, Lr, Cr, Cf" in fitted.stdout
     assert motoremi("report", tmp_path / "l").returncode == 0
     assert "do not determine Rr, Lr, Cr, Cf" in (tmp_path / "l" / "report" / "report.html").read_text()
 

@@ -172,7 +172,7 @@ def test_real_inductor_is_not_called_a_motor(request):
     # The file's own description: 204 uH and about 0.3 ohm.
     assert fit.parameters["La"] == pytest.approx(204e-6, rel=0.01)
     assert fit.parameters["Ra"] == pytest.approx(0.3, rel=0.2)
-    assert {"Rr", "Lr", "Cr", "Cf"} <= set(fit.undetermined())
+    assert {"Rr", "Lr", "Cr", "Cf"} == set(fit.unseen())
     # What is left is within the specification altogether. Its lowest frequencies ask for ten standard deviations of a residual, so that what
     # is called undescribed is the error with no more taken off than the specification allows; a tenth more than any three values would leave.
     assert fit.rms_error_percent < fit.floor_percent

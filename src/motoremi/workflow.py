@@ -19,7 +19,7 @@ from motoremi.data.storage import write_whole
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.element import Inspection, inspect
-from motoremi.diagnosis.ladder import ladder_step
+from motoremi.diagnosis.ladder import further, ladder_step
 from motoremi.diagnosis.signature import Signature, signature
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import checked_held, fit
@@ -168,13 +168,20 @@ def diagnosis_in(session: Session) -> JsonDict:
     return stored
 
 
-def add_to_session(store: Store, effect: str) -> tuple[Fit, Fit]:
-    """Add an effect on top of the ladder; returns the model before and after."""
-    find_effect(effect)  # a wrong name is told before anything is fitted
+def add_to_session(store: Store, effect: str, progress: Progress | None = None) -> tuple[Fit, Fit]:
+    """Add an effect on top of the ladder; returns the model before and after.
+
+    What only describes (modes of a winding) is added again and again, while the evidence carries it, each a step of the ladder.
+    """
+    added = find_effect(effect).effect  # a wrong name is told before anything is fitted
     steps = current_steps(store)
-    after = steps[-1].add(effect)
-    save_ladder(store, [*steps, after], kept=len(steps))
-    return steps[-1], after
+    ladder = [*steps, steps[-1].add(effect)]
+    save_ladder(store, ladder, kept=len(steps))
+    if added.describes and added.repeatable:
+        for portion in further(ladder[-1], effect, progress):
+            ladder += portion
+            save_ladder(store, ladder, kept=len(ladder) - len(portion))
+    return steps[-1], ladder[-1]
 
 
 def drop_from_session(store: Store) -> tuple[Fit, Fit]:

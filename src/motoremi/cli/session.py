@@ -379,6 +379,7 @@ def add_(
     as_json: AsJson = False,
 ) -> None:
     """Add an effect to the model, refit, and see the error fall; effects of source and path go into the model of the spectra."""
+    from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import show_emission_step
     from motoremi.data.session import load
     from motoremi.emission.effects import is_source_effect
@@ -390,8 +391,8 @@ def add_(
             steps = add_source_effect(store, effect)
         show_emission_step(*steps, as_json)
         return
-    with opened(path) as store:
-        before, after = add_to_session(store, effect)
+    with opened(path) as store, progress_bars(as_json) as bars:
+        before, after = add_to_session(store, effect, bars.bar("adding"))
     _show_step(before, after, as_json, load(path).ladder[-1])
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from motoremi.arrays import JsonDict
+import numpy as np
+
+from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.candidates import prior_of_values
 from motoremi.diagnosis.compare import compare
 from motoremi.fitting.fit import refit_without
@@ -16,6 +19,10 @@ TOLD_FACTOR = 1.2
 TOLD_SIGMA = 5.0
 # Log evidence, prior of its values included, that an effect must bring to be needed: odds of 50 to 1.
 LEAST_GAIN = 4.0
+# More modes than these describe noise, or a winding that is better measured in parts.
+MOST_MORE = 15
+# So many that lower the error by too little may lead to one that does.
+PATIENCE = 2
 # A resistance is back at its DC value within this share: copper changes by 0.4 % per kelvin, contacts by a little more.
 AT_DC = 0.1
 
@@ -112,6 +119,43 @@ def ladder_step(before: Fit | None, fit: Fit, dc_resistance_ohm: float | None = 
     """
     unneeded = tuple(effect for effect in dict.fromkeys(fit.effects) if not _supported(effect, before, fit))
     return LadderStep(before, fit, unneeded, dc_resistance_ohm)
+
+
+def further(fit: Fit, effect: str, progress: Progress | None = None) -> Iterator[list[Fit]]:
+    """More of a repeatable effect that only describes, in portions that each lower the circuit's own error by more than chance would.
+
+    Evidence is no guide here: as long as resonances are missing, what is left is far larger than noise and far from smooth. The measure is the
+    information criterion of Schwarz (BIC) of the relative error, over as many values as are independent of their neighbours. A portion may hold
+    several: of two neighbouring modes neither is worth much alone.
+    """
+    portion: list[Fit] = []
+    best = fit
+    for number in range(MOST_MORE):
+        if progress is not None:
+            progress(f"one more of {effect}", number, MOST_MORE)
+        fit = fit.add(effect)
+        portion.append(fit)
+        if _worth_more(fit, best):
+            yield portion
+            portion, best = [], fit
+        elif len(portion) > PATIENCE:
+            return
+
+
+def _worth_more(fit: Fit, before: Fit) -> bool:
+    values = _independent(before)
+    gained = 2 * values * np.log(before.rms_error_percent / fit.rms_error_percent)
+    return bool(gained > (len(fit.parameters) - len(before.parameters)) * np.log(values))
+
+
+def _independent(fit: Fit) -> float:
+    """How many real values of the relative error are worth, given the correlation of neighbours (that of an autoregressive series)."""
+    values = 0.0
+    for error in fit.errors().values():
+        along = float(np.vdot(error[1:], error[:-1]).real / np.vdot(error, error).real)
+        shared = min(max(along, 0.0), 0.95)
+        values += 2 * np.size(error) * (1 - shared) / (1 + shared)
+    return max(values, 2.0)
 
 
 def _supported(effect: str, before: Fit | None, fit: Fit) -> bool:

@@ -260,6 +260,7 @@ class Fit:
                 if p.name in self.parameters
             },
             "undetermined": self.undetermined(),
+            "unseen": self.unseen(),
             "derived": [{"name": d.name, "value": d.value, "sigma": _finite(d.sigma), "unit": d.unit} for d in self.derived()],
             "nuisance": dict(self.nuisance),
             "searched": dict(self.search_parameters),
@@ -286,9 +287,8 @@ class Fit:
         return bool(self.sigma[name] < 0.5 * abs(self.parameters[name])) if self.parameters[name] else False
 
     def undetermined(self) -> list[str]:
-        """Names of the parameters that the data do not determine, those that no sweep sees among them."""
-        loose = [name for name in self.parameters if not self.determined(name) and name not in self.held]
-        return [*loose, *self.unseen()]
+        """Names of the parameters that the sweeps show and do not determine."""
+        return [name for name in self.parameters if not self.determined(name) and name not in self.held]
 
     def unseen(self) -> list[str]:
         """Names of the parameters that none of the sweeps depends on."""
@@ -306,7 +306,7 @@ class Fit:
             else:
                 bar = error_bar(value, self.sigma[name])
             table.append((name, show(value, units[name]), bar))
-        return table + [(name, "-", "not determined: no sweep depends on it") for name in self.unseen()]
+        return table
 
     def __repr__(self) -> str:
         model = "paper's circuit" + "".join(f" + {effect}" for effect in self.effects)
@@ -316,6 +316,7 @@ class Fit:
             f"noise alone {self.noise_percent:.2g} %",
             f"  {self.said_of_the_rest}",
             *(f"  {name:34s} {value:>14s}  {bar}" for name, value, bar in self.rows()),
+            *([f"  not in these sweeps: {', '.join(self.unseen())}"] if self.unseen() else []),
             *(f"  note: {warning}" for warning in self.warnings),
         ]
         return "\n".join(lines)

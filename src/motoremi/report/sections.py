@@ -124,6 +124,8 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
     if last.undetermined():
         loose = ", ".join(f"{name} ({_looseness(last, name)})" for name in last.undetermined())
         texts.append(f"The data do not determine {loose}; do not quote values for them.")
+    if last.unseen():
+        texts.append(f"These sweeps do not show {', '.join(last.unseen())}.")
     if not last.explained:
         texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
     tables = [parameters_table(steps), _derived(last)]
@@ -134,8 +136,6 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
 
 def _looseness(fit: Fit, name: str) -> str:
     """How little is known of a parameter that the data do not determine."""
-    if name not in fit.parameters:
-        return "no sweep depends on it"
     value, sigma = abs(fit.parameters[name]), fit.sigma[name]
     return error_bar(value, sigma) if sigma < KNOWN_AT_ALL * value else "any value would do"
 
