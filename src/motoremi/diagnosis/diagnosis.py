@@ -331,7 +331,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         return [
             f"{missing} and none of {tried} effects, nor two of them together, explains it",
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
-            f"{left['value']:.2g} % ({spans or 'spread over both sweeps'})",
+            f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
+            *_modes_hint(closest),
         ]
     if not named:
         return _reasons_of_none(judgement, verdict)
@@ -348,6 +349,13 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
+
+
+def _modes_hint(closest: Candidate) -> list[str]:
+    """Where resonances are what is missing, they can be described without a cause."""
+    if not {"second-resonance", "field-coupling"} & set(closest.added):
+        return []
+    return ["resonances are missing; as seen from the terminals they can be described without a cause: motoremi add SESSION winding-modes"]
 
 
 def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:

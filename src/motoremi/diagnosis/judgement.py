@@ -21,6 +21,8 @@ BUDGET = Budget()
 # a part of the motor of their size.
 HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
+# Of what was left, so much or less after a single effect: a rest of a different order, whatever a second one makes of it.
+NEARLY_ALL = 0.1
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
 RELAXING_TWICE = ({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr"}, {"dielectric-relaxation@Cf", "bearing-film"})
 
@@ -124,6 +126,16 @@ class Judgement:
         """Log odds of the likeliest model against the base."""
         return self.best.score - self.found[()].score
 
+    @property
+    def dominated(self) -> bool:
+        """Whether one effect of the likeliest set describes nearly all by itself, and no other effect anything like as much."""
+        singles = sorted((one for key, one in self.found.items() if len(key) == 1), key=lambda one: -one.score)
+        if not singles or singles[0].effect not in self.best.added:
+            return False
+        first, others = singles[0], [self.found[()], *singles[1:]]
+        nearly_all = first.fit.unexplained_percent["value"] <= NEARLY_ALL * self.base.unexplained_percent["value"]
+        return nearly_all and first.score - max(one.score for one in others) > CLEAR_GAIN
+
     def rivals(self) -> list[Fit]:
         """The fits that these data cannot tell from the believed one, it first; empty where there are none."""
         fits = [self.model.fit]
@@ -171,4 +183,9 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) 
     """Search what is missing from a fit, and decide."""
     board = MotorBoard(base)
     found = explore(board, board.start(), budget, progress)
-    return Judgement(base, found, believe(found))
+    judgement = Judgement(base, found, believe(found))
+    if judgement.stands or not judgement.dominated:
+        return judgement
+    # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does nearly all is named.
+    singles = {key: one for key, one in found.items() if len(key) <= 1}
+    return Judgement(base, singles, believe(singles))

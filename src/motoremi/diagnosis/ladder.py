@@ -129,14 +129,16 @@ def further(fit: Fit, effect: str, progress: Progress | None = None) -> Iterator
     several: of two neighbouring modes neither is worth much alone.
     """
     portion: list[Fit] = []
-    best = fit
+    best, enough = fit, fit.measurement.accuracy_percent or 0.0
     for number in range(MOST_MORE):
         if progress is not None:
             progress(f"one more of {effect}", number, MOST_MORE)
         fit = fit.add(effect)
         portion.append(fit)
-        if _worth_more(fit, best):
+        if _worth_more(fit, best) or fit.rms_error_percent <= enough:
             yield portion
+            if fit.rms_error_percent <= enough:
+                return
             portion, best = [], fit
         elif len(portion) > PATIENCE:
             return
