@@ -52,7 +52,9 @@ def at(copied):
     base = f"/api/sessions/{workbench.shelf.first}"
 
     def ask(path: str = "", **body):
-        answer = client.post(base + path, json=body) if body or path in ("/drop", "/redo", "/report", "/fit", "/diagnose") else client.get(base + path)
+        answer = (
+            client.post(base + path, json=body) if body or path in ("/drop", "/redo", "/report", "/fit", "/diagnose") else client.get(base + path)
+        )
         return answer.json()
 
     return ask
