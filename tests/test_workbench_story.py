@@ -345,7 +345,8 @@ def test_both_stories_by_keys_alone(browser, measured, tmp_path):
         page.keyboard.press("Tab")
         expect(page.locator(".skip")).to_be_focused()
         page.keyboard.press("Enter")
-        for _ in range(20):
+        expect(page.locator("main")).to_be_focused()
+        for _ in range(10):
             if page.evaluate("document.activeElement.id") == "next-step":
                 break
             page.keyboard.press("Tab")
