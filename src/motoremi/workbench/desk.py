@@ -154,14 +154,14 @@ class Desk(Ladder[Fit]):
 
     def _require_unmoved(self) -> None:
         # Under the lock of an open session: from here on nobody else writes.
-        if self._file_stamp(LADDER) != self._ladder_stamp:
+        if self.file_stamp(LADDER) != self._ladder_stamp:
             raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
 
     def _refresh(self) -> None:
-        stamp = self._file_stamp(SESSION)
+        stamp = self.file_stamp(SESSION)
         if stamp == self._stamp and self._session is not None:
             return
-        ladder_stamp = self._file_stamp(LADDER)
+        ladder_stamp = self.file_stamp(LADDER)
         session = load(self.path)
         if self._session is None or _measured(session) != _measured(self._session):
             self._measurement = measurement_of(session) if session.sweeps else None
@@ -169,7 +169,8 @@ class Desk(Ladder[Fit]):
         self._steps = () if measurement is None else tuple(restore(step["fit"], measurement) for step in _ladder(session))
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
-    def _file_stamp(self, name: str) -> Stamp:
+    def file_stamp(self, name: str) -> Stamp:
+        """Changes with a file of the session; None where there is none."""
         try:
             found = inside(self.path, name).stat()
         except OSError:
