@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import resources
+from io import BytesIO
+from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 expect.set_options(timeout=60_000)
@@ -21,10 +26,31 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-VIEWS = ("bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge")
+VIEWS = ("bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge")
+COLOURS = 48
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
+AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
+RUN = "async () => (await axe.run()).violations.map((one) => `${one.id}: ${one.nodes.map((node) => node.html).join(' | ')}`)"
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
+
+
+def findings(page: Page) -> list[str]:
+    """What axe-core finds on the page as it is, with its usual rules."""
+    page.wait_for_selector("#busy", state="hidden")
+    page.evaluate(AXE)
+    return list(page.evaluate(RUN))
+
+
+def keep(page: Page, name: str) -> None:
+    """A picture of the page as it is, where somebody wants them."""
+    folder = os.environ.get("MOTOREMI_SCREENSHOTS")
+    if folder:
+        page.wait_for_selector("#busy", state="hidden")
+        page.mouse.move(0, 0)
+        taken = Image.open(BytesIO(page.screenshot()))
+        # A page has few colours; a palette makes the file a third as large.
+        taken.convert("RGB").quantize(COLOURS).save(Path(folder) / f"workbench-{name}.png", optimize=True)
 
 
 @contextmanager

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -18,6 +15,8 @@ from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
+from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.source import SourceDesk
 from motoremi.workflow import (
     Store,
     compare_session,
@@ -30,15 +29,11 @@ from motoremi.workflow import (
 )
 
 LADDER = "analysis/ladder.json"
-# Fits that are kept in case somebody clicks on them; each holds its problem's arrays.
-MOST_PREPARED = 60
 Stamp: TypeAlias = tuple[int, int] | None
-# Objective and effects of the model below, and the effect on top.
-Key: TypeAlias = tuple[float, tuple[str, ...], str]
 
 
-class Desk:
-    """An opened session.
+class Desk(Ladder[Fit]):
+    """An opened session, and the ladder of its sweeps.
 
     A page, a command line and a bench run may take turns on one session: everything kept here is dropped when its files have changed.
 
@@ -47,19 +42,17 @@ class Desk:
     path : Path
     """
 
+    BASE = "the paper's circuit"
+
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.path = path
-        self._turn = threading.RLock()
+        self.source = SourceDesk(self)
         self._stamp: Stamp = None
         self._ladder_stamp: Stamp = None
         self._session: Session | None = None
         self._measurement: Measurement | None = None
         self._steps: tuple[Fit, ...] = ()
-        self._prepared: dict[Key, Fit] = {}
-        self._making: dict[Key, threading.Lock] = {}
-        self._keeping = threading.Lock()
-        self._glancing = threading.Lock()
-        self._looking: object = None
 
     @property
     def session(self) -> Session:
@@ -75,26 +68,6 @@ class Desk:
         with self._turn:
             self._refresh()
             return self._steps
-
-    @property
-    def top(self) -> Fit:
-        """The model that stands.
-
-        Raises
-        ------
-        BadInput
-            Before the first fit.
-        """
-        steps = self.steps
-        if not steps:
-            raise BadInput("there is no model yet: fit this session first")
-        return steps[-1]
-
-    @property
-    def standing(self) -> str:
-        """Changes with the ladder: what a page sends back, so that nobody changes a ladder that the page does not show."""
-        told = json.dumps([[*step.effects, step.objective] for step in self.steps])
-        return hashlib.sha256(told.encode()).hexdigest()[:12]
 
     def fit(self, shown: str | None = None) -> None:
         """Fit the model that the ladder stands at, from the bottom; `shown` as in `change`."""
@@ -157,51 +130,6 @@ class Desk:
                 action(store)
             self._stamp = None
 
-    def prepared(self, effect: str) -> Fit:
-        """The model that stands with one more effect, fitted; kept, so that adding it afterwards takes no time."""
-        find_effect(effect)
-        before = self.top
-        key = (before.objective, before.effects, effect)
-        with self._keeping:
-            making = self._making.setdefault(key, threading.Lock())
-        # A lock for each: whoever asks for the same waits for it, a click on another effect does not.
-        with making:
-            fit = self._prepared.get(key)
-            if fit is None:
-                fit = before.add(effect)
-                with self._keeping:
-                    while len(self._prepared) >= MOST_PREPARED:
-                        oldest = next(iter(self._prepared))
-                        del self._prepared[oldest]
-                        self._making.pop(oldest, None)
-                    self._prepared[key] = fit
-            return fit
-
-    def glance(self, effect: str) -> tuple[Fit, Fit] | None:
-        """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
-        self._looking = asked = object()
-        with self._glancing:
-            return (self.top, self.prepared(effect)) if self._looking is asked else None
-
-    def add(self, effect: str, shown: str | None = None) -> tuple[Fit, Fit]:
-        """Put an effect on top of the ladder; returns the model before and after. `shown` as in `change`."""
-        self._looking = None
-        with self._turn:
-            self._require(shown)
-            before, after = self.top, self.prepared(effect)
-            self._store_ladder((*self._steps, after))
-            return before, after
-
-    def drop(self, shown: str | None = None) -> tuple[Fit, Fit]:
-        """Step back on the ladder; returns the model before and after. `shown` as in `change`."""
-        with self._turn:
-            self._require(shown)
-            steps = self.steps
-            if len(steps) < 2:
-                raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
-            self._store_ladder(steps[:-1])
-            return steps[-1], steps[-2]
-
     def comparison(self, step: Fit) -> Comparison:
         """A model against the measurement, by the tolerance used last."""
         stored = self.session.analysis("comparison")
@@ -211,40 +139,38 @@ class Desk:
         """What an element would have to be."""
         return inspect(self.top, element)
 
-    def _store_ladder(self, steps: Sequence[Fit]) -> None:
+    def _signed(self) -> list[object]:
+        return [[*step.effects, step.objective] for step in self.steps]
+
+    def _grown(self, before: Fit, effect: str) -> Fit:
+        find_effect(effect)
+        return before.add(effect)
+
+    def _store(self, steps: Sequence[Fit]) -> None:
         with opened(self.path) as store:
             self._require_unmoved()
             save_ladder(store, steps)
         self._stamp = None
 
-    def _require(self, shown: str | None) -> None:
-        if shown is not None and shown != self.standing:
-            stands = " + ".join(("the paper's circuit", *self.steps[-1].effects)) if self.steps else "no model"
-            raise BadInput(
-                f"the ladder was changed since this page showed it and stands at {stands} now: nothing was done; look at it, then choose again"
-            )
-
     def _require_unmoved(self) -> None:
         # Under the lock of an open session: from here on nobody else writes.
-        if self._file_stamp(LADDER) != self._ladder_stamp:
+        if self.file_stamp(LADDER) != self._ladder_stamp:
             raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
 
     def _refresh(self) -> None:
-        stamp = self._file_stamp(SESSION)
+        stamp = self.file_stamp(SESSION)
         if stamp == self._stamp and self._session is not None:
             return
-        ladder_stamp = self._file_stamp(LADDER)
+        ladder_stamp = self.file_stamp(LADDER)
         session = load(self.path)
         if self._session is None or _measured(session) != _measured(self._session):
             self._measurement = measurement_of(session) if session.sweeps else None
-            with self._keeping:
-                self._prepared.clear()
-                self._making.clear()
         measurement = self._measurement
         self._steps = () if measurement is None else tuple(restore(step["fit"], measurement) for step in _ladder(session))
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
-    def _file_stamp(self, name: str) -> Stamp:
+    def file_stamp(self, name: str) -> Stamp:
+        """Changes with a file of the session; None where there is none."""
         try:
             found = inside(self.path, name).stat()
         except OSError:

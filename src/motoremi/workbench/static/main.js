@@ -9,20 +9,20 @@ import { hideTip, loadTerms } from "./terms.js";
 import { percent, when } from "./units.js";
 import { bench } from "./views/bench.js";
 import { challenge } from "./views/challenge.js";
-import { effects } from "./views/effects.js";
 import { emission } from "./views/emission.js";
 import { fails } from "./views/fails.js";
 import { inspect } from "./views/inspect.js";
 import { next } from "./views/next.js";
 import { report } from "./views/report.js";
 import { session } from "./views/session.js";
+import { story } from "./views/story.js";
 
-const VIEWS = { bench, session, fails, effects, inspect, next, emission, report, challenge };
+const VIEWS = { bench, story, session, fails, inspect, next, emission, report, challenge };
 const WITHOUT_SESSION = new Set(["bench", "challenge"]);
 const KEYS = [
   ["1 - 9", "views, from Bench to Challenge"], ["T", "light or dark"], ["?", "this list"], ["Esc", "closes this list, a hint or a message"],
-  ["Arrow keys", "in plots: cursor (with Shift in larger steps); in the list of effects: up and down"], ["+ - 0", "in plots: zoom in, out, show all"],
-  ["A B", "in plots: set marks"], ["Enter", "in the list of effects: add"], ["D", "in the list of effects: drop the last one added"], ["U", "in Session: units"],
+  ["Arrow keys", "in plots: cursor (with Shift in larger steps); in Story: up and down the list of effects"], ["+ - 0", "in plots: zoom in, out, show all"],
+  ["A B", "in plots: set marks"], ["N", "in Story: what comes next"], ["Enter", "on an effect: add it"], ["D R", "in Story: drop the effect that was added last, put it back"], ["U", "in Session: units"],
 ];
 const NO_SESSION = "There is no session yet: run a procedure (view Bench), take a challenge (view Challenge), or import your files with 'motoremi import'.";
 const main = document.getElementById("main");
@@ -133,7 +133,7 @@ function list(sessions) {
   choice.value = page.session;
 }
 
-const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "session" : "bench");
+const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "story" : "bench");
 let drawing = 0;
 
 // The view is built beside the page and put in at once when it is complete. A view that is drawn anew keeps what its reader was doing.
@@ -291,6 +291,8 @@ async function start() {
   const kept = localStorage.getItem("motoremi-theme");
   if (kept) document.documentElement.dataset.theme = kept;
   element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
+  // The address names the view: a jump within it is no other view.
+  document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
   element("theme").addEventListener("click", otherTheme);
   element("help").addEventListener("click", keys);
   element("session-choice").addEventListener("change", async (event) => {
