@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from motoremi.arrays import ComplexArray
+from motoremi.bench.procedure import load_procedure
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.cli import demo
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput
 from motoremi.export.realise import impedance_of
-from motoremi.model.effects import add_effects
+from motoremi.model.effects import add_effects, identifiers
 from motoremi.model.motor import dc_motor
 from motoremi.simulate import ladders, machine
+from motoremi.simulate.effects import ANALYSER_FAULTS, HIDDEN_EFFECTS
 from motoremi.simulate.motor import SimulatedMotor
 from motoremi.simulate.network import Network, impedance
 
@@ -115,6 +120,20 @@ def test_eddy_currents_of_the_frame_show_in_the_resistance_of_the_return() -> No
         path = motor.network("open").item("Lr")
         seen = impedance(Network((dataclasses.replace(path, positive="in", negative="out"),)), "in", "out", band)
         assert np.ptp(seen.real) > 0.1 * motor.Rr, seed
+
+
+@pytest.mark.parametrize("effect", [name for name in HIDDEN_EFFECTS if name in identifiers()])
+def test_every_effect_can_be_had_on_the_bench_in_a_band_that_shows_it(effect: str) -> None:
+    with closing(SimulatedBench(4, (effect,))) as bench:
+        assert effect in (*(hidden.name for hidden in bench.motor.effects), *ANALYSER_FAULTS)
+    sweep = demo._procedure(effect).sweep
+    assert sweep is not None
+    assert sweep.start == (100.0 if effect in ("rotor-cage", "shorted-turn", "machine-winding") else 150e3)
+
+
+def test_the_demo_of_nothing_measures_the_usual_band() -> None:
+    for effect in ("none", "outside-tapped-winding"):
+        assert demo._procedure(effect) == load_procedure("full_motor_test")
 
 
 def test_two_accounts_of_one_winding_are_not_hidden_together() -> None:
