@@ -12,6 +12,7 @@ import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.causal import CausalCheck, check_causality
 from motoremi.diagnosis.together import check_together
+from motoremi.simulate.analyser import noise_sd_ohm
 from motoremi.simulate.effects import MOTOR_EFFECTS
 
 
@@ -35,11 +36,14 @@ def test_good_data_of_any_motor_are_causal(seed):
     check = checked(sweeps)
     assert check.causal, check
     for termination, model in check.models.items():
-        # What the model leaves is the noise, 0.02 % here; against the truth there remains the analyser's error, up to 0.7 % by fixture.
-        assert model.rms_error_percent < 0.03
-        assert model.remainder_hz == ()
+        # What the model leaves is the noise, 0.02 % here, more of an ohm; against the truth there remains the analyser's error, up to
+        # 0.7 % by fixture.
         truth = motor.impedance(termination, FREQUENCY_HZ)
-        assert np.sqrt(np.mean(np.abs(model.impedance_ohm(FREQUENCY_HZ) / truth - 1) ** 2)) < 0.02
+        noise_percent = 100 * np.sqrt(np.mean((noise_sd_ohm(FREQUENCY_HZ, truth, 3) / np.abs(truth)) ** 2) / 3)
+        assert model.rms_error_percent < max(0.03, 1.5 * noise_percent)
+        assert model.remainder_hz == ()
+        # Of a fraction of an ohm (a suppressor capacitor at resonance) the fixture's residuals are more.
+        assert np.sqrt(np.mean(np.abs((model.impedance_ohm(FREQUENCY_HZ) - truth) / np.maximum(np.abs(truth), 10.0)) ** 2)) < 0.02
         assert np.all(model.poles.real < 0)
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import motoremi as me
-from motoremi.blind.cases import draw
+from motoremi.blind.cases import Case
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.candidates import at_bounds, possible_effects
 from motoremi.diagnosis.compare import Tolerance
@@ -84,7 +84,7 @@ def test_motor_that_hides_nothing_is_adequate(measure, seed):
 
 def test_a_slight_wander_of_the_noise_is_no_effect():
     # One draw of noise in a hundred or so swings slowly enough to look like a shape; this motor hides nothing.
-    fit = me.fit(me.dc_motor(), draw(61133490, 135).sweeps())
+    fit = me.fit(me.dc_motor(), Case(61133490, 135, "none", (), 407090743).sweeps())
     diagnosis = me.diagnose(fit)
     check_contract(diagnosis.to_dict())
     assert diagnosis.verdict == "adequate"
@@ -97,7 +97,7 @@ def test_a_slight_wander_of_the_noise_is_no_effect():
 
 def test_what_passes_for_right_on_few_points_is_sought_again():
     # Two valleys side by side, 58 units of chi-squared apart on the thinned grid: both may be right there, one is on all points.
-    diagnosis = me.diagnose(me.fit(me.dc_motor(), draw(85083618, 283).sweeps()))
+    diagnosis = me.diagnose(me.fit(me.dc_motor(), Case(85083618, 283, "one", ("eddy-laminations",), 632884074).sweeps()))
     assert diagnosis.effects == ("eddy-laminations",)
     assert diagnosis.best.chi2_reduced < 1.05
 

@@ -16,7 +16,7 @@ import threadpoolctl
 
 import motoremi as me
 from motoremi import spread as module
-from motoremi.blind.cases import draw
+from motoremi.blind.cases import Case
 from motoremi.spread import Team, core_to_spare, one_blas_thread, spread
 
 needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks on Linux only")
@@ -169,7 +169,7 @@ def test_one_core_does_it_all(monkeypatch: pytest.MonkeyPatch) -> None:
 @needs_fork
 def test_a_diagnosis_does_not_depend_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit, on a motor with two hidden effects."""
-    case = next(case for case in (draw(777, index) for index in range(40)) if case.sort == "two")
+    case = Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122)
     base = me.fit(me.dc_motor(), case.sweeps())
     both = me.diagnose(base)
     monkeypatch.setattr(module, "core_to_spare", lambda: False)

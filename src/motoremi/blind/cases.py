@@ -71,9 +71,10 @@ def visible(base: Fit) -> bool:
 
 
 def catalogue_kinds() -> dict[str, list[str]]:
-    """What can be hidden, by sort of case."""
-    known = [name for name in HIDDEN_EFFECTS if name in identifiers()]
-    instrument = [name for name in known if find_effect(name).effect.group == "instrument"]
+    """What can be hidden, by sort of case: nothing that shows only below the protocol's band, or that is never named a cause."""
+    effects = {name: find_effect(name).effect for name in HIDDEN_EFFECTS if name in identifiers()}
+    known = [name for name, effect in effects.items() if SPAN_HZ[0] < effect.below_hz and not effect.describes]
+    instrument = [name for name in known if effects[name].group == "instrument"]
     return {"one": [name for name in known if name not in instrument], "outside": list(OUTSIDE_EFFECTS), "instrument": instrument}
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from motoremi.blind.departures import HardCase
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome
 from motoremi.model.effects import find_effect
+from motoremi.simulate.hidden import ELEMENTS
 
 GOOD = ("right", "family")
 SURE = 0.8
@@ -31,6 +32,10 @@ ATTACHED: Mapping[str, tuple[str, ...]] = {
     "distributed-winding": ("Ra", "La", "Ca", "Cf"),
     "second-resonance": ("La",),
     "bearing-film": ("Cr",),
+    "rotor-cage": ("La",),
+    "shorted-turn": ("La",),
+    "machine-winding": ("Ra", "La", "Ca", "Cf"),
+    "frame-eddy": ("Lr",),
 }
 
 
@@ -55,7 +60,7 @@ def attached(hidden: Sequence[str]) -> set[str]:
     places: set[str] = set()
     for name in hidden:
         _, _, place = name.partition("@")
-        places.update([place] if place else ATTACHED.get(name, ()))
+        places.update([place] if place in ELEMENTS else ATTACHED.get(name, ()))
     return places
 
 

@@ -34,6 +34,14 @@ STRENGTH: Mapping[str, Mapping[str, float]] = {
     "lead-inductance": {"inductance_h": 1, "resistance_ohm": 1},
     "ground-strap-inductance": {"inductance_h": 1, "resistance_ohm": 1},
     "terminal-capacitance": {"capacitance_f": 1},
+    "rotor-cage": {"share": 1},
+    "shorted-turn": {"share": 1},
+    "machine-winding": {"slots_f": 1, "cage_share": 1, "iron_hz": -1},
+    "frame-eddy": {"share": 1},
+    "common-mode-flux": {"share_lost": 1},
+    "winding-modes": {"first_capacitance_f": 1, "second_capacitance_f": 1, "third_capacitance_f": 1},
+    "suppressor-capacitor": {"capacitance_f": 1},
+    "suppressor-choke": {"inductance_h": 1, "resistance_ohm": 1},
 }
 _LEAST_STRENGTH = 1e-4
 # The seven elements stay within this factor (natural logarithm) of the motor's own.

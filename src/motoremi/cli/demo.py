@@ -12,6 +12,7 @@ from motoremi.cli.options import AsJson, Out, command
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
+    from motoremi.bench.procedure import Procedure
     from motoremi.fitting.result import Fit
 
 
@@ -23,7 +24,6 @@ def demo_(
 ) -> None:
     """Measure a simulated motor that hides an effect, fit, see where it fails, diagnose, add, watch the error fall, report."""
     from motoremi.bench.bench_file import BenchFile
-    from motoremi.bench.procedure import load_procedure
     from motoremi.bench.runner import run, start_document
     from motoremi.bench.simulated import SimulatedBench
     from motoremi.cli.bars import progress_bars
@@ -38,7 +38,7 @@ def demo_(
     hidden = () if chosen == "none" else (chosen,)
     bench = SimulatedBench(chosen_seed, hidden)
     folder = out if out is not None else fresh_folder("demo")
-    procedure = load_procedure("full_motor_test")
+    procedure = _procedure(chosen)
     bench_file = BenchFile(backend="sim", operator="demo", seed=chosen_seed)
     try:
         writer = SessionWriter.create(folder, {**start_document(procedure, bench_file), "motor": f"simulated motor {chosen_seed}"})
@@ -84,6 +84,18 @@ def demo_(
     hint = "" if effect is None else f" --effect {effect}"
     say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {chosen_seed}; 'motoremi demo --seed {chosen_seed}{hint}' shows it again)")
     say(f"session: {folder}\nreport:  {report}")
+
+
+def _procedure(effect: str) -> Procedure:
+    """The full motor test, from 100 Hz upwards where the effect shows only below the usual band."""
+    from motoremi.bench.procedure import load_procedure, parse_procedure
+    from motoremi.model.effects import find_effect, identifiers
+
+    usual = load_procedure("full_motor_test")
+    if effect not in identifiers() or usual.sweep is None or usual.sweep.start < find_effect(effect).effect.below_hz:
+        return usual
+    lower = {"title": "Full motor test, 100 Hz to 30 MHz", "sweep": {**usual.source["sweep"], "start": "100 Hz"}}
+    return parse_procedure({**usual.source, **lower}, "full_motor_test.toml")
 
 
 def _story(found: JsonDict, base: Fit, last: Fit) -> None:

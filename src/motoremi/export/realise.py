@@ -12,7 +12,7 @@ from motoremi.errors import BadInput
 from motoremi.export.ladders import ladder_of
 from motoremi.export.parts import Element, InParallel, InSeries, Part, resonant_loop
 from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, Shunted, Tape, walk
+from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Shunted, Tape, walk
 from motoremi.model.motor import Motor
 
 # Ladders are fitted beyond the measured span, so that a transient does not meet the end of the fit right behind it.
@@ -39,6 +39,8 @@ class Realisation:
         How many sections a distributed winding is cut into; 1 if it is not.
     spread : Part or None
         Impedance to the frame of one section.
+    across : Part or None
+        Between the ends of a distributed winding.
     ladder_errors : dict
         Largest relative error of each dispersive element.
     """
@@ -48,6 +50,7 @@ class Realisation:
     frame: Part | None
     sections: int = 1
     spread: Part | None = None
+    across: Part | None = None
     ladder_errors: Mapping[str, float] = field(default_factory=dict)
 
     def impedance(self, termination: str, frequency_hz: FloatArray) -> ComplexArray:
@@ -67,13 +70,22 @@ class Realisation:
         series = self.winding.impedance(s)
         if self.spread is None:
             return series if load is None else series + load
-        half = 1 / (2 * self.spread.impedance(s))
-        # Each section has half of its capacitance at each end; the one at a shorted far end is shorted with it.
-        seen = np.zeros_like(s) if load is None else 1 / (1 / load + half)
-        for section in range(self.sections):
-            seen = seen + series
-            seen = 1 / (1 / seen + (half if section == self.sections - 1 else 2 * half))
-        return seen
+        own, through = self._ends(s, series, 1 / self.spread.impedance(s))
+        if self.across is not None:
+            bridge = 1 / self.across.impedance(s)
+            own, through = own + bridge, through + bridge
+        return 1 / own if load is None else 1 / (own - through**2 / (own + 1 / load))
+
+    def _ends(self, s: ComplexArray, series: ComplexArray, shunt: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Admittance at either end of all sections in a row, the other end shorted, and between the ends.
+
+        Each section has half of what goes to the frame at each of its ends. Two equal rows make one of twice the length.
+        """
+        own, through = 1 / series + shunt / 2, 1 / series
+        for _ in range(self.sections.bit_length() - 1):
+            shared = through / (2 * own)
+            own, through = own - through * shared, through * shared
+        return own, through
 
 
 class _Builder:
@@ -104,6 +116,11 @@ class _Builder:
             return Element(kind, name, own[0])  # type: ignore[arg-type]
         if leaf.law is laws.resistance_and_inductance:
             return InSeries((Element("R", name, own[0]), Element("L", name, own[1])))
+        if leaf.law is laws.resonant_branch:
+            capacitance, resonance_hz, quality = own
+            reactance = 1 / (2 * np.pi * resonance_hz * capacitance)
+            inductance = reactance / (2 * np.pi * resonance_hz)
+            return InSeries((Element("R", name, reactance / quality), Element("L", name, inductance), Element("C", name, capacitance)))
         if leaf.law is laws.resonant_cell:
             inductance, resonance_hz, resistance = own
             capacitance = 1 / ((2 * np.pi * resonance_hz) ** 2 * inductance)
@@ -158,22 +175,27 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
     Raises
     ------
     BadInput
-        If an effect of the user's own wraps the motor in a way that has no such parts.
+        If an element differs between the two sweeps, or an effect of the user's own wraps the motor in a way that has no such parts.
     """
+    if motor.apart:
+        differing = ", ".join(apart.element for apart in motor.apart)
+        raise BadInput(
+            f"{differing} differs between the short- and the open-circuit sweep: no one network is both; drop common-mode-flux for this export"
+        )
     builder = _Builder(values, span_hz)
     outside = tuple(_outside(builder, attachment.wrap(_PLACEHOLDER)) for attachment in reversed(motor.attachments))
-    seen = _bare(motor).circuit("open" if with_frame else "short")
-    if not isinstance(seen, Line):
-        frame = builder.part(motor.frame) if with_frame else None
+    line, across = _line_of(_bare(motor).circuit("open" if with_frame else "short"))
+    frame = builder.part(motor.frame if line is None or line.load is None else line.load) if with_frame else None
+    if line is None:
         return Realisation(outside, builder.part(motor.winding), frame, ladder_errors=builder.errors)
-    winding, spread = builder.part(seen.series), builder.part(seen.shunt)
-    frame = builder.part(seen.load) if seen.load is not None else None
+    winding, spread = builder.part(line.series), builder.part(line.shunt)
+    bridge = None if across is None else builder.part(across)
     terminations = ("short", "open") if frame is not None else ("short",)
     frequency = np.geomspace(*span_hz, 400)
     wanted = {termination: impedance_of(motor.circuit(termination), values, frequency) for termination in terminations}
     sections = 8
     while True:
-        result = Realisation(outside, winding.scaled(1 / sections), frame, sections, spread.scaled(sections), builder.errors)
+        result = Realisation(outside, winding.scaled(1 / sections), frame, sections, spread.scaled(sections), bridge, builder.errors)
         errors = [deviation(result.impedance(termination, frequency), wanted[termination]) for termination in terminations]
         if sections >= _LARGEST_NUMBER_OF_SECTIONS or all(db < _SECTION_DB and deg < _SECTION_DEG for db, deg in errors):
             return result
@@ -191,7 +213,16 @@ _PLACEHOLDER = Leaf("motor", laws.resistor, ())
 
 def _bare(motor: Motor) -> Motor:
     """The motor without what is attached to it."""
-    return Motor(motor.winding, motor.frame, motor.distribution)
+    return Motor(motor.winding, motor.frame, motor.distribution, motor.spread)
+
+
+def _line_of(seen: Node) -> tuple[Line | None, Node | None]:
+    """The line of a distributed winding, and what lies across its ends."""
+    if isinstance(seen, Bridged):
+        return Line(seen.series, seen.shunt, seen.load), seen.across
+    if isinstance(seen, Parallel) and isinstance(seen.members[0], Line):
+        return seen.members[0], Parallel(seen.members[1:])
+    return (seen if isinstance(seen, Line) else None), None
 
 
 def _outside(builder: _Builder, wrapped: Node) -> tuple[str, Part]:

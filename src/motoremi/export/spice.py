@@ -100,6 +100,8 @@ def subcircuit(network: Realisation) -> Iterator[str]:
         for node in nodes:
             at_end = node in (nodes[0], nodes[-1])
             yield from (network.spread.scaled(2) if at_end else network.spread).lines(fresh, node, "frame")
+    if network.across is not None:
+        yield from network.across.lines(fresh, here, "far_end")
     if network.frame is not None:
         yield from network.frame.lines(fresh, "far_end", "frame")
     yield f".ends {SUBCIRCUIT}"

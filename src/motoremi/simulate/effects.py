@@ -13,19 +13,27 @@ from motoremi.errors import BadInput
 from motoremi.simulate.connection import CONNECTION_EFFECTS, DRIFT_EFFECTS, ROTOR_EFFECTS
 from motoremi.simulate.hidden import ELEMENTS, EffectKind, Elements
 from motoremi.simulate.insulation import INSULATION_EFFECTS
+from motoremi.simulate.machine import FLUX_EFFECTS, LOOP_EFFECTS, MACHINE_EFFECTS, MODE_EFFECTS
 from motoremi.simulate.outside import OUTSIDE_EFFECTS as _OUTSIDE
 from motoremi.simulate.parts import Network
-from motoremi.simulate.winding import ELEMENT_EFFECTS, TURN_EFFECTS
+from motoremi.simulate.suppressor import SUPPRESSOR_EFFECTS
+from motoremi.simulate.winding import BESIDE_EFFECTS, MATERIAL_EFFECTS, TURN_EFFECTS
 
 # The order is the order in which effects are worked in: elements, then what spreads or extends them, then the terminals.
 _KINDS: Mapping[str, EffectKind] = {
     kind.name: kind
     for kind in (
-        *ELEMENT_EFFECTS,
+        *MATERIAL_EFFECTS,
+        *LOOP_EFFECTS,
+        *FLUX_EFFECTS,
+        *BESIDE_EFFECTS,
         *INSULATION_EFFECTS,
+        *MODE_EFFECTS,
         *_OUTSIDE,
         *ROTOR_EFFECTS,
         *TURN_EFFECTS,
+        *MACHINE_EFFECTS,
+        *SUPPRESSOR_EFFECTS,
         *CONNECTION_EFFECTS,
         *DRIFT_EFFECTS,
     )
@@ -115,6 +123,9 @@ def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[d
         check_motor_effect(name)
     if len(set(names)) < len(names):
         raise BadInput(f"an effect is named twice: {', '.join(names)}")
+    for name in names:
+        for other in sorted(set(names) & set(_KINDS[name].excludes)):
+            raise BadInput(f"{name} and {other} work on the same parts of the winding: hide one of them")
     values = dict(elements)
     effects = []
     for name in sorted(names, key=MOTOR_EFFECTS.index):

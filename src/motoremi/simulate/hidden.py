@@ -32,12 +32,15 @@ class EffectKind:
         `apply(network, elements, sizes)` gives the network with the effect.
     terminations : tuple of str
         Sweeps in which it is there.
+    excludes : tuple of str
+        Kinds that work on the same parts in another way: a motor hides one of them.
     """
 
     name: str
     draw: Callable[[np.random.Generator, Elements], dict[str, float]]
     apply: Callable[[Network, Elements, Sizes], Network]
     terminations: tuple[Termination, ...] = TERMINATIONS
+    excludes: tuple[str, ...] = ()
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

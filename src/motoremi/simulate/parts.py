@@ -139,11 +139,15 @@ class Network:
         )
 
     def with_capacitors(self, factor: float) -> Network:
-        """With every capacitance, those inside blocks too, `factor` times as large."""
+        """With every capacitance, those inside blocks too, `factor` times as large; blocks that shared a network still do."""
         items: list[Item] = []
+        changed: dict[int, Network] = {}
         for item in self.items:
             if isinstance(item, Block):
-                items.append(dataclasses.replace(item, network=item.network.with_capacitors(factor)))
+                key = id(item.network)
+                if key not in changed:
+                    changed[key] = item.network.with_capacitors(factor)
+                items.append(dataclasses.replace(item, network=changed[key]))
             else:
                 items.append(item.scaled(1 / factor) if item.kind == "C" else item)
         return dataclasses.replace(self, items=tuple(items))

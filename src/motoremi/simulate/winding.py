@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, beside, log_uniform, replaced, uniform
-from motoremi.simulate.parts import IN, OUT, Network
+from motoremi.simulate.parts import IN, OUT, Network, Part
 
 
 def _draw_skin(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -110,7 +110,8 @@ def _apply_distributed(network: Network, elements: Elements, sizes: Sizes) -> Ne
     winding = Network(tuple(network.item(name) for name in own)).with_node("X", IN).with_node("Y", OUT)
     rest = dataclasses.replace(network, items=tuple(item for item in network.items if item.name not in own))
     lumped = network.item("Cf").scaled(1 / (1 - sizes["share"]))
-    line = ladders.winding_line(winding, sizes["share"] * elements["Cf"], "X", "Y", "G")
+    slots = Part("C", "slots", "X", "G", sizes["share"] * elements["Cf"])
+    line = ladders.winding_line(winding, slots, "X", "Y", ladders.LINE_CELLS)
     return rest.with_item("Cf", lumped).plus(*line)
 
 
@@ -133,12 +134,14 @@ def _apply_second(network: Network, elements: Elements, sizes: Sizes) -> Network
 
 
 # In the order in which they must be worked in: what changes an element first, what moves a node last.
-ELEMENT_EFFECTS = (
+MATERIAL_EFFECTS = (
     EffectKind("skin-effect", _draw_skin, _apply_skin),
     EffectKind("proximity-effect", _draw_proximity, _apply_proximity),
     EffectKind("field-coupling", _draw_field, _apply_field),
     EffectKind("eddy-laminations", _draw_laminations, _apply_laminations),
     EffectKind("permeability-relaxation", _draw_relaxation, _apply_relaxation),
+)
+BESIDE_EFFECTS = (
     EffectKind("core-loss", _draw_core_loss, _apply_core_loss),
     EffectKind("brush-contact", _draw_brush, _apply_brush),
 )

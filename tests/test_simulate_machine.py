@@ -1,0 +1,142 @@
+"""What machines and suppressors hide: networks of ideal parts against the catalogue's laws, and against finer networks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from motoremi.arrays import ComplexArray
+from motoremi.bench.procedure import load_procedure
+from motoremi.bench.simulated import SimulatedBench
+from motoremi.cli import demo
+from motoremi.data.sweep import TERMINATIONS
+from motoremi.errors import BadInput
+from motoremi.export.realise import impedance_of
+from motoremi.model.effects import add_effects, identifiers
+from motoremi.model.motor import dc_motor
+from motoremi.simulate import ladders, machine
+from motoremi.simulate.effects import ANALYSER_FAULTS, HIDDEN_EFFECTS
+from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.network import Network, impedance
+
+WIDE = np.geomspace(100.0, 30e6, 201)
+# What the catalogue calls a size, where the network's is another.
+OTHERWISE: Mapping[str, Mapping[str, float]] = {
+    "shorted-turn": {"skin_hz": 1e12},
+}
+
+
+def in_the_catalogue(motor: SimulatedMotor, termination: str) -> ComplexArray:
+    """The same motor by the laws of the catalogue."""
+    model, values = dc_motor(), dict(motor.elements)
+    for effect in motor.effects:
+        sizes = dict(effect.sizes) | OTHERWISE.get(effect.name, {})
+        names = [effect.name]
+        if effect.name == "common-mode-flux":
+            sizes = {"share": 1 - sizes["share_lost"]}
+        if effect.name == "winding-modes":
+            names *= 3
+            for label, mode in (("", "first"), ("#2", "second"), ("#3", "third")):
+                values |= {f"winding-modes{label}.{what}": sizes[f"{mode}_{what}"] for what in ("capacitance_f", "resonance_hz")}
+            sizes = {"quality": sizes["quality"]}
+        values |= {f"{effect.name}.{name}": size for name, size in sizes.items()}
+        model = add_effects(model, names)
+    return impedance_of(model.circuit(termination), values, WIDE)
+
+
+def worst(value: ComplexArray, expected: ComplexArray) -> float:
+    return float(np.max(np.abs(value / expected - 1)))
+
+
+@pytest.mark.parametrize("termination", TERMINATIONS)
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        ("rotor-cage",),
+        ("shorted-turn",),
+        ("frame-eddy",),
+        ("common-mode-flux",),
+        ("winding-modes",),
+        ("machine-winding",),
+        ("suppressor-capacitor",),
+        ("suppressor-capacitor@frame",),
+        ("suppressor-capacitor@pair",),
+        ("suppressor-choke",),
+        ("machine-winding", "winding-modes", "suppressor-choke"),
+        ("distributed-winding", "winding-modes"),
+        ("common-mode-flux", "core-loss", "suppressor-capacitor@pair"),
+    ],
+)
+def test_the_network_is_what_the_catalogue_says(hidden: tuple[str, ...], termination: str) -> None:
+    for seed in range(4):
+        motor = SimulatedMotor.random(seed, hidden)
+        assert worst(motor.impedance(termination, WIDE), in_the_catalogue(motor, termination)) < 2e-4, seed
+
+
+@pytest.mark.parametrize("exponent", [0.55, 0.65, 0.75])
+def test_iron_relaxes_over_decades(exponent: float) -> None:
+    law = 2j * np.pi * WIDE * 1e-5 / (1 + (1j * WIDE / 3e5) ** exponent)
+    value = impedance(ladders.spread_relaxation(1e-5, 3e5, exponent), "in", "out", WIDE)
+    assert worst(value, law) < 2e-4
+    finer = ladders.spread_relaxation(1e-5, 3e5, exponent, per_decade=12)
+    assert worst(value, impedance(finer, "in", "out", WIDE)) < 2e-4
+
+
+def test_iron_with_no_spread_is_refused() -> None:
+    with pytest.raises(BadInput, match="exponent"):
+        ladders.spread_relaxation(1e-5, 3e5, 1.0)
+
+
+def test_a_machine_of_four_times_the_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    motors = [SimulatedMotor.random(seed, ["machine-winding"]) for seed in range(5)]
+    before = [motor.impedance("open", WIDE) for motor in motors]
+    monkeypatch.setattr(machine, "MACHINE_CELLS", 4 * machine.MACHINE_CELLS)
+    for motor, value in zip(motors, before, strict=True):
+        assert worst(value, motor.impedance("open", WIDE)) < 1e-4
+
+
+def test_a_warm_machine_shares_its_cells_still() -> None:
+    network = SimulatedMotor.random(1, ["machine-winding", "temperature-drift"]).network("open")
+    cells = {id(item.network) for item in network.items if item.name.startswith("cell")}  # type: ignore[union-attr]
+    assert len(cells) == 1
+
+
+@pytest.mark.parametrize(("effect", "share"), [("rotor-cage", 0.02), ("shorted-turn", 0.02), ("machine-winding", 0.05)])
+def test_loops_show_in_the_resistance_below_20_khz(effect: str, share: float) -> None:
+    """Which neither Ra nor La can take up: by far more than the 0.1 % of a good analyser."""
+    for seed in range(10):
+        seen = SimulatedMotor.random(seed, [effect]).impedance("short", WIDE[WIDE < 20e3])
+        assert np.ptp(seen.real) > share * np.abs(seen).max(), seed
+
+
+def test_eddy_currents_of_the_frame_show_in_the_resistance_of_the_return() -> None:
+    for seed in range(10):
+        motor = SimulatedMotor.random(seed, ["frame-eddy"])
+        band = WIDE[WIDE > 1e6]
+        path = motor.network("open").item("Lr")
+        seen = impedance(Network((dataclasses.replace(path, positive="in", negative="out"),)), "in", "out", band)
+        assert np.ptp(seen.real) > 0.1 * motor.Rr, seed
+
+
+@pytest.mark.parametrize("effect", [name for name in HIDDEN_EFFECTS if name in identifiers()])
+def test_every_effect_can_be_had_on_the_bench_in_a_band_that_shows_it(effect: str) -> None:
+    with closing(SimulatedBench(4, (effect,))) as bench:
+        assert effect in (*(hidden.name for hidden in bench.motor.effects), *ANALYSER_FAULTS)
+    sweep = demo._procedure(effect).sweep
+    assert sweep is not None
+    assert sweep.start == (100.0 if effect in ("rotor-cage", "shorted-turn", "machine-winding") else 150e3)
+
+
+def test_the_demo_of_nothing_measures_the_usual_band() -> None:
+    for effect in ("none", "outside-tapped-winding"):
+        assert demo._procedure(effect) == load_procedure("full_motor_test")
+
+
+def test_two_accounts_of_one_winding_are_not_hidden_together() -> None:
+    for other in ("distributed-winding", "rotor-cage", "core-loss"):
+        with pytest.raises(BadInput, match="hide one of them"):
+            SimulatedMotor.random(1, [other, "machine-winding"])
