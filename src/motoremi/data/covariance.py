@@ -26,6 +26,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import Analyser, error_basis
+from motoremi.data.directions import directions as directions_of
 from motoremi.data.kernels import Parts, slope, smooth_basis, smoothed
 from motoremi.data.noise import Noise
 from motoremi.data.repeats import WANDERING
@@ -212,12 +213,12 @@ def _apart(columns: Columns) -> Apart:
     for known, free in zip(columns.known_of, columns.discrepancy_of, strict=True):
         own = weight[first : first + len(known), None]
         first += len(known)
-        directions, variances = _directions(known * own, LEAST_SHARE)
+        directions, variances = directions_of(known * own, LEAST_SHARE)
         # H = 1 - back F*, the inverse root of the noise's covariance.
         back = directions * (1 - 1 / np.sqrt(1 + variances))
         quiet = free * own
         quiet = quiet - back @ (directions.conj().T @ quiet)
-        along, strength = _directions(quiet, 1e-12 * float(np.max(np.sum(np.abs(quiet) ** 2, axis=0), initial=0.0)))
+        along, strength = directions_of(quiet, 1e-12 * float(np.max(np.sum(np.abs(quiet) ** 2, axis=0), initial=0.0)))
         fixed.append(directions)
         shares.append(variances / (1 + variances))
         spread.append(along - back @ (directions.conj().T @ along))
@@ -230,21 +231,6 @@ def _apart(columns: Columns) -> Apart:
         np.concatenate(strengths),
         columns.analyser * weight[:, None],
     )
-
-
-def _directions(columns: ComplexArray, least: float) -> tuple[ComplexArray, FloatArray]:
-    """Orthonormal directions of columns, shape (n, q), and their variances, those above `least`."""
-    if columns.shape[1] == 0:
-        return np.zeros((len(columns), 0), dtype=np.complex128), np.zeros(0)
-    if columns.shape[1] > len(columns):
-        variances, vectors = np.linalg.eigh(columns @ columns.conj().T)
-        keep = variances > max(least, 0.0)
-        return vectors[:, keep], variances[keep]
-    variances, vectors = np.linalg.eigh(columns.conj().T @ columns)
-    keep = variances > max(least, 1e-14 * float(variances[-1]))
-    # Of small ones beside large ones only the largest digits are orthogonal so far; the large ones come first, since they are exact.
-    orthonormal = np.linalg.qr((columns @ vectors[:, keep])[:, ::-1] / np.sqrt(variances[keep][::-1]))[0]
-    return orthonormal, variances[keep][::-1]
 
 
 def _blocks(parts: Sequence[np.ndarray]) -> ComplexArray:

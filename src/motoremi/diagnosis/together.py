@@ -194,6 +194,15 @@ def _disagreements(short: Fit, open_: Fit) -> tuple[Disagreement, ...]:
     found = []
     for name in WINDING:
         one, other = short.parameters[name], open_.parameters[name]
-        if abs(one - other) > DIFFERENT * np.hypot(short.sigma[name], open_.sigma[name]):
+        if abs(one - other) > DIFFERENT * np.hypot(_sigma(short, name), _sigma(open_, name)):
             found.append(Disagreement(name, units[name], one, other))
     return tuple(sorted(found, key=lambda d: -abs(d.change)))
+
+
+def _sigma(fit: Fit, name: str) -> float:
+    """Of a winding's element, as if nothing had moved and this were the winding's resonance: that is what is in question."""
+    names = [parameter.name for parameter in fit.problem.unknowns]
+    if name not in names:  # held
+        return 0.0
+    index = names.index(name)
+    return float(fit.parameters[name] * np.sqrt(fit.covariance[index, index]))

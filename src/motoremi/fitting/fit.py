@@ -13,6 +13,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.fitting.colony import Colony
+from motoremi.fitting.exchange import exchanged
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.polish import polish
@@ -117,7 +118,23 @@ def _check_informative(measurement: Measurement) -> None:
 
 
 def _by_ants(task: Task, seed: int) -> Fit:
-    return summarise(task, search_base(task, seed), "ant-colony", seed)
+    return with_larger_winding(summarise(task, search_base(task, seed), "ant-colony", seed))
+
+
+def with_larger_winding(fitted: Fit) -> Fit:
+    """Of two assignments of the resonances that are as good, the one whose winding has more inductance than the way to the frame.
+
+    Turns multiply a winding's inductance, and the frame's path has none; an assumption, which the error bars do not rest on.
+    """
+    if fitted.exchange is None:
+        return fitted
+    index = [parameter.name for parameter in fitted.problem.unknowns].index("La")
+    if fitted.exchange[index] <= 0:
+        return fitted
+    values = fitted.problem.named(fitted.unknowns + fitted.exchange)
+    searched = {**fitted.search_parameters, **exchanged(fitted.search_parameters)}
+    found = Found(arrived_on_all(fitted.task, [values], fitted.sizes), fitted.history, searched)
+    return summarise(fitted.task, found, fitted.method, fitted.seed)
 
 
 def _by_the_paper(task: Task, seed: int) -> Fit:
@@ -174,6 +191,9 @@ def trail_to(
             # With effects, the search's best and the likelihood's may lie in different valleys. Where little is left, the analyser's errors
             # hold part of what is sought: without them a start would be far above the fit without the effect.
             bases.append({**own, **before.parameters, **before.nuisance})
+    if before.exchange is not None:
+        # An effect tells which resonance is the winding's: it fits beside the right one only.
+        bases += [{**base, **exchanged(base)} for base in bases]
     starts = [_started(base, start, label) for start in tried for base in bases]
     return Trail(task, starts, len(bases), before.sizes)
 

@@ -344,8 +344,12 @@ class Problem:
         turned = (_wrapped(turned) if self.weights != "relative" and not self._by_reflection else turned) * weight
         along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
         second = (2 / fraction) * (turned / fraction - along_step)
-        pull = _product(jacobian, second.view(np.float64)) - _product(here.along, self._along(second))
-        result: FloatArray = pull * here.chain
+        return self.pull(here, second)
+
+    def pull(self, here: Linearised, weighted: ComplexArray) -> FloatArray:
+        """J' C^-1 times a change of the weighted residuals, shape (..., n): half of what it adds to the gradient; shape (..., k)."""
+        along = _product(here.along, self._along(weighted))
+        result: FloatArray = (_product(here.slopes.view(np.float64), weighted.view(np.float64)) - along) * here.chain
         return result
 
     def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:

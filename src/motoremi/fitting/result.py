@@ -15,9 +15,11 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
+from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
 from motoremi.fitting.search import PLAIN, Found, Solution, Task
+from motoremi.fitting.warming import displacements
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import Motor, dc_motor
@@ -49,7 +51,8 @@ class Fit:
     seed : int
     parameters, sigma : dict
         Values and standard deviations in SI units; sigma is infinite for what the data do not determine; it includes what no
-        model describes, and that the analyser may be worse than declared.
+        model describes, that the analyser may be worse than declared, what moved while the repeats drifted, and that the resonances
+        of an open-circuit sweep alone may change places.
     nuisance : dict
         What the fit believes the fixture's compensation left, SI units.
     chi2_reduced : float
@@ -169,13 +172,31 @@ class Fit:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be."""
+        """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be.
+
+        That of the linear model round the solution; `shown_covariance` is what error bars follow from.
+        """
         shares = self.marginal.of_scale
         total = np.zeros_like(self.linearised.matrix)
         for scale, share in zip(self.marginal.scales, shares, strict=True):
             if share > LEAST_LIKELY:
                 total += share / shares[shares > LEAST_LIKELY].sum() * self._covariance_at(scale)
         return total
+
+    @cached_property
+    def shown_covariance(self) -> FloatArray:
+        """The same with what the likelihood does not hold: what moved between the sweeps, and that two resonances may change places."""
+        moved = displacements(self.problem, self.unknowns, self.linearised, self.covariance)
+        total: FloatArray = self.covariance + moved.T @ moved
+        if self.exchange is not None:
+            # The other assignment is as good, so one standard deviation reaches it.
+            total = total + np.outer(self.exchange, self.exchange)
+        return total
+
+    @cached_property
+    def exchange(self) -> FloatArray | None:
+        """How far off the solution is with winding's and frame's resonances in each other's place; None where the data tell them apart."""
+        return other_assignment(self.problem, self.unknowns)
 
     def _covariance_at(self, declared: float) -> FloatArray:
         if declared == self.sizes.declared:
@@ -423,14 +444,15 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
 
 def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
     """With the standard deviations, which follow from the covariance."""
-    deviations = np.sqrt(np.diag(result.covariance))
+    deviations = np.sqrt(np.diag(result.shown_covariance))
     sigma: dict[str, float] = dict.fromkeys(result.parameters, 0.0)
     for index, parameter in enumerate(problem.unknowns):
         if parameter.name in own:
             unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
-    told = dataclasses.replace(result, sigma=sigma)
-    for name in ("problem", "linearised", "unknowns", "covariance"):
+    warnings = result.warnings if result.exchange is None else (*result.warnings, EXCHANGEABLE)
+    told = dataclasses.replace(result, sigma=sigma, warnings=warnings)
+    for name in ("problem", "linearised", "unknowns", "covariance", "shown_covariance", "exchange"):
         vars(told)[name] = vars(result)[name]
     return told
 
