@@ -17,9 +17,9 @@ The discrepancy follows Kennedy and O'Hagan (Journal of the Royal Statistical So
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,8 @@ VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
 # A direction that holds less than this share of the noise's variance tells nothing.
 LEAST_SHARE = 1e-4
+# A search returns to the same few sizes again and again.
+KEPT = 4
 
 
 class Sizes(NamedTuple):
@@ -112,9 +114,10 @@ class Columns:
         """What each sweep's covariance is without the analyser, which all share."""
         return _apart(self)
 
-    def whitening(self, declared: float) -> Whitening:
+    @cached_property
+    def whitening(self) -> Callable[[float], Whitening]:
         """The covariance at one scale of the declared errors, ready for every size of the discrepancy."""
-        return Whitening(self.apart, declared)
+        return lru_cache(KEPT)(lambda declared: Whitening(self.apart, declared))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +168,12 @@ class Whitening:
     apart: Apart
     declared: float
 
-    def directions(self, discrepancy: float) -> ComplexArray:
-        """D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
+    @cached_property
+    def directions(self) -> Callable[[float], ComplexArray]:
+        """Of a size of the discrepancy: D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
+        return lru_cache(KEPT)(self._directions)
+
+    def _directions(self, discrepancy: float) -> ComplexArray:
         apart = self.apart
         shares = apart.shares(np.asarray(discrepancy))
         used = shares > LEAST_SHARE

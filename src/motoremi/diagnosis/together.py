@@ -174,13 +174,13 @@ def _windings(model: CausalModel) -> list[dict[str, float]]:
 
 def _with_frames(winding: dict[str, float], measurement: Measurement) -> list[Mapping[str, float]]:
     """Start values of all elements: the frame's from what the sweep leaves of such a winding."""
-    motor = dc_motor()
-    frequency = measurement.sweeps[0].frequency_hz
+    motor, sweep = dc_motor(), measurement.coarse.sweeps[0]
+    frequency = sweep.frequency_hz
     names = [p.name for p in motor.parameters if p.name in winding]
     would_be = Tape(motor.circuit("short"), names).impedance(
         np.asarray(2j * np.pi * frequency, dtype=np.complex128), np.array([winding[name] for name in names])
     )
-    both = Measurement.of([ImpedanceSweep("short", frequency, would_be), ImpedanceSweep("open", frequency, measurement.sweeps[0].mean_ohm)])
+    both = Measurement.of([ImpedanceSweep("short", frequency, would_be), ImpedanceSweep("open", frequency, sweep.mean_ohm)])
     return list(data_driven_starts(both))
 
 

@@ -181,12 +181,12 @@ def trail_to(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
-    if read := read_start(before.measurement, added.effect.name):
+    if read := read_start(before.measurement.coarse, added.effect.name):
         tried.append(dict(read))
     if near:
         bases = [{**own, **near}, own]
     else:
-        bases = base_starts(own, before.measurement, few=len(tried) > 9)
+        bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9)
         if before.effects or before.sizes.discrepancy < PLAIN:
             # With effects, the search's best and the likelihood's may lie in different valleys. Where little is left, the analyser's errors
             # hold part of what is sought: without them a start would be far above the fit without the effect.
@@ -255,7 +255,7 @@ def trail_without(before: Fit, gone: str) -> Trail:
     task = task_without(before, gone)
     names = {p.name for p in task.motor.parameters}
     own = {name: value for name, value in before.parameters.items() if name in names}
-    bases = [own, *({**own, **base} for base in base_starts(own, before.measurement, few=False))]
+    bases = [own, *({**own, **base} for base in base_starts(own, before.measurement.coarse, few=False))]
     # With one effect less, more is left than now: how much is not known.
     return Trail(task, bases, len(bases), Sizes(1.0, before.sizes.declared))
 
@@ -298,11 +298,11 @@ def _searched(task: Task, solution: Solution) -> dict[str, float]:
 
 def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     """The frequency at which a step of gain would explain most, over all points."""
-    problem = before.problem
+    problem, measurement = before.weighed, before.measurement.coarse
     order = np.argsort(problem.observed.frequency_hz, kind="stable")
     position = np.log(problem.observed.frequency_hz[order])
     white = problem.less_allowed_error(before.unknowns)[order]
-    variance = np.concatenate([noise.sigma for noise in before.measurement.noise])[order] ** 2
+    variance = np.concatenate([noise.sigma for noise in measurement.noise])[order] ** 2
     places = np.unique(position)[2:-2]
     # A step is seen in the change between the few points on either side, in every sweep that covers it.
     low, here, high = (np.searchsorted(position, places + shift) for shift in (-STEP_REACH, 0.0, STEP_REACH))

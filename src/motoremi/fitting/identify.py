@@ -83,7 +83,7 @@ def profile(fit: Fit, name: str) -> Interval:
     direction = _following(fit.linearised.matrix, index)
 
     def excess(value: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
-        held = Problem(fit.motor, fit.measurement, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
+        held = Problem(fit.motor, fit.measurement.coarse, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
         # From the neighbour, from the solution, and from where the others have to go where they show only as a product.
         along = problem.named(problem.clip(fit.unknowns + direction * (value - best)))
         end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, precision=ALONG_PROFILE)

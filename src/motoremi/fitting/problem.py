@@ -161,7 +161,6 @@ class Problem:
         self.observed = observed(measurement, points, weights, highest_hz)
         self.size = self.observed.size
         sweeps = self.observed.sweeps
-        self._whitening = self.observed.columns.whitening(sizes.declared) if weights == "likelihood" else None
         self._by_reflection = weights == "likelihood" and analyser.by_reflection
         self._tape = Tape([self._circuit(sweep, with_residuals) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
 
@@ -260,7 +259,9 @@ class Problem:
     @cached_property
     def _directions(self) -> ComplexArray:
         """D, shape (n, q): 1 - D D* is the inverse covariance of weighted residuals."""
-        return self.whitening.directions(self.sizes.discrepancy) if self._whitening else np.zeros((self.size, 0), dtype=np.complex128)
+        if self.weights != "likelihood":
+            return np.zeros((self.size, 0), dtype=np.complex128)
+        return self.whitening.directions(self.sizes.discrepancy)
 
     @cached_property
     def _adjoint(self) -> ComplexArray:
@@ -269,8 +270,8 @@ class Problem:
     @property
     def whitening(self) -> Whitening:
         """The covariance at these sizes' scale of the declared errors; only of the likelihood."""
-        assert self._whitening is not None
-        return self._whitening
+        assert self.weights == "likelihood"
+        return self.observed.columns.whitening(self.sizes.declared)
 
     def residual(self, u: FloatArray) -> ComplexArray:
         """What is judged, relative to Z, shape (..., n)."""
@@ -397,14 +398,23 @@ class Problem:
         size = np.sqrt(np.sum(np.abs(self.observed.columns.analyser) ** 2, axis=1))
         return float(np.max(np.abs(error) / np.where(size > 0, np.sqrt(2) * size, np.inf), initial=0.0))
 
-    def less_allowed_error(self, u: FloatArray) -> ComplexArray:
-        """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows."""
+    def less_allowed_error(self, u: FloatArray, everywhere: Problem | None = None) -> ComplexArray:
+        """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows.
+
+        Parameters
+        ----------
+        u : ndarray, shape (k,)
+        everywhere : Problem, optional
+            The same on all points of the sweeps, where this one is of averages: what is left there.
+        """
+        seen = everywhere or self
         if self.measurement.analyser.ideal or self.weights != "likelihood":
-            return self.deviation(u)
+            return seen.deviation(u)
         allowed = np.where(self._declared, np.clip(u, -ALLOWED, ALLOWED), u)
         error = self.smooth_error(u)
         sigma = self._smooth_sigma(error)
-        return self.deviation(allowed) - error * (min(1.0, ALLOWED / sigma) if sigma else 1.0)
+        taken = error * (min(1.0, ALLOWED / sigma) if sigma else 1.0)
+        return seen.deviation(allowed) - (taken if everywhere is None else self.observed.at(everywhere.observed, taken))
 
     def whiten(self, weighted: ComplexArray) -> ComplexArray:
         """Weighted residuals, shape (..., n), with unit covariance."""
