@@ -35,6 +35,8 @@ VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
 # A direction that holds less than this share of the noise's variance tells nothing.
 LEAST_SHARE = 1e-4
+# On the way to a solution one that holds less than this need not be followed: half as many are left.
+ROUGH_SHARE = 1e-2
 # A search returns to the same few sizes again and again.
 KEPT = 4
 
@@ -169,15 +171,17 @@ class Whitening:
     declared: float
 
     @cached_property
-    def directions(self) -> Callable[[float], ComplexArray]:
-        """Of a size of the discrepancy: D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
+    def directions(self) -> Callable[..., ComplexArray]:
+        """Of a size of the discrepancy, and a least share: D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
         return lru_cache(KEPT)(self._directions)
 
-    def _directions(self, discrepancy: float) -> ComplexArray:
+    def _directions(self, discrepancy: float, least_share: float = LEAST_SHARE) -> ComplexArray:
         apart = self.apart
-        shares = apart.shares(np.asarray(discrepancy))
-        used = shares > LEAST_SHARE
-        alone = np.concatenate([apart.fixed * np.sqrt(apart.fixed_shares), apart.spread[:, used] * np.sqrt(shares[used])], axis=1)
+        shares, fixed = apart.shares(np.asarray(discrepancy)), apart.fixed_shares > least_share
+        used = shares > least_share
+        alone = np.concatenate(
+            [apart.fixed[:, fixed] * np.sqrt(apart.fixed_shares[fixed]), apart.spread[:, used] * np.sqrt(shares[used])], axis=1
+        )
         if not apart.analyser.shape[1]:
             return alone
         columns = self.declared * apart.analyser

@@ -62,9 +62,9 @@ class Together:
     Parameters
     ----------
     alone : dict
-        Termination -> fit of that sweep alone.
+        Termination -> fit of that sweep alone; without the open one where the short one does not fit.
     fits_alone : dict
-        Termination -> whether that fit leaves nothing to explain.
+        Termination -> whether that fit leaves nothing to explain; likewise.
     fits_together : bool
     disagreements : tuple of Disagreement
         Winding elements on which the sweeps differ beyond their error bars, largest change first.
@@ -131,10 +131,12 @@ def check_together(both: Fit) -> Together | None:
     measurement = both.measurement
     if len(measurement.sweeps) < 2:
         return None
-    short, open_ = _short_alone(both), _open_alone(both)
-    return Together(
-        {"short": short, "open": open_}, {"short": short.explained, "open": open_.explained}, both.explained, _disagreements(short, open_)
-    )
+    short = _short_alone(both)
+    if not short.explained:
+        # Whatever the other does alone, which takes long to find out, the model lacks something.
+        return Together({"short": short}, {"short": False}, both.explained, ())
+    open_ = _open_alone(both)
+    return Together({"short": short, "open": open_}, {"short": True, "open": open_.explained}, both.explained, _disagreements(short, open_))
 
 
 def _short_alone(both: Fit) -> Fit:

@@ -21,7 +21,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of
-from motoremi.data.covariance import Sizes, Whitening, orthonormal
+from motoremi.data.covariance import LEAST_SHARE, Sizes, Whitening, orthonormal
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import ObservedSweep, Weights, observed
@@ -119,6 +119,8 @@ class Problem:
         the solution and is where searches start. `relative`: the same for 1 - Z_model / Z_measured, the error that is shown.
     sizes : Sizes
         Of what no model describes, and of the analyser's errors against those declared.
+    least_share : float
+        Smooth directions that hold less than this share of the noise's variance are left out of the objective.
 
     Attributes
     ----------
@@ -136,8 +138,10 @@ class Problem:
         weights: Weights = "likelihood",
         highest_hz: float = np.inf,
         sizes: Sizes = AS_DECLARED,
+        least_share: float = LEAST_SHARE,
     ) -> None:
         self.motor, self.measurement, self.weights, self.sizes = motor, measurement, weights, sizes
+        self._least_share = least_share
         self.bounds, self.held = dict(bounds or {}), dict(held or {})
         analyser = measurement.analyser
         with_residuals = weights == "likelihood" and not analyser.ideal
@@ -261,7 +265,7 @@ class Problem:
         """D, shape (n, q): 1 - D D* is the inverse covariance of weighted residuals."""
         if self.weights != "likelihood":
             return np.zeros((self.size, 0), dtype=np.complex128)
-        return self.whitening.directions(self.sizes.discrepancy)
+        return self.whitening.directions(self.sizes.discrepancy, self._least_share)
 
     @cached_property
     def _adjoint(self) -> ComplexArray:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.data.covariance import Sizes
+from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
@@ -67,9 +67,9 @@ class Task:
         """The search problem on about `points` points a sweep."""
         return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
 
-    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED) -> Problem:
+    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED, least_share: float = LEAST_SHARE) -> Problem:
         """The likelihood on all points, or on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, sizes=sizes)
+        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, sizes=sizes, least_share=least_share)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def arrive(
     steps : int
         Of each polish.
     """
-    problem = task.likelihood(points, sizes or AS_DECLARED)
+    problem = task.likelihood(points, sizes or AS_DECLARED, ROUGH_SHARE)
     u = problem.vectors(starts)
     evaluations = 0
     if sizes is None:
@@ -147,7 +147,7 @@ def arrive(
         sizes = max(looks, key=lambda look: look.log_evidence).likeliest
     best: tuple[FloatArray, Sizes, Marginal, bool] | None = None
     for _ in range(most):
-        problem = task.likelihood(points, sizes)
+        problem = task.likelihood(points, sizes, ROUGH_SHARE)
         ends = polish(problem, u, iterations=steps, precision=CLOSE, damping=WARM if best else 1e-3)
         evaluations += ends.evaluations
         u = ends.distinct(2)
