@@ -17,15 +17,16 @@ The discrepancy follows Kennedy and O'Hagan (Journal of the Royal Statistical So
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import Analyser, error_basis
+from motoremi.data.directions import directions as directions_of
 from motoremi.data.kernels import Parts, slope, smooth_basis, smoothed
 from motoremi.data.noise import Noise
 from motoremi.data.repeats import WANDERING
@@ -34,6 +35,10 @@ VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
 # A direction that holds less than this share of the noise's variance tells nothing.
 LEAST_SHARE = 1e-4
+# On the way to a solution one that holds less than this need not be followed: half as many are left.
+ROUGH_SHARE = 1e-2
+# A search returns to the same few sizes again and again.
+KEPT = 4
 
 
 class Sizes(NamedTuple):
@@ -111,9 +116,10 @@ class Columns:
         """What each sweep's covariance is without the analyser, which all share."""
         return _apart(self)
 
-    def whitening(self, declared: float) -> Whitening:
+    @cached_property
+    def whitening(self) -> Callable[[float], Whitening]:
         """The covariance at one scale of the declared errors, ready for every size of the discrepancy."""
-        return Whitening(self.apart, declared)
+        return lru_cache(KEPT)(lambda declared: Whitening(self.apart, declared))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +170,18 @@ class Whitening:
     apart: Apart
     declared: float
 
-    def directions(self, discrepancy: float) -> ComplexArray:
-        """D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
+    @cached_property
+    def directions(self) -> Callable[..., ComplexArray]:
+        """Of a size of the discrepancy, and a least share: D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
+        return lru_cache(KEPT)(self._directions)
+
+    def _directions(self, discrepancy: float, least_share: float = LEAST_SHARE) -> ComplexArray:
         apart = self.apart
-        shares = apart.shares(np.asarray(discrepancy))
-        used = shares > LEAST_SHARE
-        alone = np.concatenate([apart.fixed * np.sqrt(apart.fixed_shares), apart.spread[:, used] * np.sqrt(shares[used])], axis=1)
+        shares, fixed = apart.shares(np.asarray(discrepancy)), apart.fixed_shares > least_share
+        used = shares > least_share
+        alone = np.concatenate(
+            [apart.fixed[:, fixed] * np.sqrt(apart.fixed_shares[fixed]), apart.spread[:, used] * np.sqrt(shares[used])], axis=1
+        )
         if not apart.analyser.shape[1]:
             return alone
         columns = self.declared * apart.analyser
@@ -212,12 +224,12 @@ def _apart(columns: Columns) -> Apart:
     for known, free in zip(columns.known_of, columns.discrepancy_of, strict=True):
         own = weight[first : first + len(known), None]
         first += len(known)
-        directions, variances = _directions(known * own, LEAST_SHARE)
+        directions, variances = directions_of(known * own, LEAST_SHARE)
         # H = 1 - back F*, the inverse root of the noise's covariance.
         back = directions * (1 - 1 / np.sqrt(1 + variances))
         quiet = free * own
         quiet = quiet - back @ (directions.conj().T @ quiet)
-        along, strength = _directions(quiet, 1e-12 * float(np.max(np.sum(np.abs(quiet) ** 2, axis=0), initial=0.0)))
+        along, strength = directions_of(quiet, 1e-12 * float(np.max(np.sum(np.abs(quiet) ** 2, axis=0), initial=0.0)))
         fixed.append(directions)
         shares.append(variances / (1 + variances))
         spread.append(along - back @ (directions.conj().T @ along))
@@ -230,21 +242,6 @@ def _apart(columns: Columns) -> Apart:
         np.concatenate(strengths),
         columns.analyser * weight[:, None],
     )
-
-
-def _directions(columns: ComplexArray, least: float) -> tuple[ComplexArray, FloatArray]:
-    """Orthonormal directions of columns, shape (n, q), and their variances, those above `least`."""
-    if columns.shape[1] == 0:
-        return np.zeros((len(columns), 0), dtype=np.complex128), np.zeros(0)
-    if columns.shape[1] > len(columns):
-        variances, vectors = np.linalg.eigh(columns @ columns.conj().T)
-        keep = variances > max(least, 0.0)
-        return vectors[:, keep], variances[keep]
-    variances, vectors = np.linalg.eigh(columns.conj().T @ columns)
-    keep = variances > max(least, 1e-14 * float(variances[-1]))
-    # Of small ones beside large ones only the largest digits are orthogonal so far; the large ones come first, since they are exact.
-    orthonormal = np.linalg.qr((columns @ vectors[:, keep])[:, ::-1] / np.sqrt(variances[keep][::-1]))[0]
-    return orthonormal, variances[keep][::-1]
 
 
 def _blocks(parts: Sequence[np.ndarray]) -> ComplexArray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
+from motoremi.data.coarse import coarse
 from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
 
@@ -87,6 +88,14 @@ class Measurement:
     def good_enough_percent(self) -> float:
         """What may be left undescribed: the accuracy that the owner states, or else what no user would miss."""
         return self.accuracy_percent if self.accuracy_percent is not None else GOOD_ENOUGH_PERCENT
+
+    @cached_property
+    def coarse(self) -> Measurement:
+        """The same with sweeps of many thousand points averaged down: what is weighed and searched; itself where there are none."""
+        pairs = [coarse(sweep, noise, self.analyser.step_frequencies_hz) for sweep, noise in zip(self.sweeps, self.noise, strict=True)]
+        if all(sweep is own for (sweep, _), own in zip(pairs, self.sweeps, strict=True)):
+            return self
+        return dataclasses.replace(self, sweeps=tuple(sweep for sweep, _ in pairs), noise=tuple(noise for _, noise in pairs))
 
     def by(self, analyser: Analyser) -> Measurement:
         """The same sweeps, taken for those of another analyser."""

@@ -165,16 +165,15 @@ def _from_scatter(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> Floa
     logarithm = np.log(frequency_hz)
     response = np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
     half = 3
-    variance = np.empty(len(response))
-    for index in range(len(response)):
-        start = min(max(index - half, 0), len(response) - 2 * half - 1)
-        window = slice(start, start + 2 * half + 1)
-        x = logarithm[window] - logarithm[index]
-        design = np.vander(x / np.max(np.abs(x)), 4)
-        orthonormal = np.linalg.qr(design)[0]
-        residual = response[window] - orthonormal @ (orthonormal.T @ response[window])
-        # 7 points less 4 coefficients leave 3 complex degrees of freedom.
-        variance[index] = np.sum(np.abs(residual) ** 2) / (2 * 3)
+    start = np.clip(np.arange(response.size) - half, 0, response.size - 2 * half - 1)
+    windows = start[:, None] + np.arange(2 * half + 1)
+    x = logarithm[windows] - logarithm[:, None]
+    x = x / np.max(np.abs(x), axis=1, keepdims=True)
+    orthonormal = np.linalg.qr(x[..., None] ** np.arange(4))[0]
+    inside = response[windows][..., None]
+    residual = inside - orthonormal @ (np.swapaxes(orthonormal, 1, 2) @ inside)
+    # 7 points less 4 coefficients leave 3 complex degrees of freedom.
+    variance = np.sum(np.abs(residual[..., 0]) ** 2, axis=1) / (2 * 3)
     # Median of chi-squared with 6 degrees of freedom over its mean.
     typical = median_filter(variance, size=min(31, len(variance)), mode="nearest") / 0.8914
     overall = float(np.median(variance)) / 0.8914

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.directions import directions
 from motoremi.data.kernels import Parts, smooth_basis
 
 # Flicker, temperature and cables wander on no one scale: correlation lengths in decades, a quarter of the variance each.
@@ -49,7 +50,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     factor : float
     """
     basis = smooth_basis(frequency_hz, WANDERING) / sigma[:, None]
-    vectors, singular, _ = np.linalg.svd(basis, full_matrices=False)
+    vectors, variances = directions(basis)
     parts = np.abs((free / sigma) @ vectors) ** 2
     rest = float(np.sum(np.abs(free / sigma) ** 2) - parts.sum())
     count = len(free)
@@ -57,7 +58,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
 
     def cost(log_ratio: float) -> tuple[float, float]:
         """Minus the log likelihood at c^2 relative to the white variance, that one at its best; and that best."""
-        own = 1 + np.exp(log_ratio) * singular**2
+        own = 1 + np.exp(log_ratio) * variances
         white = (float(np.sum(parts / own)) + rest) / (2 * total)
         return float(total * np.log(white) + count * np.sum(np.log(own))), white
 
@@ -81,24 +82,29 @@ def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, fre
     free : ndarray, shape (m, n)
         Contrasts, the first linear in the order of the repeats.
     """
-    wander = smooth_basis(frequency_hz, WANDERING) * correlated
-    shape = smooth_basis(frequency_hz, DRIFTING)
-    covariance = np.diag(sigma**2) + wander @ wander.T
-    factor = np.linalg.cholesky(covariance)
-    columns, linear = np.linalg.solve(factor, shape), np.linalg.solve(factor, free[0])
-    vectors, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    along = np.abs(vectors.T @ linear) ** 2
+    weighted, shape = free[0] / sigma, smooth_basis(frequency_hz, DRIFTING) / sigma[:, None]
+    wander, strengths = directions(smooth_basis(frequency_hz, WANDERING) * (correlated / sigma)[:, None])
+    root = np.sqrt(1 + strengths)
+
+    def whitened(values: np.ndarray) -> np.ndarray:
+        white: np.ndarray = values - wander @ ((1 - 1 / root) * (wander.T @ values).T).T
+        return white
+
+    vectors, variances = directions(whitened(shape))
+    components = vectors.T @ whitened(weighted)
+    along = np.abs(components) ** 2
 
     def gain(log_variance: float) -> float:
-        extra = np.exp(log_variance) * singular**2
+        extra = np.exp(log_variance) * variances
         return float(np.sum(along * extra / (1 + extra) - 2 * np.log1p(extra)))
 
     level = 2 * np.log(float(np.median(sigma)))
     found = minimize_scalar(lambda value: -gain(value), bounds=(level - 8, level + 16), method="bounded")
     if gain(float(found.x)) < DRIFT_GAIN:
         return None
-    weight = np.exp(found.x) * singular**2
-    fitted = factor @ (vectors @ (weight / (1 + weight) * (vectors.T @ linear)))
+    weight = np.exp(found.x) * variances
+    white = vectors @ (weight / (1 + weight) * components)
+    fitted = sigma * (white + wander @ ((root - 1) * (wander.T @ white)))
     repeats = len(free) + 1
     # The linear contrast of unit length over steps of one.
     length = np.sqrt(repeats * (repeats**2 - 1) / 12)

@@ -210,12 +210,15 @@ class RepeatedSweep:
     impedance_ohm : ndarray, shape (repeats, n)
     sigma_relative : ndarray, shape (n,), or None
         Noise of one repeat as stated by the user.
+    counts : ndarray, shape (n,), or None
+        How many measured points each is the mean of; one each without it.
     """
 
     termination: Termination
     frequency_hz: FloatArray
     impedance_ohm: ComplexArray
     sigma_relative: FloatArray | None
+    counts: FloatArray | None = None
 
     @property
     def repeats(self) -> int:

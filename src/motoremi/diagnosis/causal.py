@@ -240,7 +240,7 @@ def check_causality(measurement: Measurement, reached: Mapping[str, float] | Non
     -------
     CausalCheck
     """
-    models: dict[str, CausalModel] = {sweep.termination: _fitted(alone(measurement, sweep.termination)) for sweep in measurement.sweeps}
+    models: dict[str, CausalModel] = {sweep.termination: _fitted(alone(measurement.coarse, sweep.termination)) for sweep in measurement.sweeps}
     return CausalCheck(models, dict(reached or {}))
 
 
@@ -306,7 +306,7 @@ def _fitted(measurement: Measurement) -> CausalModel:
     left = deviation - errors @ (errors.conj().T @ (pulled / sweep.sigma))
     order = _order(poles)
     impedance = reference * (1 + modelled) / (1 - modelled)
-    uncertainty = np.hypot(np.sqrt(sweep.part.noise.variance), measurement.analyser.uncertainty(sweep.frequency_hz, measured))
+    uncertainty = np.hypot(np.sqrt(sweep.part.noise.variance[sweep.part.chosen]), measurement.analyser.uncertainty(sweep.frequency_hz, measured))
     outlying = np.abs(white) > OUTLIER
     square = np.abs(white) ** 2
     freedom = np.maximum(2 * np.array([white.size, white.size - np.count_nonzero(outlying)]) - 2 * order - 1, 1)

@@ -327,9 +327,9 @@ def _wrap_target(fit: Fit, wrap: Wrapped, circuit: Node) -> _Target:
 
 def _curve(target: _Target, termination: str) -> ElementCurve:
     fit = target.fit
-    observed, analyser = fit.problem.observed, fit.measurement.analyser
+    observed, analyser = fit.weighed.observed, fit.measurement.analyser
     sweep = next(s for s in observed.sweeps if s.termination == termination)
-    measured: ComplexArray = sweep.measured * np.exp(-fit.problem.smooth_error(fit.unknowns)[observed.slices[termination]])
+    measured: ComplexArray = sweep.measured * np.exp(-fit.weighed.smooth_error(fit.unknowns)[observed.slices[termination]])
 
     def circuit(x: ComplexArray) -> Node:
         bare = target.circuit(x)

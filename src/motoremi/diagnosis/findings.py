@@ -160,6 +160,8 @@ def of_the_amount(fit: Fit) -> list[Finding]:
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"
         why = f"there is no {missing}-circuit sweep: an effect cannot be located"
+        if fit.exchange is not None:
+            why += ", and winding's and frame's resonances may change places with the same curve"
         found.append(Finding("too-little", why, f"measure the {missing} sweep too", False))
     return found
 

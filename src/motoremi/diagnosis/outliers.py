@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.data.coarse import of_points
+from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
 
 # Chi-squared of two degrees of freedom of one point given the others: by chance once in three million.
@@ -20,10 +22,14 @@ def outlying(fit: Fit) -> dict[str, BoolArray]:
     With K the inverse covariance, a residual given all others has the variance 1 / K_ii and lies (K r)_i / K_ii off (Rasmussen and
     Williams, 2006, eq. 5.12). The worst is left out first, since it draws what is expected of its neighbours with it.
     """
-    problem = fit.problem
+    problem = fit.weighed
     far = _farthest(problem.whitening.directions(fit.sizes.discrepancy), problem.residual(fit.unknowns) * problem.observed.weight)
     found = {termination: far[where] for termination, where in problem.observed.slices.items() if far[where].any()}
-    return {} if any(_longest_run(points) > BESIDE for points in found.values()) or np.mean(far) > MOST else found
+    if any(_longest_run(points) > BESIDE for points in found.values()) or np.mean(far) > MOST:
+        return {}
+    sweeps: dict[str, RepeatedSweep] = {sweep.termination: sweep for sweep in fit.measurement.sweeps}
+    steps_hz = fit.measurement.analyser.step_frequencies_hz
+    return {termination: of_points(sweeps[termination], steps_hz, points) for termination, points in found.items()}
 
 
 def _farthest(directions: ComplexArray, weighted: ComplexArray) -> BoolArray:

@@ -62,9 +62,9 @@ class Together:
     Parameters
     ----------
     alone : dict
-        Termination -> fit of that sweep alone.
+        Termination -> fit of that sweep alone; without the open one where the short one does not fit.
     fits_alone : dict
-        Termination -> whether that fit leaves nothing to explain.
+        Termination -> whether that fit leaves nothing to explain; likewise.
     fits_together : bool
     disagreements : tuple of Disagreement
         Winding elements on which the sweeps differ beyond their error bars, largest change first.
@@ -131,10 +131,12 @@ def check_together(both: Fit) -> Together | None:
     measurement = both.measurement
     if len(measurement.sweeps) < 2:
         return None
-    short, open_ = _short_alone(both), _open_alone(both)
-    return Together(
-        {"short": short, "open": open_}, {"short": short.explained, "open": open_.explained}, both.explained, _disagreements(short, open_)
-    )
+    short = _short_alone(both)
+    if not short.explained:
+        # Whatever the other does alone, which takes long to find out, the model lacks something.
+        return Together({"short": short}, {"short": False}, both.explained, ())
+    open_ = _open_alone(both)
+    return Together({"short": short, "open": open_}, {"short": True, "open": open_.explained}, both.explained, _disagreements(short, open_))
 
 
 def _short_alone(both: Fit) -> Fit:
@@ -174,13 +176,13 @@ def _windings(model: CausalModel) -> list[dict[str, float]]:
 
 def _with_frames(winding: dict[str, float], measurement: Measurement) -> list[Mapping[str, float]]:
     """Start values of all elements: the frame's from what the sweep leaves of such a winding."""
-    motor = dc_motor()
-    frequency = measurement.sweeps[0].frequency_hz
+    motor, sweep = dc_motor(), measurement.coarse.sweeps[0]
+    frequency = sweep.frequency_hz
     names = [p.name for p in motor.parameters if p.name in winding]
     would_be = Tape(motor.circuit("short"), names).impedance(
         np.asarray(2j * np.pi * frequency, dtype=np.complex128), np.array([winding[name] for name in names])
     )
-    both = Measurement.of([ImpedanceSweep("short", frequency, would_be), ImpedanceSweep("open", frequency, measurement.sweeps[0].mean_ohm)])
+    both = Measurement.of([ImpedanceSweep("short", frequency, would_be), ImpedanceSweep("open", frequency, sweep.mean_ohm)])
     return list(data_driven_starts(both))
 
 
@@ -194,6 +196,15 @@ def _disagreements(short: Fit, open_: Fit) -> tuple[Disagreement, ...]:
     found = []
     for name in WINDING:
         one, other = short.parameters[name], open_.parameters[name]
-        if abs(one - other) > DIFFERENT * np.hypot(short.sigma[name], open_.sigma[name]):
+        if abs(one - other) > DIFFERENT * np.hypot(_sigma(short, name), _sigma(open_, name)):
             found.append(Disagreement(name, units[name], one, other))
     return tuple(sorted(found, key=lambda d: -abs(d.change)))
+
+
+def _sigma(fit: Fit, name: str) -> float:
+    """Of a winding's element, as if nothing had moved and this were the winding's resonance: that is what is in question."""
+    names = [parameter.name for parameter in fit.problem.unknowns]
+    if name not in names:  # held
+        return 0.0
+    index = names.index(name)
+    return float(fit.parameters[name] * np.sqrt(fit.covariance[index, index]))

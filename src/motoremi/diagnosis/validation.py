@@ -46,7 +46,7 @@ class Validation:
 
 def cross_validated(fit: Fit) -> Validation:
     """Leave out blocks of a fit's data, one after the other."""
-    problem = fit.problem
+    problem = fit.weighed
     pulled, columns = _inverse_covariance(fit)
     frequency = np.tile(problem.observed.frequency_hz, 2)
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BLOCKS + 1)
@@ -62,7 +62,7 @@ def cross_validated(fit: Fit) -> Validation:
 
 def _inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
     """P r, shape (2 n,), and columns F, shape (2 n, m), of P = 1 - F F', for residuals weighted by the noise, real parts first."""
-    problem, here = fit.problem, fit.linearised
+    problem, here = fit.weighed, fit.linearised
     directions = problem.whitening.directions(fit.sizes.discrepancy)
 
     def less_smooth(weighted: ComplexArray) -> ComplexArray:

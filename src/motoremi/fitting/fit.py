@@ -14,6 +14,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.fitting.colony import Colony
+from motoremi.fitting.exchange import exchanged
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.polish import polish
@@ -118,7 +119,23 @@ def _check_informative(measurement: Measurement) -> None:
 
 
 def _by_ants(task: Task, seed: int) -> Fit:
-    return summarise(task, search_base(task, seed), "ant-colony", seed)
+    return with_larger_winding(summarise(task, search_base(task, seed), "ant-colony", seed))
+
+
+def with_larger_winding(fitted: Fit) -> Fit:
+    """Of two assignments of the resonances that are as good, the one whose winding has more inductance than the way to the frame.
+
+    Turns multiply a winding's inductance, and the frame's path has none; an assumption, which the error bars do not rest on.
+    """
+    if fitted.exchange is None:
+        return fitted
+    index = [parameter.name for parameter in fitted.problem.unknowns].index("La")
+    if fitted.exchange[index] <= 0:
+        return fitted
+    values = fitted.problem.named(fitted.unknowns + fitted.exchange)
+    searched = {**fitted.search_parameters, **exchanged(fitted.search_parameters)}
+    found = Found(arrived_on_all(fitted.task, [values], fitted.sizes), fitted.history, searched)
+    return summarise(fitted.task, found, fitted.method, fitted.seed)
 
 
 def _by_the_paper(task: Task, seed: int) -> Fit:
@@ -170,11 +187,14 @@ def trail_to(
     if near:
         bases = [{**own, **near}, own]
     else:
-        bases = base_starts(own, before.measurement, few=len(tried) > 9)
+        bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9)
         if before.effects or before.sizes.discrepancy < PLAIN:
             # With effects, the search's best and the likelihood's may lie in different valleys. Where little is left, the analyser's errors
             # hold part of what is sought: without them a start would be far above the fit without the effect.
             bases.append({**own, **before.parameters, **before.nuisance})
+    if before.exchange is not None:
+        # An effect tells which resonance is the winding's: it fits beside the right one only.
+        bases += [{**base, **exchanged(base)} for base in bases]
     starts = [_started(base, start, label) for start in tried for base in bases]
     return Trail(task, starts, len(bases), before.sizes)
 
@@ -182,7 +202,7 @@ def trail_to(
 @lru_cache(maxsize=4)
 def _seen_by(fit: Fit) -> Seen:
     """The sweeps beside what a fit makes of them."""
-    sweeps = seen(fit.measurement)
+    sweeps = seen(fit.measurement.coarse)
     model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
     return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters)
 
@@ -244,7 +264,7 @@ def trail_without(before: Fit, gone: str) -> Trail:
     task = task_without(before, gone)
     names = {p.name for p in task.motor.parameters}
     own = {name: value for name, value in before.parameters.items() if name in names}
-    bases = [own, *({**own, **base} for base in base_starts(own, before.measurement, few=False))]
+    bases = [own, *({**own, **base} for base in base_starts(own, before.measurement.coarse, few=False))]
     # With one effect less, more is left than now: how much is not known.
     return Trail(task, bases, len(bases), Sizes(1.0, before.sizes.declared))
 
@@ -287,11 +307,11 @@ def _searched(task: Task, solution: Solution) -> dict[str, float]:
 
 def _scanned_step(before: Fit, label: str) -> dict[str, float]:
     """The frequency at which a step of gain would explain most, over all points."""
-    problem = before.problem
+    problem, measurement = before.weighed, before.measurement.coarse
     order = np.argsort(problem.observed.frequency_hz, kind="stable")
     position = np.log(problem.observed.frequency_hz[order])
     white = problem.less_allowed_error(before.unknowns)[order]
-    variance = np.concatenate([noise.sigma for noise in before.measurement.noise])[order] ** 2
+    variance = np.concatenate([noise.sigma for noise in measurement.noise])[order] ** 2
     places = np.unique(position)[2:-2]
     # A step is seen in the change between the few points on either side, in every sweep that covers it.
     low, here, high = (np.searchsorted(position, places + shift) for shift in (-STEP_REACH, 0.0, STEP_REACH))

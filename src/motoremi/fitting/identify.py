@@ -60,7 +60,8 @@ def profile(fit: Fit, name: str) -> Interval:
     """The 95 % interval of a parameter, all others refitted at each value (Raue et al., Bioinformatics 25, 2009).
 
     Unlike an error bar from the curvature, it is right where a parameter is poorly determined or near a bound. The sizes of the discrepancy
-    and of the declared errors are those of the fit.
+    and of the declared errors are those of the fit. What the likelihood does not hold widens it as it does the error bar: a motor that moved,
+    two resonances that may change places.
 
     Raises
     ------
@@ -72,7 +73,8 @@ def profile(fit: Fit, name: str) -> Interval:
     if index is None:
         raise BadInput(f"{name} has no profile: it is not a fitted positive parameter of this model")
     parameter = problem.unknowns[index]
-    limit = fit.objective + RISE_95
+    other = 0.0 if fit.exchange is None else float(fit.exchange[index])
+    limit = fit.objective + RISE_95 * float((fit.shown_covariance[index, index] - other**2) / fit.covariance[index, index])
     best = float(fit.unknowns[index])
     # The error bar from the curvature is the right size to start with, where there is one.
     first = min(max(fit.sigma[name] / fit.parameters[name], 1e-6), 0.2)
@@ -81,7 +83,7 @@ def profile(fit: Fit, name: str) -> Interval:
     direction = _following(fit.linearised.matrix, index)
 
     def excess(value: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
-        held = Problem(fit.motor, fit.measurement, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
+        held = Problem(fit.motor, fit.measurement.coarse, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
         # From the neighbour, from the solution, and from where the others have to go where they show only as a product.
         along = problem.named(problem.clip(fit.unknowns + direction * (value - best)))
         end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, precision=ALONG_PROFILE)
@@ -112,6 +114,7 @@ def profile(fit: Fit, name: str) -> Interval:
 
     low, open_below = edge(float(problem.low[index]))
     high, open_above = edge(float(problem.high[index]))
+    low, high = min(low, best + other), max(high, best + other)
     return Interval(name, parameter.unit, float(np.exp(low)), float(np.exp(high)), open_below, open_above)
 
 
@@ -150,7 +153,7 @@ _PRODUCTS: tuple[tuple[str, str, float, dict[str, float]], ...] = (
 def derived(fit: Fit) -> list[Derived]:
     """Resonances, quality factors and characteristic impedances, with error bars that respect the correlations."""
     names = [p.name for p in fit.problem.unknowns]
-    covariance = fit.covariance
+    covariance = fit.shown_covariance
     quantities = []
     for title, unit, factor, powers in _PRODUCTS:
         if not all(name in fit.parameters for name in powers):

@@ -103,6 +103,15 @@ class Observed:
         """Mean impedances with most of their noise taken out."""
         return np.concatenate([sweep.smooth for sweep in self.sweeps])
 
+    def at(self, other: Observed, values: ComplexArray) -> ComplexArray:
+        """Values at these points, shape (n,), interpolated to those of another grid."""
+        found = []
+        for mine, its in zip(self.sweeps, other.sweeps, strict=True):
+            own, place, wanted = values[self.slices[mine.termination]], np.log(mine.frequency_hz), np.log(its.frequency_hz)
+            found.append(np.interp(wanted, place, own.real) + 1j * np.interp(wanted, place, own.imag))
+        result: ComplexArray = np.concatenate(found)
+        return result
+
     @cached_property
     def columns(self) -> Columns:
         """The covariance of what a perfect circuit would leave."""
@@ -135,6 +144,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
         chosen = informative_points(sweep.frequency_hz[:low], mean[:low], points or mean.size)
         frequency, impedance, sigma = sweep.frequency_hz[chosen], mean[chosen], noise.sigma[chosen]
         systematic = measurement.analyser.uncertainty(frequency, impedance)
+        alike = 1 / np.sqrt(sweep.counts[chosen]) if weights == "relative" and sweep.counts is not None else 1.0
         outlying = noise.outliers[chosen] if noise.outliers is not None else np.zeros(chosen.size, dtype=np.bool_)
         prepared.append(
             ObservedSweep(
@@ -143,7 +153,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 s=2j * np.pi * frequency,
                 measured=impedance,
                 # A search that counts all points alike leaves out those that stand out.
-                sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, 1.0),
+                sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike),
                 smooth=smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
                 expected=float(np.sum(np.where(outlying, 0.0, 2 * noise.variance[chosen] + systematic**2))),

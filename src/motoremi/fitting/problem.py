@@ -21,7 +21,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of
-from motoremi.data.covariance import Sizes, Whitening, orthonormal
+from motoremi.data.covariance import LEAST_SHARE, Sizes, Whitening, orthonormal
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import ObservedSweep, Weights, observed
@@ -119,6 +119,8 @@ class Problem:
         the solution and is where searches start. `relative`: the same for 1 - Z_model / Z_measured, the error that is shown.
     sizes : Sizes
         Of what no model describes, and of the analyser's errors against those declared.
+    least_share : float
+        Smooth directions that hold less than this share of the noise's variance are left out of the objective.
 
     Attributes
     ----------
@@ -136,8 +138,10 @@ class Problem:
         weights: Weights = "likelihood",
         highest_hz: float = np.inf,
         sizes: Sizes = AS_DECLARED,
+        least_share: float = LEAST_SHARE,
     ) -> None:
         self.motor, self.measurement, self.weights, self.sizes = motor, measurement, weights, sizes
+        self._least_share = least_share
         self.bounds, self.held = dict(bounds or {}), dict(held or {})
         analyser = measurement.analyser
         with_residuals = weights == "likelihood" and not analyser.ideal
@@ -161,7 +165,6 @@ class Problem:
         self.observed = observed(measurement, points, weights, highest_hz)
         self.size = self.observed.size
         sweeps = self.observed.sweeps
-        self._whitening = self.observed.columns.whitening(sizes.declared) if weights == "likelihood" else None
         self._by_reflection = weights == "likelihood" and analyser.by_reflection
         self._tape = Tape([self._circuit(sweep, with_residuals) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
 
@@ -260,7 +263,9 @@ class Problem:
     @cached_property
     def _directions(self) -> ComplexArray:
         """D, shape (n, q): 1 - D D* is the inverse covariance of weighted residuals."""
-        return self.whitening.directions(self.sizes.discrepancy) if self._whitening else np.zeros((self.size, 0), dtype=np.complex128)
+        if self.weights != "likelihood":
+            return np.zeros((self.size, 0), dtype=np.complex128)
+        return self.whitening.directions(self.sizes.discrepancy, self._least_share)
 
     @cached_property
     def _adjoint(self) -> ComplexArray:
@@ -269,8 +274,8 @@ class Problem:
     @property
     def whitening(self) -> Whitening:
         """The covariance at these sizes' scale of the declared errors; only of the likelihood."""
-        assert self._whitening is not None
-        return self._whitening
+        assert self.weights == "likelihood"
+        return self.observed.columns.whitening(self.sizes.declared)
 
     def residual(self, u: FloatArray) -> ComplexArray:
         """What is judged, relative to Z, shape (..., n)."""
@@ -344,8 +349,12 @@ class Problem:
         turned = (_wrapped(turned) if self.weights != "relative" and not self._by_reflection else turned) * weight
         along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
         second = (2 / fraction) * (turned / fraction - along_step)
-        pull = _product(jacobian, second.view(np.float64)) - _product(here.along, self._along(second))
-        result: FloatArray = pull * here.chain
+        return self.pull(here, second)
+
+    def pull(self, here: Linearised, weighted: ComplexArray) -> FloatArray:
+        """J' C^-1 times a change of the weighted residuals, shape (..., n): half of what it adds to the gradient; shape (..., k)."""
+        along = _product(here.along, self._along(weighted))
+        result: FloatArray = (_product(here.slopes.view(np.float64), weighted.view(np.float64)) - along) * here.chain
         return result
 
     def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:
@@ -393,14 +402,23 @@ class Problem:
         size = np.sqrt(np.sum(np.abs(self.observed.columns.analyser) ** 2, axis=1))
         return float(np.max(np.abs(error) / np.where(size > 0, np.sqrt(2) * size, np.inf), initial=0.0))
 
-    def less_allowed_error(self, u: FloatArray) -> ComplexArray:
-        """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows."""
+    def less_allowed_error(self, u: FloatArray, everywhere: Problem | None = None) -> ComplexArray:
+        """ln(Z_measured / Z_model) less the analyser's most likely error, of which no more is taken off than its specification allows.
+
+        Parameters
+        ----------
+        u : ndarray, shape (k,)
+        everywhere : Problem, optional
+            The same on all points of the sweeps, where this one is of averages: what is left there.
+        """
+        seen = everywhere or self
         if self.measurement.analyser.ideal or self.weights != "likelihood":
-            return self.deviation(u)
+            return seen.deviation(u)
         allowed = np.where(self._declared, np.clip(u, -ALLOWED, ALLOWED), u)
         error = self.smooth_error(u)
         sigma = self._smooth_sigma(error)
-        return self.deviation(allowed) - error * (min(1.0, ALLOWED / sigma) if sigma else 1.0)
+        taken = error * (min(1.0, ALLOWED / sigma) if sigma else 1.0)
+        return seen.deviation(allowed) - (taken if everywhere is None else self.observed.at(everywhere.observed, taken))
 
     def whiten(self, weighted: ComplexArray) -> ComplexArray:
         """Weighted residuals, shape (..., n), with unit covariance."""

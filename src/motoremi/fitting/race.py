@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from motoremi.arrays import FloatArray, Progress
-from motoremi.data.covariance import Sizes
+from motoremi.data.covariance import ROUGH_SHARE, Sizes
 from motoremi.fitting.marginal import SMALLEST
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
@@ -99,7 +99,7 @@ class Trail:
         """What the early rounds solve."""
         if self.by_likelihood:
             # A tenth of what is left: the discrepancy must not take what an effect would.
-            return self.task.likelihood(points, Sizes(max(0.1 * self.left.discrepancy, SMALLEST), self.left.declared))
+            return self.task.likelihood(points, Sizes(max(0.1 * self.left.discrepancy, SMALLEST), self.left.declared), ROUGH_SHARE)
         return self.task.thinned(points)
 
 

@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.coarse import scattered
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
+from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
 from motoremi.fitting.search import PLAIN, Found, Solution, Task
+from motoremi.fitting.warming import displacements
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import Motor, dc_motor
@@ -49,7 +52,8 @@ class Fit:
     seed : int
     parameters, sigma : dict
         Values and standard deviations in SI units; sigma is infinite for what the data do not determine; it includes what no
-        model describes, and that the analyser may be worse than declared.
+        model describes, that the analyser may be worse than declared, what moved while the repeats drifted, and that the resonances
+        of an open-circuit sweep alone may change places.
     nuisance : dict
         What the fit believes the fixture's compensation left, SI units.
     chi2_reduced : float
@@ -112,8 +116,13 @@ class Fit:
 
     @cached_property
     def problem(self) -> Problem:
-        """The likelihood that this solves, on all points."""
+        """The problem on all points, which errors are shown of."""
         return Problem(self.motor, self.measurement, self.bounds, self.held, sizes=self.sizes)
+
+    @cached_property
+    def weighed(self) -> Problem:
+        """The likelihood that this solves: on all points, or on averages where there are many thousand."""
+        return self.problem if self.measurement.coarse is self.measurement else self.task.likelihood(None, self.sizes)
 
     @cached_property
     def objective(self) -> float:
@@ -123,7 +132,7 @@ class Fit:
     @property
     def unexplained_percent(self) -> JsonDict:
         """What neither circuit, analyser nor noise describes, relative to Z: the median of its posterior, and its 95 % interval."""
-        unit = self.problem.discrepancy_percent
+        unit = self.weighed.discrepancy_percent
         low, value, high = (unit * self.marginal.quantile(share) for share in (0.025, 0.5, 0.975))
         nothing = unit * NOTHING_LEFT
         if value > self.corrected_error_percent or self.sizes.discrepancy >= PLAIN:
@@ -144,8 +153,8 @@ class Fit:
 
     @cached_property
     def linearised(self) -> Linearised:
-        """The problem round the solution."""
-        return self.problem.linearised(self.unknowns)
+        """The likelihood round the solution."""
+        return self.weighed.linearised(self.unknowns)
 
     @cached_property
     def unknowns(self) -> FloatArray:
@@ -169,7 +178,10 @@ class Fit:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be."""
+        """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be.
+
+        That of the linear model round the solution; `shown_covariance` is what error bars follow from.
+        """
         shares = self.marginal.of_scale
         total = np.zeros_like(self.linearised.matrix)
         for scale, share in zip(self.marginal.scales, shares, strict=True):
@@ -177,10 +189,25 @@ class Fit:
                 total += share / shares[shares > LEAST_LIKELY].sum() * self._covariance_at(scale)
         return total
 
+    @cached_property
+    def shown_covariance(self) -> FloatArray:
+        """The same with what the likelihood does not hold: what moved between the sweeps, and that two resonances may change places."""
+        moved = displacements(self.weighed, self.unknowns, self.linearised, self.covariance)
+        total: FloatArray = self.covariance + moved.T @ moved
+        if self.exchange is not None:
+            # The other assignment is as good, so one standard deviation reaches it.
+            total = total + np.outer(self.exchange, self.exchange)
+        return total
+
+    @cached_property
+    def exchange(self) -> FloatArray | None:
+        """How far off the solution is with winding's and frame's resonances in each other's place; None where the data tell them apart."""
+        return other_assignment(self.weighed, self.unknowns)
+
     def _covariance_at(self, declared: float) -> FloatArray:
         if declared == self.sizes.declared:
             return _inverse(self.linearised.matrix)
-        other = Problem(self.motor, self.measurement, self.bounds, self.held, sizes=Sizes(self.sizes.discrepancy, declared))
+        other = self.task.likelihood(None, Sizes(self.sizes.discrepancy, declared))
         return _inverse(other.linearised(self.unknowns).matrix)
 
     def interval(self, name: str) -> Interval:
@@ -382,12 +409,19 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
 def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
     """A solution with its statistics."""
     solution, measurement = found.solution, task.measurement
-    problem = task.likelihood(None, solution.sizes)
+    weighed = task.likelihood(None, solution.sizes)
+    averaged = measurement.coarse is not measurement
+    problem = Problem(task.motor, measurement, task.bounds, task.held, sizes=solution.sizes) if averaged else weighed
     u = problem.vector(solution.values)
     values = problem.named(u)
     own = {p.name for p in problem.motor.parameters}
     alone = problem.deviation(problem.alone(u))
     strict = task.likelihood(None, AS_DECLARED)
+    # Averages say nothing of how their points scatter, which is of no model.
+    pairs = zip(measurement.sweeps, measurement.noise, strict=True)
+    left = problem.deviation(u) if averaged else alone
+    steps_hz, where = measurement.analyser.step_frequencies_hz, problem.observed.slices
+    scatter = sum(scattered(sweep, noise, steps_hz, left[where[sweep.termination]]) for sweep, noise in pairs)
     warnings = list(measurement.caveats())
     if not solution.converged and method != "paper":
         warnings.append("the fit did not converge: do not use its values")
@@ -399,11 +433,11 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         parameters={p.name: values[p.name] for p in problem.motor.parameters if p.name in values},
         sigma={},
         nuisance={name: value for name, value in values.items() if name not in own},
-        chi2_reduced=float(strict.objective(strict.vector(values))) / strict.degrees_of_freedom,
+        chi2_reduced=(float(strict.objective(strict.vector(values))) + scatter) / (strict.degrees_of_freedom + 2 * (problem.size - strict.size)),
         rms_error_percent=_rms_percent(np.exp(-alone) - 1),
         rms_error_db=float(20 / np.log(10) * np.sqrt(np.mean(alone.real**2))),
-        corrected_error_percent=_rms_percent(np.exp(-problem.less_allowed_error(u)) - 1),
-        analyser_sigma=problem.analyser_sigma(u),
+        corrected_error_percent=_rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1),
+        analyser_sigma=weighed.analyser_sigma(u),
         noise_percent=measurement.noise_percent,
         floor_percent=measurement.floor_percent,
         sizes=solution.sizes,
@@ -418,20 +452,21 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         search_parameters=found.searched,
     )
     # Spares the cached property from building it again.
-    vars(result)["problem"] = problem
+    vars(result)["problem"], vars(result)["weighed"] = problem, weighed
     return _with_sigma(result, problem, own)
 
 
 def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
     """With the standard deviations, which follow from the covariance."""
-    deviations = np.sqrt(np.diag(result.covariance))
+    deviations = np.sqrt(np.diag(result.shown_covariance))
     sigma: dict[str, float] = dict.fromkeys(result.parameters, 0.0)
     for index, parameter in enumerate(problem.unknowns):
         if parameter.name in own:
             unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
-    told = dataclasses.replace(result, sigma=sigma)
-    for name in ("problem", "linearised", "unknowns", "covariance"):
+    warnings = result.warnings if result.exchange is None else (*result.warnings, EXCHANGEABLE)
+    told = dataclasses.replace(result, sigma=sigma, warnings=warnings)
+    for name in ("problem", "weighed", "linearised", "unknowns", "covariance", "shown_covariance", "exchange"):
         vars(told)[name] = vars(result)[name]
     return told
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.data.covariance import Sizes
+from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
@@ -49,7 +49,10 @@ ABSORBING = 10.0
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be fitted: a motor's circuit to a measurement, within bounds, some parameters held."""
+    """What is to be fitted: a motor's circuit to a measurement, within bounds, some parameters held.
+
+    Sweeps of many thousand points are searched and weighed as averages of neighbours; errors are shown of all points.
+    """
 
     motor: Motor
     measurement: Measurement
@@ -58,15 +61,15 @@ class Task:
 
     def relative(self) -> Problem:
         """The relative error over all points."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held, weights="relative")
+        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, weights="relative")
 
     def thinned(self, points: int | None, highest_hz: float = np.inf) -> Problem:
         """The search problem on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
+        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
 
-    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED) -> Problem:
+    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED, least_share: float = LEAST_SHARE) -> Problem:
         """The likelihood on all points, or on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement, self.bounds, self.held, points=points, sizes=sizes)
+        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, sizes=sizes, least_share=least_share)
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def arrive(
     steps : int
         Of each polish.
     """
-    problem = task.likelihood(points, sizes or AS_DECLARED)
+    problem = task.likelihood(points, sizes or AS_DECLARED, ROUGH_SHARE)
     u = problem.vectors(starts)
     evaluations = 0
     if sizes is None:
@@ -144,7 +147,7 @@ def arrive(
         sizes = max(looks, key=lambda look: look.log_evidence).likeliest
     best: tuple[FloatArray, Sizes, Marginal, bool] | None = None
     for _ in range(most):
-        problem = task.likelihood(points, sizes)
+        problem = task.likelihood(points, sizes, ROUGH_SHARE)
         ends = polish(problem, u, iterations=steps, precision=CLOSE, damping=WARM if best else 1e-3)
         evaluations += ends.evaluations
         u = ends.distinct(2)
@@ -208,7 +211,7 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     return Solution(
         likelihood.named(likelihood.vector(values)),
         solution.sizes,
-        rough(solution.marginal, float(ends.objective[ends.best]), problem.size, len(problem.unknowns)),
+        rough(solution.marginal, float(ends.objective[ends.best]) * problem.size / task.measurement.points, problem.size, len(problem.unknowns)),
         converged,
         solution.evaluations + ends.evaluations,
     )
@@ -217,7 +220,7 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
 def search_base(task: Task, seed: int) -> Found:
     """The paper's circuit: start values from the data first, then rounds of ants until nothing is left or a round brings nothing more."""
     search, full = task.thinned(SEARCH_POINTS), task.thinned(None)
-    seeds = search.vectors(data_driven_starts(task.measurement))
+    seeds = search.vectors(data_driven_starts(task.measurement.coarse))
     colony: Colony | None = None
     best: Solution | None = None
     searched: dict[str, float] = {}
