@@ -141,6 +141,7 @@ LORENTZ = DispersiveLaw(
     "L (1 - k + k / (1 + s/(Q w) + (s/w)^2))",
     _lorentz,
     {"share": (0.3, 0.9), "resonance_hz": "*span", "quality": (0.3, 1.5)},
+    ("inductance-relaxation",),
 )
 DIFFUSION = DispersiveLaw(
     "diffusion",

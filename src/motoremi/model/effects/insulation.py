@@ -25,7 +25,7 @@ EFFECTS = (
         group="insulation",
         title="dielectric loss with a constant loss angle",
         formula="C * (s / (2 * pi * 1e6))**(-2 * atan(tan_delta) / pi)",
-        parameters=(Parameter("tan_delta", "", 5e-4, 0.2, "0.002 - 0.05 for slot liners and enamel, more when damp"),),
+        parameters=(Parameter("tan_delta", "", 5e-4, 1.0, "0.002 - 0.05 for slot liners and enamel, much more when damp", usual=(5e-4, 0.2)),),
         limit="tan_delta -> 0",
         limit_values={"tan_delta": 0.0},
         signature="phase of the capacitive part stays at -(90 - delta) deg; C falls slowly",

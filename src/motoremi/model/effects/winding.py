@@ -80,7 +80,7 @@ EFFECTS = (
         formula="Ra * (y / tanh(y) + (layers**2 - 1) / 3 * 2 * y * tanh(y / 2)), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
         parameters=(
             Parameter("height_m", "m", 0.05e-3, 2e-3, "equivalent foil height of 0.06 to 2.3 mm wire"),
-            Parameter("layers", "", 1.0, 20.0, "one layer to a full slot"),
+            Parameter("layers", "", 1.0, 60.0, "one layer to a full slot; more with thin wire in a deep slot", usual=(1.0, 20.0)),
         ),
         limit="height_m -> 0",
         limit_values={"height_m": 1e-8, "layers": 2.0},
@@ -137,8 +137,8 @@ EFFECTS = (
                 1e9,
                 "MnZn 1 - 5 MHz, NiZn 10 - 300 MHz, bonded magnets to 1 GHz (textbook values)",
             ),
-            Parameter("exponent", "", 0.5, 1.0, "1 is one time constant (Debye), less is many (Cole-Cole)", special=1.0),
-            Parameter("quality", "", 0.01, 3.0, "of a damped resonance (Lorentz) at corner_hz / quality; 0.01 is none", special=0.01),
+            Parameter("exponent", "", 0.3, 1.0, "1 is one time constant (Debye), less is many (Cole-Cole)", special=1.0),
+            Parameter("quality", "", 0.01, 10.0, "of a damped resonance (Lorentz) at corner_hz / quality; 0.01 is none", special=0.01),
         ),
         limit="share -> 0",
         limit_values={"share": 0.0, "corner_hz": 1e6, "exponent": 1.0, "quality": 0.01},
@@ -185,7 +185,9 @@ EFFECTS = (
         parameters=(
             Parameter("inductance_h", "H", 1e-9, 1e-4, "0.001 to 0.1 of La, with room for large windings"),
             Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones"),
-            Parameter("resistance_ohm", "Ohm", 1.0, 50e3, "0.05 - 2 kOhm in motors, wider for light and heavy damping"),
+            Parameter(
+                "resistance_ohm", "Ohm", 0.05, 50e3, "0.05 - 2 kOhm in motors, from a heavily damped turn to a light cell", usual=(1.0, 50e3)
+            ),
         ),
         limit="inductance_h -> 0",
         limit_values={"inductance_h": 1e-18, "resonance_hz": 1e7, "resistance_ohm": 1e3},
@@ -232,7 +234,7 @@ EFFECTS = (
         title="coupling to the field winding or a damper",
         formula="s * La * (1 - coupling**2 * s**2 / (s**2 + s * w / quality + w**2)), w = 2 * pi * resonance_hz",
         parameters=(
-            Parameter("coupling", "", 0.003, 0.95, "0 - 0.3 with crossed axes, up to 0.9 for series windings", usual=(0.02, 0.5)),
+            Parameter("coupling", "", 0.003, 0.999, "0 - 0.3 with crossed axes, 0.9 for series windings, more on one core", usual=(0.02, 0.5)),
             Parameter("resonance_hz", "Hz", 1e4, 60e6, "self-resonance of the other winding"),
             Parameter("quality", "", 0.05, 200.0, "a shorted damper to a free winding, which rings", usual=(1.0, 50.0)),
         ),
