@@ -5,19 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.data.paths import SESSION, inside
 from motoremi.data.session import Session, load
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
+from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
+from motoremi.workbench.draft import Draft
 from motoremi.workflow import (
     Store,
     compare_session,
@@ -35,6 +37,7 @@ MOST_PREPARED = 60
 Stamp: TypeAlias = tuple[int, int] | None
 # Objective and effects of the model below, and the effect on top.
 Key: TypeAlias = tuple[float, tuple[str, ...], str]
+Made = TypeVar("Made")
 
 
 class Desk:
@@ -96,19 +99,20 @@ class Desk:
         told = json.dumps([[*step.effects, step.objective] for step in self.steps])
         return hashlib.sha256(told.encode()).hexdigest()[:12]
 
-    def fit(self, shown: str | None = None) -> None:
+    def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
         """Fit the model that the ladder stands at, from the bottom; `shown` as in `change`."""
-        self.change(fit_session, shown)
+        self.work(lambda store: fit_session(store, progress=progress), shown)
 
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
-        """Which effect is missing from the model that stands; `shown` as in `change`."""
-        self.change(lambda store: diagnose_session(store, progress=progress), shown)
+        """Which effect is missing from the model that stands; `shown` as in `change`. Its fits are kept: adding one takes no time."""
+        found = self.work(lambda store: diagnose_session(store, progress=progress), shown)
+        self._keep_those_of(found)
 
     def judge(self, tolerance: Tolerance) -> None:
         """Hold the model that stands against the measurement, by this tolerance from now on."""
         self.change(lambda store: compare_session(store, tolerance))
 
-    def report(self) -> list[str]:
+    def report(self, progress: Progress | None = None) -> list[str]:
         """Write the report; returns the names of its files.
 
         Raises
@@ -116,9 +120,8 @@ class Desk:
         BadInput
             If an analysis in the folder is none of this software.
         """
-        files: list[Path] = []
         try:
-            self.change(lambda store: files.extend(report_session(store)))
+            files = self.work(lambda store: report_session(store, progress=progress))
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(f"a stored analysis cannot be read ({type(error).__name__}: {error}): diagnose or predict this session again") from error
         return [file.name for file in files]
@@ -157,6 +160,35 @@ class Desk:
                 action(store)
             self._stamp = None
 
+    def work(self, action: Callable[[Store], Made], shown: str | None = None) -> Made:
+        """The same as `change` for what takes its time: everybody can look at the session meanwhile, and it is opened for writing at the end.
+
+        Parameters
+        ----------
+        action : callable
+            Must not rely on what it has just stored.
+        shown : str, optional
+            As in `change`.
+
+        Raises
+        ------
+        BadInput
+            As `change`, and if somebody changed the ladder meanwhile.
+        """
+        with self._turn:
+            self._require(shown)
+            self._refresh()
+            began = self._ladder_stamp
+        draft = Draft(self.path)
+        made = action(draft)
+        with self._turn:
+            with opened(self.path) as store:
+                if self._file_stamp(LADDER) != began:
+                    raise BadInput("somebody else changed the ladder of this session meanwhile: nothing was stored; look at it, then do this again")
+                draft.store_in(store)
+            self._stamp = None
+        return made
+
     def prepared(self, effect: str) -> Fit:
         """The model that stands with one more effect, fitted; kept, so that adding it afterwards takes no time."""
         find_effect(effect)
@@ -169,13 +201,24 @@ class Desk:
             fit = self._prepared.get(key)
             if fit is None:
                 fit = before.add(effect)
-                with self._keeping:
-                    while len(self._prepared) >= MOST_PREPARED:
-                        oldest = next(iter(self._prepared))
-                        del self._prepared[oldest]
-                        self._making.pop(oldest, None)
-                    self._prepared[key] = fit
+                self._keep(key, fit)
             return fit
+
+    def _keep(self, key: Key, fit: Fit) -> None:
+        with self._keeping:
+            while len(self._prepared) >= MOST_PREPARED:
+                oldest = next(iter(self._prepared))
+                del self._prepared[oldest]
+                self._making.pop(oldest, None)
+            self._prepared[key] = fit
+
+    def _keep_those_of(self, found: Diagnosis) -> None:
+        """Keep what a diagnosis has fitted on top of the model that stands; under another analyser, or without some points, it is another one."""
+        top = self.top
+        if (found.base.objective, found.base.effects) != (top.objective, top.effects):
+            return
+        for one in found.candidates:
+            self._keep((top.objective, top.effects, one.effect), one.fit)
 
     def glance(self, effect: str) -> tuple[Fit, Fit] | None:
         """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
@@ -188,8 +231,11 @@ class Desk:
         self._looking = None
         with self._turn:
             self._require(shown)
-            before, after = self.top, self.prepared(effect)
-            self._store_ladder((*self._steps, after))
+            before, stands = self.top, self.standing
+        after = self.prepared(effect)
+        with self._turn:
+            self._require(stands)
+            self._store_ladder([*self._steps, after], len(self._steps))
             return before, after
 
     def drop(self, shown: str | None = None) -> tuple[Fit, Fit]:
@@ -199,7 +245,7 @@ class Desk:
             steps = self.steps
             if len(steps) < 2:
                 raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
-            self._store_ladder(steps[:-1])
+            self._store_ladder(list(steps[:-1]), len(steps) - 1)
             return steps[-1], steps[-2]
 
     def comparison(self, step: Fit) -> Comparison:
@@ -211,10 +257,10 @@ class Desk:
         """What an element would have to be."""
         return inspect(self.top, element)
 
-    def _store_ladder(self, steps: Sequence[Fit]) -> None:
+    def _store_ladder(self, steps: list[Fit], kept: int) -> None:
         with opened(self.path) as store:
             self._require_unmoved()
-            save_ladder(store, steps)
+            save_ladder(store, steps, kept)
         self._stamp = None
 
     def _require(self, shown: str | None) -> None:

@@ -1,0 +1,27 @@
+// Take a session elsewhere: every file that 'motoremi export' writes.
+
+import { fetchFile, get, sessionPath } from "./api.js";
+import { button, card, h } from "./dom.js";
+
+export function exportCard(page) {
+  const list = h("ul", { id: "exports", class: "offers" });
+  const box = card("Take it elsewhere", h("p", { class: "note" }, "For circuit simulators, network analysers' programs, spreadsheets and scripts."), list);
+  fill(list, page);
+  return box;
+}
+
+async function fill(list, page) {
+  const session = page.session;
+  const told = await page.attempt(() => get(sessionPath(session, "/export")));
+  if (!told) return;
+  list.replaceChildren(...told.files.map(({ name, title, missing }) => h("li", {},
+    button(name, () => page.work(`writing ${name}`, () => save(session, name)), { "data-export": name, disabled: Boolean(missing) }),
+    h("span", {}, ` ${title}`), missing && h("span", { class: "note" }, `: ${missing}`))));
+}
+
+// What cannot be made is told in a sentence, so the file is fetched before it is offered to be saved.
+async function save(session, name) {
+  const content = URL.createObjectURL(await fetchFile(sessionPath(session, `/export/${encodeURIComponent(name)}`)));
+  h("a", { href: content, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(content), 10_000);
+}
