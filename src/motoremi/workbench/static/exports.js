@@ -14,9 +14,11 @@ async function fill(list, page) {
   const session = page.session;
   const told = await page.attempt(() => get(sessionPath(session, "/export")));
   if (!told) return;
-  list.replaceChildren(...told.files.map(({ name, title, missing }) => h("li", {},
-    button(name, () => page.work(`writing ${name}`, () => save(session, name)), { "data-export": name, disabled: Boolean(missing) }),
-    h("span", {}, ` ${title}`), missing && h("span", { class: "note" }, `: ${missing}`))));
+  const reasons = [...new Set(told.files.map((one) => one.missing).filter(Boolean))];
+  list.replaceChildren(
+    ...told.files.filter((one) => !one.missing).map(({ name, title }) => h("li", {},
+      button(name, () => page.work(`writing ${name}`, () => save(session, name)), { "data-export": name }), ` ${title}`)),
+    ...reasons.map((reason) => h("li", { class: "note" }, `Not yet, ${reason}: ${told.files.filter((one) => one.missing === reason).map((one) => one.name).join(", ")}`)));
 }
 
 // What cannot be made is told in a sentence, so the file is fetched before it is offered to be saved.

@@ -43,7 +43,7 @@ function list(told, page) {
   const row = (one) => {
     const use = h("select", { id: `use-${one.id}`, "aria-label": `use ${one.name} as`, onchange: (event) => act("reading", `/${one.id}`, { used_as: event.target.value }) },
       one.choices.map((name) => h("option", { value: name, selected: name === one.used_as }, USES[name])));
-    const remarks = [one.trouble && h("p", { class: "bad" }, one.trouble), ...(one.notes ?? []).map((text) => h("p", { class: "note" }, text))];
+    const remarks = [one.trouble && h("p", { class: "bad" }, one.trouble.replace(`${one.name}: `, "")), ...(one.notes ?? []).map((text) => h("p", { class: "note" }, text))];
     return h("tr", {},
       h("td", {}, h("strong", {}, one.name), h("div", { class: "note" }, [one.kind, one.points && `${one.points} points`, one.span, one.format, one.analyser && `analyser ${one.analyser}`].filter(Boolean).join(" · ")), remarks),
       h("td", {}, use),
@@ -76,7 +76,7 @@ function form(told, page) {
   };
   const [motor, ...others] = Object.entries(FIELDS);
   return h("form", { class: "fields", onsubmit: submit },
-    field(motor), h("span", {}, label("analyser", "Analyser"), " ", term("analyser", "?")), analyser, others.map(field),
+    field(motor), h("span", {}, label("analyser", "Analyser"), " ", term("analyser", "?")), analyser, others.flatMap(field),
     h("div", { class: "row wide" }, h("button", { type: "submit", class: "main", id: "make-session" }, "Make session")));
 }
 
@@ -88,7 +88,7 @@ function sessions(page) {
   count();
   const row = (one) => h("tr", one.id === page.session ? { "aria-current": "true" } : {},
     h("td", {}, h("input", { type: "checkbox", id: `compare-${one.id}`, "aria-label": `compare ${one.motor || one.name}`, checked: chosen.has(one.id), onchange: (event) => { if (event.target.checked) chosen.add(one.id); else chosen.delete(one.id); count(); } })),
-    h("td", {}, button(one.motor || one.name, async () => { await page.work("reading", () => page.choose(one.id)); page.go("session"); }, { "data-session": one.id, title: one.name })),
+    h("td", {}, button(one.motor || one.name, async () => { await page.work("reading", () => page.choose(one.id)); page.go("session"); }, { "data-session": one.id }), one.motor && h("div", { class: "note" }, one.name)),
     h("td", {}, when(one.began)), h("td", {}, one.state));
   return card("Sessions",
     h("p", { class: "note" }, "Open one, or choose two or more to compare: the one chosen first is what the others are held against."),

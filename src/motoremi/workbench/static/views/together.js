@@ -3,6 +3,7 @@
 import { get } from "../api.js";
 import { card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
+import { symbols } from "../units.js";
 
 /* global uPlot */
 
@@ -45,7 +46,9 @@ export const together = {
 };
 
 function drawn({ columns, rows, marked }, id) {
-  return table(columns, rows.map((row, index) => h("tr", {}, row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: marked.includes(index) ? "marked" : null }, cell))))), { id });
+  const mood = { PASS: "good", FAIL: "bad" };
+  return table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
+    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: mood[cell] }, symbols(cell)))))), { id });
 }
 
 // Every session has its own look, whatever else it holds.
