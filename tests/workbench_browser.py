@@ -21,7 +21,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-VIEWS = ("bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge")
+VIEWS = ("files", "bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge", "together")
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
@@ -65,5 +65,5 @@ class Watched:
         """Nothing left the machine, nothing was complained of."""
         assert self.asked
         assert [url for url in self.asked if not url.startswith(self.base)] == []
-        assert self.trouble == []
+        assert self.trouble == [], self.trouble
         self.context.close()

@@ -249,7 +249,8 @@ function listen() {
   const tell = (kind, data) => [...page.listeners].forEach((listener) => listener(kind, data));
   connect({
     state(told) {
-      showJobs(told.jobs, page);
+      // A run that begins tells of itself only.
+      if (told.jobs) showJobs(told.jobs, page);
       page.run = told.run;
       tell("run", page.run);
     },
