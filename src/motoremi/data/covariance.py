@@ -29,6 +29,7 @@ from motoremi.data.analyser import Analyser, error_basis
 from motoremi.data.kernels import Parts, slope, smooth_basis, smoothed
 from motoremi.data.noise import Noise
 from motoremi.data.repeats import WANDERING
+from motoremi.interrupts import checkpoint
 
 VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
@@ -166,6 +167,7 @@ class Whitening:
 
     def directions(self, discrepancy: float) -> ComplexArray:
         """D, shape (n, r), such that 1 - D D* is the inverse covariance of weighted residuals."""
+        checkpoint()
         apart = self.apart
         shares = apart.shares(np.asarray(discrepancy))
         used = shares > LEAST_SHARE
@@ -212,6 +214,7 @@ def _apart(columns: Columns) -> Apart:
     for known, free in zip(columns.known_of, columns.discrepancy_of, strict=True):
         own = weight[first : first + len(known), None]
         first += len(known)
+        checkpoint()
         directions, variances = _directions(known * own, LEAST_SHARE)
         # H = 1 - back F*, the inverse root of the noise's covariance.
         back = directions * (1 - 1 / np.sqrt(1 + variances))

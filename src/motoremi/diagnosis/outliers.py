@@ -6,6 +6,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.fitting.result import Fit
+from motoremi.interrupts import checkpoint
 
 # Chi-squared of two degrees of freedom of one point given the others: by chance once in three million.
 FAR_OFF = 30.0
@@ -33,6 +34,7 @@ def _farthest(directions: ComplexArray, weighted: ComplexArray) -> BoolArray:
     gone = np.zeros(weighted.size, dtype=np.bool_)
     taken = np.zeros((weighted.size, 0), dtype=np.complex128)
     while gone.mean() <= MOST:
+        checkpoint()
         off = np.where(gone, 0.0, np.abs(pulled) ** 2 / own)
         worst = int(np.argmax(off))
         if off[worst] <= FAR_OFF:
