@@ -41,7 +41,9 @@ def test_axe_finds_nothing(browser, session, scheme, size):
         found = {}
         for view in VIEWS:
             watched.see(view)
-            if view == "effects":
+            if view == "story":
+                watched.page.locator("[data-effect='skin-effect']").focus()
+                watched.page.keyboard.press("ArrowDown")
                 expect(watched.page.locator("#signature-of")).to_be_visible()
             found[view] = findings(watched.page)
         assert found == {view: [] for view in VIEWS}
@@ -74,7 +76,7 @@ def test_the_row_of_tabs_shows_the_active_one(browser, session):
     with served(bench_of(session.parent, session)) as address:
         watched = Watched(browser, address, viewport=PHONE)
         page = watched.page
-        watched.drawn("session")
+        watched.drawn("story")
         for key, view in (("9", "challenge"), ("1", "bench"), ("8", "report")):
             page.keyboard.press(key)
             watched.drawn(view)

@@ -66,7 +66,8 @@ def test_the_story_by_clicks(browser, tmp_path):
         keep(page, "bench")
 
         page.click("#show-session")
-        page.wait_for_selector("main[data-view=session]")
+        watched.drawn("story")
+        watched.see("session")
         expect(page.locator("main")).to_contain_text("Story motor 7")
         assert page.locator(".plots canvas").count() == 6
         keep(page, "session")
@@ -76,7 +77,7 @@ def test_the_story_by_clicks(browser, tmp_path):
         assert page.locator("#bands .bad").count() > 0
         keep(page, "fails")
 
-        watched.see("effects")
+        watched.see("story")
         expect(page.locator("#verdict")).to_contain_text("eddy-laminations")
         page.hover("[data-effect='eddy-laminations']")
         expect(page.locator("#signature-of")).to_have_text("eddy-laminations")
@@ -86,7 +87,7 @@ def test_the_story_by_clicks(browser, tmp_path):
         assert after < before / 10
         expect(page.locator(".ladder .step-name")).to_have_count(2)
         expect(page.locator("#stands")).to_contain_text("eddy-laminations")
-        keep(page, "effects")
+        keep(page, "story")
         page.click("#drop")
         expect(page.locator(".ladder .step-name")).to_have_count(1)
         assert percents(page.inner_text("#outcome"))[::-1] == [before, after]
@@ -96,7 +97,7 @@ def test_the_story_by_clicks(browser, tmp_path):
         assert "\\x" not in page.inner_text("main")
         keep(page, "inspect")
 
-        watched.see("effects")
+        watched.see("story")
         page.click("[data-effect='eddy-laminations']")
         expect(page.locator(".ladder .step-name")).to_have_count(2)
         watched.see("next")
@@ -141,7 +142,9 @@ def test_the_story_by_keys(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address, color_scheme="dark")
         page = watched.page
-        page.wait_for_selector("main[data-view=session]")
+        watched.drawn("story")
+        page.keyboard.press("3")
+        watched.drawn("session")
         page.keyboard.press("u")
         expect(page.locator("#units")).to_have_value("decibel")
         page.locator(".plots").first.focus()
@@ -154,8 +157,8 @@ def test_the_story_by_keys(browser, fitted):
         assert spans[0].startswith(("1", "2", "3", "4", "5", "6", "7", "8", "9"))
         keep(page, "session-dark")
 
-        page.keyboard.press("4")
-        page.wait_for_selector("main[data-view=effects]:not([aria-busy])")
+        page.keyboard.press("2")
+        watched.drawn("story")
         page.keyboard.press("ArrowDown")
         expect(page.locator("button.effect").first).to_be_focused()
         expect(page.locator("#signature-of")).to_have_text("eddy-laminations")
@@ -165,8 +168,8 @@ def test_the_story_by_keys(browser, fitted):
         page.keyboard.press("d")
         expect(page.locator(".ladder .step-name")).to_have_count(1)
 
-        page.keyboard.press("3")
-        page.wait_for_selector("main[data-view=fails]:not([aria-busy])")
+        page.keyboard.press("4")
+        watched.drawn("fails")
         page.locator("#where tbody tr").first.focus()
         page.keyboard.press("Enter")
         page.keyboard.press("t")
@@ -189,7 +192,7 @@ def test_a_narrow_window(browser, fitted):
         for view in VIEWS:
             watched.see(view)
             assert watched.page.evaluate("document.documentElement.scrollWidth") <= 360, view
-            if view == "effects":
+            if view == "story":
                 keep(watched.page, "narrow")
         watched.close()
 
@@ -197,9 +200,8 @@ def test_a_narrow_window(browser, fitted):
 def test_errors_are_sentences_on_the_page(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
-        watched.see("effects")
+        watched.see("story")
         with reopen(fitted):
-            watched.page.click("#drop", force=True)
             watched.page.click("[data-effect='core-loss']")
             expect(watched.page.locator("#trouble")).to_contain_text("another process")
         # A refusal is what the browser itself calls an error.
@@ -258,10 +260,10 @@ def test_hostile_names_are_text(browser, tmp_path):
             # The effect that is no effect is asked about, and refused in a sentence.
             assert page.evaluate("window.hacked") is None, view
             assert page.locator(FOREIGN).count() == 0, view
-            if view in ("session", "effects", "next", "emission"):
+            if view in ("story", "session", "next", "emission"):
                 assert ATTACKS[0] in page.inner_text("main"), view
                 assert "\u202e" not in page.inner_text("main"), view
-        watched.see("effects")
+        watched.see("story")
         page.locator("button.effect").first.hover()
         page.locator("button.effect").first.click()
         expect(page.locator("#trouble")).to_contain_text("is not an effect")
@@ -301,7 +303,8 @@ def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path):
         page.click("#stop")
         expect(page.locator("#run-status")).to_contain_text("the instruments are safe")
         page.click("#show-session")
-        page.wait_for_selector("main[data-view=session]")
+        watched.drawn("story")
+        watched.see("session")
         expect(page.locator("main")).to_contain_text(ATTACKS[1])
         expect(page.locator("main")).to_contain_text("Go on with this run")
         watched.close()

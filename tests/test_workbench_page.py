@@ -65,28 +65,28 @@ def test_reload_and_back_keep_session_and_view(browser, fitted):
     with served(workbench) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.drawn("session")
-        watched.see("effects")
+        watched.drawn("story")
+        watched.see("fails")
         page.select_option("#session-choice", workbench.shelf.place(other))
         expect(page.locator("main")).to_contain_text("fit this session first")
         page.reload()
-        watched.drawn("effects")
+        watched.drawn("fails")
         expect(page.locator("#session-choice option:checked")).to_contain_text("Other motor 8")
         expect(page.locator("main")).to_contain_text("fit this session first")
         page.go_back()
-        expect(page.locator("#ranking")).to_be_visible()
+        expect(page.locator("#bands")).to_be_visible()
         assert page.input_value("#session-choice") == workbench.shelf.first
         # Another tab opens the same.
         second = watched.context.new_page()
         second.goto(page.url)
-        second.wait_for_selector("main[data-view=effects] #ranking")
+        second.wait_for_selector("main[data-view=fails] #bands")
         watched.close()
 
 
 def test_a_session_that_is_not_there_is_told(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
-        watched.drawn("session")
+        watched.drawn("story")
         watched.page.goto(f"{watched.base}/?session=0123456789ab#fails")
         watched.drawn("fails")
         expect(watched.page.locator("#trouble")).to_contain_text("not on this workbench's list")
@@ -104,7 +104,7 @@ def test_the_list_names_motor_date_and_state(browser, fitted):
         watched.close()
 
 
-@pytest.mark.parametrize("view", ["session", "fails", "effects", "inspect", "emission", "next"])
+@pytest.mark.parametrize("view", ["story", "session", "fails", "inspect", "emission", "next"])
 def test_every_view_follows_the_command_line(browser, fitted, view):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
@@ -115,7 +115,7 @@ def test_every_view_follows_the_command_line(browser, fitted, view):
         expect(page.locator("#stands")).to_contain_text("eddy-laminations")
         follows = {
             "session": "main table:has-text('corner_hz')",
-            "effects": ".ladder:has-text('eddy-laminations')",
+            "story": ".ladder:has-text('eddy-laminations')",
             "inspect": "#element option:has-text('eddy')",
         }
         if view in follows:
@@ -131,7 +131,7 @@ def test_two_tabs_do_not_change_what_they_do_not_show(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.see("effects")
+        watched.see("story")
         # This tab does not hear of it in time.
         page.route("**/api/sessions/*/drop", lambda route: (change(), route.continue_()))
 
@@ -153,7 +153,7 @@ def test_a_change_elsewhere_leaves_zoom_focus_and_signature(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.drawn("session")
+        watched.see("session")
         page.locator(".plots").first.focus()
         for key in ("ArrowRight", "a", "+"):
             page.keyboard.press(key)
@@ -174,31 +174,12 @@ def test_a_change_elsewhere_leaves_zoom_focus_and_signature(browser, fitted):
         watched.close()
 
 
-def test_focus_stays_after_fit_and_diagnose(browser, tmp_path):
-    folder = make_session(tmp_path / "new")
-    with served(bench_of(tmp_path, folder)) as address:
-        watched = Watched(browser, address)
-        page = watched.page
-        watched.drawn("session")
-        page.focus("#fit")
-        page.keyboard.press("Enter")
-        expect(page.locator("#fit")).to_have_text("Fit again")
-        expect(page.locator("#fit")).to_be_focused()
-        page.keyboard.press("4")
-        watched.drawn("effects")
-        page.focus("#diagnose")
-        page.keyboard.press("Enter")
-        expect(page.locator("#diagnose")).to_have_text("Diagnose again", timeout=120_000)
-        expect(page.locator("#diagnose")).to_be_focused()
-        watched.close()
-
-
 def test_a_workbench_that_is_gone_is_seen_and_its_return_too(browser, fitted):
     workbench = bench_of(fitted.parent, fitted)
     with served(workbench) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.see("effects")
+        watched.see("story")
         page.focus("#diagnose")
         port = int(address.split(":")[2].partition("/")[0])
     # "within 2 s": Playwright looks until then.

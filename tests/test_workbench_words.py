@@ -101,7 +101,7 @@ def test_tolerances_are_drawn_where_they_judge(browser, fitted):
         compare_session(store, Tolerance(error_percent=5.0, magnitude_db=1.0, phase_deg=3.0))
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
-        watched.drawn("session")
+        watched.see("session")
         expect(watched.page.locator(".legend:text-is('tolerance')")).to_have_count(2)
         watched.see("fails")
         expect(watched.page.locator(".legend:text-is('tolerance')")).to_have_count(6)
@@ -113,7 +113,7 @@ def test_next_says_what_to_do_and_an_added_effect_keeps_its_title(browser, fitte
         watched = Watched(browser, address)
         watched.see("next")
         expect(watched.page.locator("#what-to-do")).to_contain_text("What to do: ")
-        watched.see("effects")
+        watched.see("story")
         row = watched.page.locator("#ranking tr", has=watched.page.locator("[data-effect='second-resonance']"))
         title = row.locator(".note").inner_text()
         watched.page.click("[data-effect='second-resonance']")
@@ -137,5 +137,5 @@ def test_where_nothing_explains_it_no_effect_is_likely(tmp_path):
         writer.save_analysis("diagnosis", {**stored, "verdict": "unexplained", "confidence": 0.92})
         writer.close("done")
     workbench = bench_of(tmp_path, folder)
-    told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/effects").json()["diagnosis"]
+    told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/story").json()["diagnosis"]
     assert max(one["probability"] for one in told["candidates"]) == pytest.approx(0.08, rel=0.01)

@@ -21,7 +21,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-VIEWS = ("files", "bench", "session", "fails", "effects", "inspect", "next", "emission", "report", "challenge", "together")
+VIEWS = ("files", "bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge", "together")
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")

@@ -68,35 +68,60 @@ def _rate(running: Sequence[Spectrum]) -> float | None:
 
 def _motor(store: Store) -> Fit:
     """The model at the top of the ladder."""
-    if not _has_motor(load(store.path)):
+    if not has_motor(load(store.path)):
         raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
     return current_steps(store)[-1]
 
 
-def _has_motor(session: Session) -> bool:
+def has_motor(session: Session) -> bool:
+    """Whether the session holds the sweep that a prediction needs."""
     return any(sweep.termination == "open" for sweep in session.sweeps)
 
 
-def _problem(store: Store) -> Problem:
-    session = load(store.path)
+def _spectra(session: Session) -> tuple[Sequence[Spectrum], Sequence[Spectrum]]:
+    """What a model of the spectra is held against: of the running motor, and with the motor off."""
     running, background = split(session.corrected_spectra)
     if not running:
         raise BadInput(f"{session.path.name} holds no spectrum of the running motor")
     if session.corrections.level_unit != "dBuV":
         raise BadInput(f"the model of the spectra is of voltages, but the corrected levels are in {session.corrections.level_unit}")
+    return running, background
+
+
+def _problem(session: Session, motor: Fit) -> Problem:
+    running, background = _spectra(session)
     setup = replace(setup_of(session), corrections=session.corrections)
-    return Problem(running, motor_function(_motor(store), setup), setup, ambient_of(background))
+    return Problem(running, motor_function(motor, setup), setup, ambient_of(background))
+
+
+def stored_emission_steps(session: Session) -> list[JsonDict]:
+    """The emission's ladder as it is stored; empty before the first fit."""
+    return list(_state(session)["steps"])
+
+
+def emission_ladder(session: Session, motor: Fit) -> list[EmissionFit]:
+    """The emission's ladder, base first, of the motor as it is modelled now; empty before the first fit."""
+    problem = _problem(session, motor)
+    return [restored(problem, step) for step in stored_emission_steps(session)]
 
 
 def emission_steps(store: Store) -> list[EmissionFit]:
     """The emission's ladder, base first; fitted first if it is not yet there."""
-    problem = _problem(store)
-    state = _state(load(store.path))
-    if state["steps"]:
-        return [restored(problem, step) for step in state["steps"]]
-    base = fit_base(problem)
-    _save(store, state, steps=[base.to_dict()])
-    return [base]
+    session = load(store.path)
+    _spectra(session)  # what is missing is told before the motor is fitted
+    return emission_ladder(session, _motor(store)) or [fit_source(store)]
+
+
+def fit_source(store: Store) -> EmissionFit:
+    """Fit source and path without any effect: the base of the emission's ladder, in place of what stood there."""
+    base = fit_base(_problem(load(store.path), _motor(store)))
+    save_emission_ladder(store, [base])
+    return base
+
+
+def save_emission_ladder(store: Store, steps: Sequence[EmissionFit]) -> None:
+    """Store the emission's ladder."""
+    _save(store, _state(load(store.path)), steps=[step.to_dict() for step in steps])
 
 
 def predict_session(
@@ -124,7 +149,7 @@ def predict_session(
     chosen_limit = find_limit(limit if limit is not None else state["limit"])
     state = _save(store, state, limit=limit if limit is not None else state["limit"])
     session = load(store.path)
-    alone = bool(session.spectra) and not (with_model and _has_motor(session))
+    alone = bool(session.spectra) and not (with_model and has_motor(session))
     motor, stated = None if alone else _motor(store), setup_of(session)
     effects: tuple[str, ...] = ()
     if state["steps"] and not alone:
@@ -177,7 +202,7 @@ def add_source_effect(store: Store, name: str) -> tuple[EmissionFit, EmissionFit
     if name in steps[-1].effects:
         raise BadInput(f"{name} is in the model already; drop it first or add another effect")
     after = add_effect(steps[-1].problem, steps[-1], name)
-    _save(store, _state(load(store.path)), steps=[step.to_dict() for step in (*steps, after)])
+    save_emission_ladder(store, (*steps, after))
     return steps[-1], after
 
 
@@ -186,7 +211,7 @@ def drop_source_effect(store: Store) -> tuple[EmissionFit, EmissionFit]:
     steps = emission_steps(store)
     if len(steps) < 2:
         raise BadInput("the emission's ladder stands at its base: there is no effect to drop")
-    _save(store, _state(load(store.path)), steps=[step.to_dict() for step in steps[:-1]])
+    save_emission_ladder(store, steps[:-1])
     return steps[-1], steps[-2]
 
 

@@ -56,6 +56,11 @@ class EmissionFit:
         error = self.problem.error(self.effects, self.parameters)
         return {detector: (self.problem.frequency_hz[at], error[at]) for detector, at in self.problem.where.items()}
 
+    @property
+    def floor_db(self) -> float:
+        """What the scatter of the readings and the formulas' own error would leave as rms error were the model perfect."""
+        return _rms(self.problem.sigma_db)
+
     def figures(self) -> JsonDict:
         """As in the contract."""
         return {
@@ -111,7 +116,7 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
         ranked = [found.x[: posterior.size] for found in glances]
     best = min((posterior.polished(start) for start in ranked[:keep]), key=lambda found: float(found.cost))
     values = posterior.values(best.x)
-    rms_error_db = float(np.sqrt(np.mean(problem.error(effects, values) ** 2)))
+    rms_error_db = _rms(problem.error(effects, values))
     own = [(p.name, float(unit)) for (p, _), unit in zip(unknowns, best.x, strict=False) if "." in p.name]
     at_bound = tuple(name for name, unit in own if unit < 1e-3 or unit > 1 - 1e-3)
     evidence = posterior.evidence(best.x, float(best.cost))
@@ -119,9 +124,14 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
 
 
 def restored(problem: Problem, stored: JsonDict) -> EmissionFit:
-    """A fit from its plain data and the problem it solved."""
+    """A fit from its plain data and the problem it solved; its error is computed afresh: the motor may be modelled otherwise by now."""
     values = {str(name): float(value) for name, value in stored["parameters"].items()}
+    effects = tuple(str(name) for name in stored["effects"])
     return EmissionFit(
-        problem, tuple(stored["effects"]), values, float(stored["chi2_reduced"]), float(stored["rms_error_db"]),
+        problem, effects, values, float(stored["chi2_reduced"]), _rms(problem.error(effects, values)),
         float(stored["log_evidence"]), tuple(stored["at_bound"]),
     )  # fmt: skip
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -7,7 +7,7 @@ import secrets
 from collections.abc import Awaitable, Callable, Collection
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -26,13 +26,14 @@ from motoremi.data.text import clean_text, clean_value
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.errors import BadInput, MotoremiError
 from motoremi.interrupts import Cancelled
-from motoremi.workbench import challenge, emission, exports, together, views
+from motoremi.workbench import challenge, emission, exports, story, together, views
 from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.guard import REPORT_POLICY, UPLOADS, Guard
 from motoremi.workbench.jobs import Jobs
-from motoremi.workbench.listing import Listing
+from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.listing import Listing, State
 from motoremi.workbench.refusal import refusal
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
@@ -72,7 +73,7 @@ class Workbench:
         """The session that an address names."""
         return self.shelf.desk(request.path_params["id"])
 
-    def state(self) -> JsonDict:
+    def now(self) -> JsonDict:
         """What a page that opens now catches up with."""
         return {**self.place.state(), "jobs": self.jobs.to_list()}
 
@@ -83,10 +84,13 @@ class Workbench:
 
     def head(self, request: Request) -> JsonDict:
         """What a session is, and whether it is being measured."""
-        desk = self.desk(request)
-        told = views.head(desk, request.path_params["id"])
-        state = self.listing.entry(desk.path).state
+        told = views.head(self.desk(request), request.path_params["id"])
+        state = self.state(request)
         return {**told, "state": state, "resumable": told["resumable"] and state != "measuring"}
+
+    def state(self, request: Request) -> State:
+        """As in the list of sessions."""
+        return self.listing.entry(self.desk(request).path).state
 
 
 def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
@@ -109,18 +113,22 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _get(session, w.head),
         _get(session + "/curves", lambda request: views.curves(w.desk(request))),
         _get(session + "/fails", lambda request: views.fails(w.desk(request))),
-        _get(session + "/effects", lambda request: views.effects(w.desk(request))),
-        _get(session + "/signature", lambda request: views.signature(w.desk(request), request.query_params.get("effect", ""))),
+        _get(session + "/story", lambda request: story.story(w.desk(request), request.query_params.get("of", ""), w.state(request))),
+        _get(
+            session + "/look",
+            lambda request: story.look(w.desk(request), request.query_params.get("of", ""), request.query_params.get("effect", "")),
+        ),
         _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""))),
         _get(session + "/next", lambda request: views.following(w.desk(request))),
         _get(session + "/emission", lambda request: emission.spectra(w.desk(request))),
         _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
         _post(session + "/cancel", lambda request, body: w.jobs.cancel(request.path_params["id"])),
-        _post(session + "/fit", _changing(w, lambda desk, body, progress: desk.fit(_standing(body), progress), "fitting")),
+        _post(session + "/fit", _changing(w, lambda desk, body, progress: _ladder(desk, body).fit(_standing(body), progress), "fitting")),
         _post(session + "/diagnose", _changing(w, _diagnose, "diagnosing")),
-        _post(session + "/add", _changing(w, _add, "adding an effect")),
-        _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, *desk.drop(_standing(body))))),
+        _post(session + "/add", _changing(w, lambda desk, body, progress: _step(desk, body, "add", _text(body, "effect")), "adding an effect")),
+        _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, body, "drop"))),
+        _post(session + "/redo", _changing(w, lambda desk, body, progress: _step(desk, body, "redo"))),
         _post(session + "/judge", _changing(w, _judge)),
         _post(session + "/predict", _changing(w, lambda desk, body, progress: emission.predict(desk, _text(body, "limit")))),
         _get(session + "/report", lambda request: {"files": w.desk(request).report_files()}),
@@ -203,7 +211,7 @@ def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any], t
 
 def _stream(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
     async def endpoint(request: Request) -> Response:
-        return StreamingResponse(w.events.stream(w.state, w.watch.begin), media_type="text/event-stream")
+        return StreamingResponse(w.events.stream(w.now, w.watch.begin), media_type="text/event-stream")
 
     return endpoint
 
@@ -234,15 +242,18 @@ def _names(body: JsonDict) -> list[str]:
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
     if challenge.is_open_challenge(desk.session):
         raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
-    desk.diagnose(progress, _standing(body))
+    _ladder(desk, body).diagnose(progress, _standing(body))
 
 
-def _add(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
-    return _step(desk, *desk.add(_text(body, "effect"), _standing(body)))
+def _ladder(desk: Desk, body: JsonDict) -> Ladder[Any]:
+    """Of the sweeps or of the spectra."""
+    return story.side(desk, _text(body, "of")).ladder
 
 
-def _step(desk: Desk, before: Any, after: Any) -> JsonDict:
-    return {"before": views.step_of(before), "after": views.step_of(after)}
+def _step(desk: Desk, body: JsonDict, do: Literal["add", "drop", "redo"], *what: str) -> JsonDict:
+    side = story.side(desk, _text(body, "of"))
+    before, after = getattr(side.ladder, do)(*what, _standing(body))
+    return {"before": side.step(before), "after": side.step(after)}
 
 
 def _judge(desk: Desk, body: JsonDict, progress: Progress) -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
@@ -14,12 +12,13 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.paths import SESSION, inside
 from motoremi.data.session import Session, load
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
-from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
+from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.source import SourceDesk
 from motoremi.workflow import (
     Store,
     compare_session,
@@ -32,16 +31,12 @@ from motoremi.workflow import (
 )
 
 LADDER = "analysis/ladder.json"
-# Fits that are kept in case somebody clicks on them; each holds its problem's arrays.
-MOST_PREPARED = 60
 Stamp: TypeAlias = tuple[int, int] | None
-# Objective and effects of the model below, and the effect on top.
-Key: TypeAlias = tuple[float, tuple[str, ...], str]
 Made = TypeVar("Made")
 
 
-class Desk:
-    """An opened session.
+class Desk(Ladder[Fit]):
+    """An opened session, and the ladder of its sweeps.
 
     A page, a command line and a bench run may take turns on one session: everything kept here is dropped when its files have changed.
 
@@ -50,19 +45,19 @@ class Desk:
     path : Path
     """
 
+    BASE = "the paper's circuit"
+
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.path = path
-        self._turn = threading.RLock()
+        self.source = SourceDesk(self)
         self._stamp: Stamp = None
         self._ladder_stamp: Stamp = None
         self._session: Session | None = None
         self._measurement: Measurement | None = None
+        # Models by what is stored of them.
+        self._known: dict[str, Fit] = {}
         self._steps: tuple[Fit, ...] = ()
-        self._prepared: dict[Key, Fit] = {}
-        self._making: dict[Key, threading.Lock] = {}
-        self._keeping = threading.Lock()
-        self._glancing = threading.Lock()
-        self._looking: object = None
 
     @property
     def session(self) -> Session:
@@ -79,26 +74,6 @@ class Desk:
             self._refresh()
             return self._steps
 
-    @property
-    def top(self) -> Fit:
-        """The model that stands.
-
-        Raises
-        ------
-        BadInput
-            Before the first fit.
-        """
-        steps = self.steps
-        if not steps:
-            raise BadInput("there is no model yet: fit this session first")
-        return steps[-1]
-
-    @property
-    def standing(self) -> str:
-        """Changes with the ladder: what a page sends back, so that nobody changes a ladder that the page does not show."""
-        told = json.dumps([[*step.effects, step.objective] for step in self.steps])
-        return hashlib.sha256(told.encode()).hexdigest()[:12]
-
     def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
         """Fit the model that the ladder stands at, from the bottom; `shown` as in `change`."""
         self.work(lambda store: fit_session(store, progress=progress), shown)
@@ -106,7 +81,9 @@ class Desk:
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
         """Which effect is missing from the model that stands; `shown` as in `change`. Its fits are kept: adding one takes no time."""
         found = self.work(lambda store: diagnose_session(store, progress=progress), shown)
-        self._keep_those_of(found)
+        # Under another analyser, or without some points, it was another model.
+        if (found.base.objective, found.base.effects) == (self.top.objective, self.top.effects):
+            self._keep_all((one.effect, one.fit) for one in found.candidates)
 
     def judge(self, tolerance: Tolerance) -> None:
         """Hold the model that stands against the measurement, by this tolerance from now on."""
@@ -160,7 +137,7 @@ class Desk:
                 action(store)
             self._stamp = None
 
-    def work(self, action: Callable[[Store], Made], shown: str | None = None) -> Made:
+    def work(self, action: Callable[[Store], Made], shown: str | None = None, rests_on: Sequence[str] = (LADDER,)) -> Made:
         """The same as `change` for what takes its time: everybody can look at the session meanwhile, and it is opened for writing at the end.
 
         Parameters
@@ -169,84 +146,26 @@ class Desk:
             Must not rely on what it has just stored.
         shown : str, optional
             As in `change`.
+        rests_on : sequence of str
+            Files that nobody else may change meanwhile.
 
         Raises
         ------
         BadInput
-            As `change`, and if somebody changed the ladder meanwhile.
+            As `change`, and if somebody else did.
         """
         with self._turn:
             self._require(shown)
-            self._refresh()
-            began = self._ladder_stamp
+            began = [self._file_stamp(name) for name in rests_on]
         draft = Draft(self.path)
         made = action(draft)
         with self._turn:
             with opened(self.path) as store:
-                if self._file_stamp(LADDER) != began:
-                    raise BadInput("somebody else changed the ladder of this session meanwhile: nothing was stored; look at it, then do this again")
+                if [self._file_stamp(name) for name in rests_on] != began:
+                    raise BadInput("somebody else changed the model of this session meanwhile: nothing was stored; look at it, then do this again")
                 draft.store_in(store)
             self._stamp = None
         return made
-
-    def prepared(self, effect: str) -> Fit:
-        """The model that stands with one more effect, fitted; kept, so that adding it afterwards takes no time."""
-        find_effect(effect)
-        before = self.top
-        key = (before.objective, before.effects, effect)
-        with self._keeping:
-            making = self._making.setdefault(key, threading.Lock())
-        # A lock for each: whoever asks for the same waits for it, a click on another effect does not.
-        with making:
-            fit = self._prepared.get(key)
-            if fit is None:
-                fit = before.add(effect)
-                self._keep(key, fit)
-            return fit
-
-    def _keep(self, key: Key, fit: Fit) -> None:
-        with self._keeping:
-            while len(self._prepared) >= MOST_PREPARED:
-                oldest = next(iter(self._prepared))
-                del self._prepared[oldest]
-                self._making.pop(oldest, None)
-            self._prepared[key] = fit
-
-    def _keep_those_of(self, found: Diagnosis) -> None:
-        """Keep what a diagnosis has fitted on top of the model that stands; under another analyser, or without some points, it is another one."""
-        top = self.top
-        if (found.base.objective, found.base.effects) != (top.objective, top.effects):
-            return
-        for one in found.candidates:
-            self._keep((top.objective, top.effects, one.effect), one.fit)
-
-    def glance(self, effect: str) -> tuple[Fit, Fit] | None:
-        """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
-        self._looking = asked = object()
-        with self._glancing:
-            return (self.top, self.prepared(effect)) if self._looking is asked else None
-
-    def add(self, effect: str, shown: str | None = None) -> tuple[Fit, Fit]:
-        """Put an effect on top of the ladder; returns the model before and after. `shown` as in `change`."""
-        self._looking = None
-        with self._turn:
-            self._require(shown)
-            before, stands = self.top, self.standing
-        after = self.prepared(effect)
-        with self._turn:
-            self._require(stands)
-            self._store_ladder([*self._steps, after], len(self._steps))
-            return before, after
-
-    def drop(self, shown: str | None = None) -> tuple[Fit, Fit]:
-        """Step back on the ladder; returns the model before and after. `shown` as in `change`."""
-        with self._turn:
-            self._require(shown)
-            steps = self.steps
-            if len(steps) < 2:
-                raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
-            self._store_ladder(list(steps[:-1]), len(steps) - 1)
-            return steps[-1], steps[-2]
 
     def comparison(self, step: Fit) -> Comparison:
         """A model against the measurement, by the tolerance used last."""
@@ -257,18 +176,21 @@ class Desk:
         """What an element would have to be."""
         return inspect(self.top, element)
 
-    def _store_ladder(self, steps: list[Fit], kept: int) -> None:
+    def _signed(self) -> list[object]:
+        return [[*step.effects, step.objective] for step in self.steps]
+
+    def _grown(self, before: Fit, effect: str) -> Fit:
+        find_effect(effect)
+        return before.add(effect)
+
+    def _store(self, steps: Sequence[Fit]) -> None:
+        kept = sum(one is other for one, other in zip(steps, self._steps, strict=False))
         with opened(self.path) as store:
             self._require_unmoved()
             save_ladder(store, steps, kept)
+            # To read a model back takes as long as to judge it on all points.
+            self._known |= {_text_of(stored): fit for stored, fit in zip(_ladder(load(self.path)), steps, strict=True)}
         self._stamp = None
-
-    def _require(self, shown: str | None) -> None:
-        if shown is not None and shown != self.standing:
-            stands = " + ".join(("the paper's circuit", *self.steps[-1].effects)) if self.steps else "no model"
-            raise BadInput(
-                f"the ladder was changed since this page showed it and stands at {stands} now: nothing was done; look at it, then choose again"
-            )
 
     def _require_unmoved(self) -> None:
         # Under the lock of an open session: from here on nobody else writes.
@@ -283,11 +205,12 @@ class Desk:
         session = load(self.path)
         if self._session is None or _measured(session) != _measured(self._session):
             self._measurement = measurement_of(session) if session.sweeps else None
-            with self._keeping:
-                self._prepared.clear()
-                self._making.clear()
+            self._known = {}
         measurement = self._measurement
-        self._steps = () if measurement is None else tuple(restore(step["fit"], measurement) for step in _ladder(session))
+        if measurement is not None:
+            stored = {_text_of(step): step for step in _ladder(session)}
+            self._known = {text: self._known.get(text) or restore(step["fit"], measurement) for text, step in stored.items()}
+        self._steps = tuple(self._known.values())
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
     def _file_stamp(self, name: str) -> Stamp:
@@ -296,6 +219,10 @@ class Desk:
         except OSError:
             return None
         return found.st_mtime_ns, found.st_size
+
+
+def _text_of(step: JsonDict) -> str:
+    return json.dumps(step["fit"], sort_keys=True)
 
 
 def _ladder(session: Session) -> list[JsonDict]:

@@ -47,5 +47,5 @@ def predict(desk: Desk, limit: str) -> None:
     if limit and limit not in limit_names():
         raise BadInput(f"there is no limit of that name; choose one of {', '.join(limit_names())}")
     if not desk.steps:
-        raise BadInput("a prediction needs the motor's model: fit this session first (view Session)")
+        raise BadInput("a prediction needs the motor's model: fit this session first (view Story)")
     desk.change(lambda store: predict_session(store, None, limit or None))

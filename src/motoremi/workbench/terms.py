@@ -25,7 +25,7 @@ TERMS: dict[str, str] = {
     "family": "Effects that these data cannot tell apart.",
     "confidence": "How often such a verdict is right. It stays below 1: the catalogue itself may be incomplete.",
     "ladder": "The history of models: each step adds one effect and refits everything. Dropping goes back one step.",
-    "signature": "Points: what these sweeps ask of the model that stands, measured over model. Line: what the model with this effect gives.",
+    "signature": "Dashed: the model with this effect, everything refitted. Where it runs through the points, the effect explains the error.",
     "inspect": "What one element would have to be at each frequency for the model to be exact; its curve often shows which law is missing.",
     "loss tangent": "Losses of an inductance or capacitance: minus imaginary over real part of its complex value.",
     "next measurement": "The measurement that would best tell the candidates apart, found by simulating each under all that can be measured.",

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
-from motoremi.diagnosis.candidates import possible_effects
 from motoremi.diagnosis.compare import Comparison
 from motoremi.diagnosis.menu import MENU
 from motoremi.diagnosis.parts import ELEMENTS
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
-from motoremi.model.effects import catalogue, find_effect
+from motoremi.model.effects import catalogue
 from motoremi.quantities import show, show_band
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, reasons_of
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import seen
 
+T = TypeVar("T")
 # More digits than any instrument here resolves; they make the page's data half as long.
 DIGITS = 8
 
@@ -146,34 +146,6 @@ def fails(desk: Desk) -> JsonDict:
     return told
 
 
-def effects(desk: Desk) -> JsonDict:
-    """The ranking if there is a diagnosis, and everything in the catalogue that these sweeps could show."""
-    session, top = desk.session, desk.top
-    sealed = is_open_challenge(session)
-    stored = None if sealed else session.analysis("diagnosis")
-    return {
-        "sealed": sealed,
-        "diagnosis": None if stored is None else diagnosis(stored),
-        "current": stored is not None and _of_model(stored) == list(top.effects),
-        "in_model": list(top.effects),
-        "catalogue": [_entry(name) for name in dict.fromkeys((*possible_effects(top), *top.effects))],
-        "standing": desk.standing,
-        "ladder": ladder(desk),
-    }
-
-
-def _of_model(stored: JsonDict) -> object:
-    base = stored.get("base")
-    return base.get("effects") if isinstance(base, dict) else None
-
-
-def _entry(name: str) -> JsonDict:
-    effect = find_effect(name).effect
-    return {"id": name, **{key: getattr(effect, key) for key in ("title", "group", "family", "formula", "signature", "deciding", "source")}} | {
-        "look_alikes": list(effect.look_alikes)
-    }
-
-
 def diagnosis(stored: JsonDict) -> JsonDict:
     """A stored diagnosis with its parameters written out.
 
@@ -182,7 +154,7 @@ def diagnosis(stored: JsonDict) -> JsonDict:
     BadInput
         If it is not one of this software.
     """
-    return _readable(lambda: _diagnosis(stored))
+    return readable(lambda: _diagnosis(stored))
 
 
 def _diagnosis(stored: JsonDict) -> JsonDict:
@@ -192,11 +164,14 @@ def _diagnosis(stored: JsonDict) -> JsonDict:
     told["described"] = described(stored["unexplained_percent"]) if "unexplained_percent" in stored else ""
     told["where"] = [{**span, "band": show_band(*span["band_hz"])} for span in stored["where"]]
     told["caveats"] = list(stored.get("caveats", []))
+    told["observations"] = [str(one["text"]) for one in stored.get("observations", [])]
+    error = "rms_error_db" if stored.get("of") == "emission" else "rms_error_percent"
     # Where no effect explains it, each is at most as likely as the verdict is wrong.
     left = 1.0 - float(stored["confidence"]) if stored["verdict"] == "unexplained" else 1.0
     told["candidates"] = [
         {
-            **{key: one[key] for key in ("effect", "family", "chi2_reduced", "rms_error_percent", "delta_bic", "plausible")},
+            **{key: one[key] for key in ("effect", "family", "chi2_reduced", "delta_bic", "plausible")},
+            "error": one[error],
             "probability": left * float(one["probability"]),
             "parameters": ", ".join(f"{name} = {show(float(p['value']), str(p.get('unit', '')))}" for name, p in one["parameters"].items()),
         }
@@ -212,45 +187,19 @@ def following(desk: Desk) -> JsonDict:
         raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
     stored = session.analysis("diagnosis")
     if stored is None:
-        raise BadInput("there is no diagnosis yet: diagnose this session first (view Effects)")
+        raise BadInput("there is no diagnosis yet: diagnose this session first (view Story)")
     actions = {option.name: option.action for option in MENU}
-    return _readable(
+    return readable(
         lambda: {"action": actions.get(stored["next_measurement"]["id"], ""), **stored["next_measurement"], "verdict": stored["verdict"]}
     )
 
 
-def _readable(read: Callable[[], JsonDict]) -> JsonDict:
+def readable(read: Callable[[], T]) -> T:
     """A stored analysis is a file: anybody may have written it."""
     try:
         return read()
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInput("the stored diagnosis cannot be read: diagnose this session again") from error
-
-
-def signature(desk: Desk, effect: str) -> JsonDict:
-    """What an effect would do on this motor: measured over model now, and model with the effect over model now, in dB and degrees."""
-    glanced = desk.glance(effect)
-    if glanced is None:
-        return {"superseded": True}
-    now, after = glanced
-    before_error, after_error = now.errors(), after.errors()
-    sweeps = []
-    for sweep in now.measurement.sweeps:
-        wanted = 1 / (1 + before_error[sweep.termination])
-        given = (1 + after_error[sweep.termination]) * wanted
-        kept = seen(sweep.frequency_hz, *_drawn(wanted), *_drawn(given))
-        wanted, given = wanted[kept], given[kept]
-        sweeps.append(
-            {
-                "termination": sweep.termination,
-                "frequency_hz": rounded(sweep.frequency_hz[kept]),
-                "wanted_db": rounded(20 * np.log10(np.abs(wanted))),
-                "given_db": rounded(20 * np.log10(np.abs(given))),
-                "wanted_deg": rounded(np.degrees(np.angle(wanted))),
-                "given_deg": rounded(np.degrees(np.angle(given))),
-            }
-        )
-    return {"effect": effect, "entry": _entry(effect), "before": step_of(now), "after": step_of(after), "sweeps": sweeps}
 
 
 def inspection(desk: Desk, element: str) -> JsonDict:

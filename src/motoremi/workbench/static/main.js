@@ -11,7 +11,6 @@ import { hideTip, loadTerms } from "./terms.js";
 import { percent, when } from "./units.js";
 import { bench } from "./views/bench.js";
 import { challenge } from "./views/challenge.js";
-import { effects } from "./views/effects.js";
 import { emission } from "./views/emission.js";
 import { fails } from "./views/fails.js";
 import { files } from "./views/files.js";
@@ -19,17 +18,18 @@ import { inspect } from "./views/inspect.js";
 import { next } from "./views/next.js";
 import { report } from "./views/report.js";
 import { session } from "./views/session.js";
+import { story } from "./views/story.js";
 import { together } from "./views/together.js";
 
-const VIEWS = { files, bench, session, fails, effects, inspect, next, emission, report, challenge, together };
+const VIEWS = { files, bench, story, session, fails, inspect, next, emission, report, challenge, together };
 const WITHOUT_SESSION = new Set(["files", "bench", "challenge", "together"]);
 // Views that have no key of their own are counted.
 const VIEW_KEYS = Object.fromEntries([...Object.entries(VIEWS).filter(([, view]) => view.key).map(([name, view]) => [view.key.toLowerCase(), name]),
   ...Object.keys(VIEWS).filter((name) => !VIEWS[name].key).map((name, index) => [String(index + 1), name])]);
 const KEYS = [
   ["1 - 9", "views, from Bench to Challenge"], ["0 C", "views Files and Compare"], ["T", "light or dark"], ["?", "this list"], ["Esc", "closes this list, a hint or a message"],
-  ["Arrow keys", "in plots: cursor (with Shift in larger steps); in the list of effects: up and down"], ["+ - 0", "in plots: zoom in, out, show all"],
-  ["A B", "in plots: set marks"], ["Enter", "in the list of effects: add"], ["D", "in the list of effects: drop the last one added"], ["U", "in Session: units"],
+  ["Arrow keys", "in plots: cursor (with Shift in larger steps); in Story: up and down the list of effects"], ["+ - 0", "in plots: zoom in, out, show all"],
+  ["A B", "in plots: set marks"], ["N", "in Story: what comes next"], ["Enter", "on an effect: add it"], ["D R", "in Story: drop the effect that was added last, put it back"], ["U", "in Session: units"],
 ];
 const NO_SESSION = "There is no session yet: make one from your files (view Files), run a procedure (view Bench), or take a challenge (view Challenge).";
 const main = document.getElementById("main");
@@ -145,7 +145,7 @@ function list(sessions) {
   choice.value = page.session;
 }
 
-const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "session" : "files");
+const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "story" : "files");
 let drawing = 0;
 
 // The view is built beside the page and put in at once when it is complete. A view that is drawn anew keeps what its reader was doing.

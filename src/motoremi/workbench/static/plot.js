@@ -8,6 +8,7 @@ import { show } from "./units.js";
 
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const live = new Set();
+const NARROW = 380;
 
 // Frame of one view: its plots share the frequency axis, the cursor and the marks.
 export class Plots {
@@ -27,11 +28,13 @@ export class Plots {
     this.watch.observe(this.host);
   }
 
-  // series: [{label, values, color, unit, width, dash, points, band}]; x in hertz.
-  add(title, x, series, { log = false, unit = "", height = 230, digits = 4 } = {}) {
-    const holder = h("figure", {}, h("figcaption", {}, title, ...series.filter((one) => one.label).map((one) => legend(one))));
+  // series: [{label, values, color, unit, width, dash, points, band}]; x in hertz. Without a height it fills its place.
+  // Plots of one panel are read together; a bare one leaves its legend and its labels of the frequency to others.
+  add(title, x, series, { log = false, unit = "", height = 230, digits = 4, panel = "", bare = {}, hold = false } = {}) {
+    const caption = h("figcaption", {}, title, ...series.filter((one) => one.label && !bare.legend).map((one) => legend(one)));
+    const holder = h("figure", {}, caption);
     this.host.append(holder);
-    const frame = { holder, x, series, unit, digits, log, height };
+    const frame = { holder, caption, x, series, unit, digits, log, height, panel, bare, hold };
     frame.plot = new uPlot(this.options(frame), [x, ...series.map((one) => one.values)], holder);
     this.plots.push(frame);
     return frame;
@@ -40,11 +43,11 @@ export class Plots {
   options(frame) {
     const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--soft"), width: 1 }, font: "12px system-ui, sans-serif" };
     return {
-      width: Math.max(240, this.host.clientWidth - 2), height: frame.height, legend: { show: false }, focus: { alpha: 1 },
+      ...sizeOf(frame), legend: { show: false }, focus: { alpha: 1 },
       cursor: { sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
       scales: {
         x: { distr: 3, time: false, range: (plot, low, high) => [low, high] },
-        y: frame.log ? { distr: 3, range: logRange } : { range: (plot, low, high) => padded(low, high) },
+        y: { distr: frame.log ? 3 : 1, range: (plot, low, high) => this.held(frame, plot, (frame.log ? logRange : padded)(low, high)) },
       },
       series: [{}, ...frame.series.map((one) => ({
         label: one.label, stroke: color(one.color), width: one.width ?? 1.5, dash: one.dash, spanGaps: false,
@@ -53,8 +56,8 @@ export class Plots {
       }))],
       bands: frame.series.flatMap((one, index) => (one.band ? [{ series: [index + 1, index + 2], fill: color("--band") }] : [])),
       axes: [
-        { ...axis, size: 32, ...ticked(axis, logTicks, "Hz", (plot) => plot.width / 70) },
-        { ...axis, size: 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
+        { ...axis, size: frame.bare.frequency ? 10 : 32, ...ticked(axis, logTicks, "Hz", (plot) => plot.width / 70, frame.bare.frequency) },
+        { ...axis, size: frame.holder.clientWidth < NARROW ? 60 : 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
       ],
       hooks: {
         setCursor: [(plot) => this.moved(plot)],
@@ -64,10 +67,19 @@ export class Plots {
     };
   }
 
+  // A frame that holds does not draw its range in when its curves come closer, as long as all of the frequency is shown.
+  held(frame, plot, [low, high]) {
+    const [first, last] = [frame.x[0], frame.x.at(-1)], { min, max } = plot.scales.x;
+    if (!frame.hold || min > first || max < last) return [low, high];
+    frame.range = [Math.min(low, frame.range?.[0] ?? low), Math.max(high, frame.range?.[1] ?? high)];
+    return frame.range;
+  }
+
   moved(plot) {
     const index = plot.cursor.idx;
     if (index === null || index === undefined || this.moving) return;
     this.at = plot.data[0][index];
+    this.panel = this.plots.find((frame) => frame.plot === plot)?.panel;
     this.tell();
   }
 
@@ -82,9 +94,9 @@ export class Plots {
   }
 
   valuesAt(hertz) {
-    return this.plots.flatMap((frame) => {
+    return this.plots.filter((frame) => !this.panel || frame.panel === this.panel).flatMap((frame) => {
       const index = nearest(frame.x, hertz);
-      return frame.series.filter((one) => one.label).map((one) => `${one.label} ${show(one.values[index], frame.unit, frame.digits)}`);
+      return frame.series.filter((one) => one.label && one.values[index] != null).map((one) => `${one.label} ${show(one.values[index], frame.unit, frame.digits)}`);
     }).join(", ");
   }
 
@@ -151,7 +163,7 @@ export class Plots {
   }
 
   move(by) {
-    const frame = this.plots[0];
+    const frame = this.plots.find((one) => !this.panel || one.panel === this.panel);
     if (!frame) return;
     const at = this.at === undefined ? Math.floor(frame.x.length / 2) : nearest(frame.x, this.at);
     const index = Math.min(frame.x.length - 1, Math.max(0, at + by));
@@ -176,8 +188,20 @@ export class Plots {
   }
 
   resize() {
-    const width = Math.max(240, this.host.clientWidth - 2);
-    for (const frame of this.plots) if (frame.plot.width !== width) frame.plot.setSize({ width, height: frame.height });
+    for (const frame of this.plots) {
+      const size = sizeOf(frame);
+      if (frame.holder.clientWidth && (frame.plot.width !== size.width || frame.plot.height !== size.height)) frame.plot.setSize(size);
+    }
+  }
+
+  // Other curves in the same frame; what is shown of the frequency stays.
+  change(frame, series) {
+    frame.series = series;
+    const { min, max } = frame.plot.scales.x;
+    frame.plot.batch(() => {
+      frame.plot.setData([frame.x, ...series.map((one) => one.values)], false);
+      frame.plot.setScale("x", { min, max });
+    });
   }
 
   destroy() {
@@ -219,11 +243,15 @@ export function restorePlots(kept) {
   });
 }
 
+function sizeOf({ holder, caption, height }) {
+  return { width: Math.max(200, holder.clientWidth - 2), height: height ?? Math.max(64, holder.clientHeight - caption.offsetHeight - 2) };
+}
+
 export function leaveAll() {
   for (const group of [...live]) group.destroy();
 }
 
-function legend(one) {
+export function legend(one) {
   return h("span", { class: `legend ${one.points ? "dots" : one.dash ? (one.dash[0] < 4 ? "dotted" : "dashes") : "line"} c${one.color.slice(1)}` }, one.label);
 }
 
@@ -238,13 +266,13 @@ function nearest(x, value) {
 }
 
 // An axis with its ticks: a line for each tick with a label, a short mark for the minor ones.
-function ticked(axis, ticks, unit, most) {
+function ticked(axis, ticks, unit, most, bare = false) {
   const at = (plot, side) => ticks(...bounds(plot, side), most(plot));
   const bounds = (plot, side) => { const { min, max } = plot.scales[plot.axes[side].scale]; return [min, max]; };
   return {
     splits: (plot, side, low, high) => ticks(low, high, most(plot)).all,
     filter: (plot, splits) => splits,
-    values: (plot, splits, side) => tickLabels(splits, at(plot, side).labelled, unit),
+    values: (plot, splits, side) => (bare ? splits.map(() => "") : tickLabels(splits, at(plot, side).labelled, unit)),
     grid: { ...axis.grid, filter: (plot, splits, side) => { const { labelled } = at(plot, side); return splits.map((value) => (labelled.has(value) ? value : null)); } },
     ticks: { ...axis.ticks, size: 6, filter: (plot, splits) => splits },
   };
@@ -256,7 +284,7 @@ function padded(low, high) {
   return [low - margin, high + margin];
 }
 
-function logRange(plot, low, high) {
+function logRange(low, high) {
   if (!(low > 0) || !(high > 0)) return [0.1, 10];
   const margin = Math.max((high / low) ** 0.06, 1.05);
   return [low / margin, high * margin];

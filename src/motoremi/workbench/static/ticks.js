@@ -41,7 +41,8 @@ function stepped(low, high, step) {
 export function tickLabels(values, labelled, unit) {
   const shown = values.filter((value) => labelled.has(value));
   const steps = shown.slice(1).map((value, index) => value - shown[index]);
-  const even = steps.length > 0 && Math.max(...steps) < 1.5 * Math.min(...steps);
+  // Of two alone nobody can tell whether their axis is logarithmic: decades apart, each is written with its own prefix.
+  const even = steps.length > 0 && Math.max(...steps) < 1.5 * Math.min(...steps) && (shown.length > 2 || !(shown[1] >= 10 * shown[0]));
   const largest = Math.max(...shown.map(Math.abs));
   return values.map((value) => (labelled.has(value) ? prefixed(value, unit, even ? { scale: largest, step: steps[0] } : {}) : ""));
 }

@@ -111,7 +111,7 @@ function drawState(place) {
   place.shown = `${run.session} ${run.status}`;
   place.controls.replaceChildren(running
     ? button("Stop", () => page.work("stopping: the instruments are made safe", () => post("/api/run/stop")), { id: "stop" })
-    : button("Show the session", async () => { await page.choose(run.session); page.go("session"); }, { class: "main", id: "show-session" }));
+    : button("Show the session", async () => { await page.choose(run.session); page.go("story"); }, { class: "main", id: "show-session" }));
 }
 
 function answer(page, text, doing, word, attributes) {

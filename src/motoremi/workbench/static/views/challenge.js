@@ -20,7 +20,7 @@ export const challenge = {
         await fitting;
         await page.refresh();
       }
-      return { sealed: await get(sessionPath(page.session, "/effects")) };
+      return { sealed: await get(sessionPath(page.session, "/story?of=impedance")) };
     }
     return { revealed: await get(sessionPath(page.session, "/challenge")) };
   },
@@ -52,7 +52,7 @@ function answer(told, page) {
     if (done) await page.redraw();
   };
   return card("Your answer",
-    h("p", {}, "What does this motor hide? The views Session, Fails, Effects and Inspect work on it as on any other."),
+    h("p", {}, "What does this motor hide? The views Story, Session, Fails and Inspect work on it as on any other."),
     h("div", { class: "row" }, button("Nothing is missing", give(["adequate"]), { id: "say-adequate" }), button("Something that is in no catalogue", give(["unexplained"]))),
     h("fieldset", { class: "choices" }, h("legend", {}, "or one or two effects"), told.catalogue.map((one) => box(one.id, `${one.id}: ${one.title}`))),
     button("Answer with the chosen effects", give(null), { class: "main", id: "say-effects" }));

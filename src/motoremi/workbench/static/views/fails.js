@@ -10,7 +10,7 @@ import { errorSeries } from "./session.js";
 export const fails = {
   title: "Fails",
   needs: "model",
-  without: "There is no model to hold against the measurement yet: fit this session first (view Session).",
+  without: "There is no model to hold against the measurement yet: fit this session first (view Story).",
 
   async load(page) {
     const told = await get(sessionPath(page.session, "/fails"));

@@ -14,7 +14,7 @@ let element = "La";
 export const inspect = {
   title: "Inspect",
   needs: "model",
-  without: "Inspection needs a fitted model: fit this session first (view Session).",
+  without: "Inspection needs a fitted model: fit this session first (view Story).",
 
   async load(page) {
     if (!page.head.elements.includes(element)) element = "La";

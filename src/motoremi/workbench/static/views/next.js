@@ -8,7 +8,7 @@ import { share, show } from "../units.js";
 export const next = {
   title: "Next",
   needs: "diagnosis",
-  without: "What to measure next follows from a diagnosis: diagnose this session first (view Effects).",
+  without: "What to measure next follows from a diagnosis: diagnose this session first (view Story).",
 
   load: (page) => get(sessionPath(page.session, "/next")),
 

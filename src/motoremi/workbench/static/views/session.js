@@ -1,9 +1,8 @@
 // Measured against model, for each termination: magnitude and phase (or R and X), and the error.
 
-import { get, post, sessionPath } from "../api.js";
+import { get, sessionPath } from "../api.js";
 import { button, card, facts, h, table } from "../dom.js";
 import { exportCard } from "../exports.js";
-import { ladderDrawing } from "../ladder.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
 import { percent, show, symbols, when } from "../units.js";
@@ -26,7 +25,7 @@ export const session = {
     const measuring = head.state === "measuring";
     where.append(h("div", { class: "row" },
       h("label", {}, "Units ", choice),
-      !measuring && button(curves.model ? "Fit again" : "Fit the paper's circuit", () => fit(page, head.standing), { class: curves.model ? "" : "main", id: "fit" }), resume,
+      resume,
       measuring && h("p", { id: "measuring" }, "This session is being measured: what has arrived so far is shown here, and the run on the view Bench.")));
     const columns = h("div", { class: "columns" });
     where.append(columns);
@@ -49,10 +48,6 @@ export const session = {
     };
   },
 };
-
-async function fit(page, standing) {
-  await page.work("fitting: ants, then the likelihood on all points", () => post(sessionPath(page.session, "/fit"), { standing }));
-}
 
 function goOn(page) {
   page.resume = { session: page.session, bench: page.head.start.backend === "sim" ? "simulated" : "real" };
@@ -100,7 +95,6 @@ function model(head) {
     h("p", {}, term("rms error"), " ", h("span", { class: "large" }, percent(top.rms_error_percent)), " beside ", term("noise and analyser"), ` ${percent(top.floor_percent)}, `, term("chi2"), ` ${show(top.chi2_reduced, "", 3)}`),
     top.beside.map((text) => h("p", {}, text)),
     !top.converged && h("p", { class: "bad" }, "The fit did not converge: do not use its values."),
-    ladderDrawing(head.ladder),
     table(["parameter", "value", "error bar"], top.parameters.map((one) => [one.name, symbols(one.value), one.bar])),
     top.warnings.map((text) => h("p", { class: "note" }, text)));
 }

@@ -1,0 +1,109 @@
+"""The models of an opened session's spectra: source and path, kept in memory as `Desk` keeps those of the sweeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from motoremi.arrays import Progress
+from motoremi.data.session import Session, load
+from motoremi.emission.background import split
+from motoremi.emission.diagnose import add_effect
+from motoremi.emission.effects import find_source_effect
+from motoremi.emission.fit import EmissionFit
+from motoremi.errors import BadInput
+from motoremi.workbench.ladder import Ladder
+from motoremi.workflow import Store
+from motoremi.workflow_emission import (
+    diagnose_emission_session,
+    emission_ladder,
+    fit_source,
+    has_motor,
+    save_emission_ladder,
+    stored_emission_steps,
+)
+
+LADDER, EMISSION = "analysis/ladder.json", "analysis/emission.json"
+Made = TypeVar("Made")
+
+if TYPE_CHECKING:
+    from motoremi.workbench.desk import Desk
+
+
+class SourceDesk(Ladder[EmissionFit]):
+    """The ladder of the spectra.
+
+    Parameters
+    ----------
+    desk : Desk
+        Of the same session.
+    """
+
+    BASE = "source and motor alone"
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__()
+        self._desk = desk
+        self._session: Session | None = None
+        self._steps: tuple[EmissionFit, ...] = ()
+
+    @property
+    def possible(self) -> bool:
+        """Whether the session holds what a model of the spectra needs."""
+        session = self._desk.session
+        return has_motor(session) and bool(split(session.corrected_spectra)[0])
+
+    @property
+    def steps(self) -> tuple[EmissionFit, ...]:
+        """The models, base first; empty before the first fit."""
+        with self._turn:
+            session = self._desk.session
+            if session is not self._session:
+                self._steps = self._read(session)
+                self._session = session
+            return self._steps
+
+    def _read(self, session: Session) -> tuple[EmissionFit, ...]:
+        try:
+            return tuple(emission_ladder(session, self._desk.top)) if stored_emission_steps(session) else ()
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise BadInput("the stored model of the spectra cannot be read: predict this session again with its set-up") from error
+
+    def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
+        """Fit source and path anew, without any effect."""
+        self._work(fit_source, shown)
+
+    def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
+        """Which effect of source or path is missing from the model that stands. Its fits are kept."""
+        found = self._work(lambda store: diagnose_emission_session(store, progress=progress), shown)
+        if found.base.figures() == self.top.figures():
+            self._keep_all((one.effect.name, one.fit) for one in found.candidates)
+
+    def _signed(self) -> list[object]:
+        return [self._desk.standing, *([*step.effects, step.log_evidence] for step in self.steps)]
+
+    def _grown(self, before: EmissionFit, effect: str) -> EmissionFit:
+        find_source_effect(effect)
+        if effect in before.effects:
+            raise BadInput(f"{effect} is in the model already; drop it first or add another effect")
+        return add_effect(before.problem, before, effect)
+
+    def _store(self, steps: Sequence[EmissionFit]) -> None:
+        self._change(lambda store: save_emission_ladder(store, steps))
+
+    def _work(self, action: Callable[[Store], Made], shown: str | None) -> Made:
+        with self._turn:
+            self._require(shown)
+        return self._desk.work(action, rests_on=(LADDER, EMISSION))
+
+    def _change(self, action: Callable[[Store], object]) -> None:
+        with self._turn:
+            known = stored_emission_steps(self._desk.session)
+
+            def unless_moved(store: Store) -> None:
+                # Under the lock of an open session: from here on nobody else writes.
+                if stored_emission_steps(load(store.path)) != known:
+                    raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
+                action(store)
+
+            self._desk.change(unless_moved)

@@ -1,0 +1,373 @@
+"""The story of a session on one screen, of its sweeps and of its spectra alike: curves, error, ladder, effects, and what comes next.
+
+Nothing is computed here: each side shows what the rooms of the models computed, in one form, so that the page needs to know only one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.session import Session
+from motoremi.data.sweep import RepeatedSweep
+from motoremi.diagnosis.candidates import possible_effects
+from motoremi.emission.effects import source_effects
+from motoremi.emission.fit import EmissionFit
+from motoremi.errors import BadInput
+from motoremi.fitting.result import Fit
+from motoremi.model.effects import find_effect
+from motoremi.workbench.challenge import is_open_challenge
+from motoremi.workbench.desk import Desk
+from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.thinning import seen
+from motoremi.workbench.views import diagnosis, readable, rounded, step_of
+from motoremi.workflow_emission import DIAGNOSIS, PREDICTION
+
+Of: TypeAlias = Literal["impedance", "emission"]
+# What a curve is to its reader: the page chooses how it looks.
+Role: TypeAlias = Literal["measured", "model", "preview", "floor", "tolerance", "fails"]
+Curves: TypeAlias = Mapping[Role, tuple[str, FloatArray]]
+ENTRY = ("title", "group", "formula", "signature", "deciding", "source")
+
+
+class Side(ABC):
+    """What of a session the story is told of.
+
+    Parameters
+    ----------
+    desk : Desk
+    """
+
+    of: Of
+    # Name of the stored diagnosis.
+    diagnosed_as: str
+    fit_text: str
+    unit: str
+
+    def __init__(self, desk: Desk) -> None:
+        self.desk = desk
+
+    @property
+    @abstractmethod
+    def ladder(self) -> Ladder[Any]:
+        """Its models."""
+
+    @property
+    @abstractmethod
+    def measured(self) -> bool:
+        """Whether the session holds what is to be explained."""
+
+    @abstractmethod
+    def step(self, fit: Any) -> JsonDict:
+        """One model: what was added, its error and the floor, in `unit`."""
+
+    @abstractmethod
+    def panels(self) -> list[JsonDict]:
+        """Curves of what was measured and of the model that stands."""
+
+    @abstractmethod
+    def preview(self, now: Any, after: Any) -> list[list[list[float | None]]]:
+        """For each frame of each panel the curve of the model with one more effect."""
+
+    @abstractmethod
+    def catalogue(self) -> list[JsonDict]:
+        """Effects that could be added, and those that were."""
+
+    @abstractmethod
+    def next_after(self) -> JsonDict | None:
+        """What comes once everything is explained, before the report."""
+
+
+class Sweeps(Side):
+    """The impedance."""
+
+    of = "impedance"
+    diagnosed_as = "diagnosis"
+    fit_text = "Fit the paper's circuit"
+    unit = "%"
+
+    @property
+    def ladder(self) -> Ladder[Fit]:
+        return self.desk
+
+    @property
+    def measured(self) -> bool:
+        return bool(self.desk.session.sweeps)
+
+    def step(self, fit: Fit) -> JsonDict:
+        return {**_step(fit, fit.rms_error_percent, fit.floor_percent), "beside": step_of(fit)["beside"], "converged": fit.converged}
+
+    def panels(self) -> list[JsonDict]:
+        if not self.desk.steps:
+            first = {sweep.termination: sweep for sweep in reversed(self.desk.session.corrected_sweeps)}
+            return [
+                _unexplained(name, "magnitude |Z|", "Ω", one.frequency_hz, np.abs(one.impedance_ohm), log=True)
+                for name, one in reversed(first.items())
+            ]
+        top = self.desk.top
+        errors, comparison = top.errors(), self.desk.comparison(top)
+        limit = comparison.tolerance.error_percent
+        told = []
+        for sweep in top.measurement.sweeps:
+            kept = _seen_of(sweep, errors[sweep.termination])
+            ratio, curve = 1 + errors[sweep.termination][kept], comparison.curves[sweep.termination]
+            magnitude = np.abs(sweep.mean_ohm[kept])
+            judged: dict[Role, tuple[str, FloatArray]] = {
+                "model": ("error", curve.error_percent[kept]),
+                "floor": ("uncertainty", curve.uncertainty_percent[kept]),
+            }
+            if limit is not None:
+                judged["tolerance"] = ("tolerance", np.full(magnitude.shape, limit))
+            judged["fails"] = ("fails", np.where(curve.fails, curve.error_percent, np.nan)[kept])
+            frames = [
+                _frame("magnitude |Z|", "Ω", {"measured": ("measured", magnitude), "model": ("model", magnitude * np.abs(ratio))}, log=True),
+                _frame(
+                    "measured over model",
+                    "dB",
+                    {"measured": ("measured", -20 * np.log10(np.abs(ratio))), "model": ("model", np.zeros(magnitude.shape))},
+                ),
+                _frame("error", "%", judged, log=True),
+            ]
+            told.append(_panel(sweep.termination, sweep.frequency_hz[kept], frames))
+        return told
+
+    def preview(self, now: Fit, after: Fit) -> list[list[list[float | None]]]:
+        before_error, after_error = now.errors(), after.errors()
+        told = []
+        for sweep in now.measurement.sweeps:
+            kept = _seen_of(sweep, before_error[sweep.termination])
+            ratio = np.abs(1 + after_error[sweep.termination][kept])
+            given_db = 20 * np.log10(ratio / np.abs(1 + before_error[sweep.termination][kept]))
+            error_percent = 100 * np.abs(after_error[sweep.termination][kept])
+            told.append([rounded(np.abs(sweep.mean_ohm[kept]) * ratio), rounded(given_db), rounded(error_percent)])
+        return told
+
+    def catalogue(self) -> list[JsonDict]:
+        if not self.desk.steps:
+            return []
+        top = self.desk.top
+        return [entry_of(find_effect(name).effect, name) for name in dict.fromkeys((*possible_effects(top), *top.effects))]
+
+    def next_after(self) -> JsonDict | None:
+        source = self.desk.source
+        return {"do": "turn", "text": "Go on to the spectra"} if source.possible and not source.steps else None
+
+
+class Spectra(Side):
+    """The conducted emission."""
+
+    of = "emission"
+    diagnosed_as = DIAGNOSIS
+    fit_text = "Fit source and path"
+    unit = "dB"
+
+    @property
+    def ladder(self) -> Ladder[EmissionFit]:
+        return self.desk.source
+
+    @property
+    def measured(self) -> bool:
+        return self.desk.source.possible
+
+    def step(self, fit: EmissionFit) -> JsonDict:
+        return {**_step(fit, fit.rms_error_db, fit.floor_db), "beside": [], "converged": True}
+
+    def panels(self) -> list[JsonDict]:
+        if not self.ladder.steps:
+            running = [one for one in self.desk.session.corrected_spectra if not one.is_background]
+            return [_unexplained(one.detector, "level", "dBµV", one.frequency_hz, one.level_dbuv) for one in running]
+        top = self.ladder.top
+        told = []
+        for detector, (frequency_hz, error_db) in top.error_db().items():
+            measured, sigma_db = top.problem.measured_dbuv[top.problem.where[detector]], top.problem.sigma_db[top.problem.where[detector]]
+            kept = seen(frequency_hz, measured)
+            frequency_hz, error_db, measured, sigma_db = frequency_hz[kept], error_db[kept], measured[kept], sigma_db[kept]
+            frames = [
+                _frame("level", "dBµV", {"measured": ("measured", measured), "model": ("model", measured - error_db)}),
+                _frame("error", "dB", {"model": ("error", np.abs(error_db)), "floor": ("scatter and formulas", sigma_db)}),
+            ]
+            told.append(_panel(detector, frequency_hz, frames))
+        return told
+
+    def preview(self, now: EmissionFit, after: EmissionFit) -> list[list[list[float | None]]]:
+        told = []
+        for detector, (frequency_hz, error_db) in after.error_db().items():
+            measured = after.problem.measured_dbuv[after.problem.where[detector]]
+            kept = seen(frequency_hz, measured)
+            told.append([rounded(measured[kept] - error_db[kept]), rounded(np.abs(error_db[kept]))])
+        return told
+
+    def catalogue(self) -> list[JsonDict]:
+        return [entry_of(effect, effect.name) for effect in source_effects()]
+
+    def next_after(self) -> JsonDict | None:
+        stored = self.desk.session.analysis(PREDICTION)
+        if stored is not None and stored.get("effects") == list(self.ladder.top.effects):
+            return None
+        return {"do": "predict", "text": "Judge against the limit"}
+
+
+SIDES: Mapping[str, type[Side]] = {"impedance": Sweeps, "emission": Spectra}
+
+
+def side(desk: Desk, of: str) -> Side:
+    """One side of the story; without a name the one that the session can tell."""
+    if not of:
+        return Sweeps(desk)
+    if of not in SIDES:
+        raise BadInput(f"there is no such story; choose one of {', '.join(SIDES)}")
+    return SIDES[of](desk)
+
+
+def story(desk: Desk, of: str, state: str) -> JsonDict:
+    """Everything that the screen shows.
+
+    Parameters
+    ----------
+    desk : Desk
+    of : str
+        "impedance", "emission", or empty.
+    state : str
+        Of the session, as in the list.
+    """
+    chosen = side(desk, of)
+    steps = chosen.ladder.steps
+    found, stored = _found(chosen)
+    explained = readable(lambda: _explained(stored, _effects(steps)))
+    told = {
+        "of": chosen.of,
+        "sides": [name for name, kind in SIDES.items() if kind(desk).measured],
+        "unit": chosen.unit,
+        "sealed": is_open_challenge(desk.session),
+        "standing": chosen.ladder.standing,
+        "ladder": [chosen.step(step) for step in steps],
+        "redo": chosen.ladder.redoable,
+        "in_model": list(_effects(steps)),
+        "panels": chosen.panels() if chosen.measured else [],
+        "catalogue": chosen.catalogue(),
+        "diagnosis": found,
+        "current": stored is not None and _base(stored) == _effects(steps),
+        "fit": chosen.fit_text,
+    }
+    coming = _next(chosen, stored, explained, state)
+    return {**told, "next": coming, "stages": _stages(chosen, stored is not None, explained, coming)}
+
+
+def look(desk: Desk, of: str, effect: str) -> JsonDict:
+    """What an effect would do: the curves of the model with it, and the error before and after."""
+    chosen = side(desk, of)
+    glanced = chosen.ladder.glance(effect)
+    if glanced is None:
+        return {"superseded": True}
+    now, after = glanced
+    return {"effect": effect, "before": chosen.step(now), "after": chosen.step(after), "panels": chosen.preview(now, after)}
+
+
+def entry_of(effect: Any, name: str) -> JsonDict:
+    """An effect of either catalogue, for its reader."""
+    family = getattr(effect, "family", effect.group)
+    return {"id": name, "family": family, **{key: getattr(effect, key) for key in ENTRY}, "look_alikes": list(effect.look_alikes)}
+
+
+def _step(fit: Fit | EmissionFit, error: float, floor: float) -> JsonDict:
+    return {"added": fit.effects[-1] if fit.effects else "", "effects": list(fit.effects), "error": error, "floor": floor}
+
+
+def _unexplained(name: str, title: str, unit: str, frequency_hz: FloatArray, values: FloatArray, log: bool = False) -> JsonDict:
+    """What was measured, before there is a model."""
+    kept = seen(frequency_hz, values)
+    return _panel(name, frequency_hz[kept], [_frame(title, unit, {"measured": ("measured", values[kept])}, log)])
+
+
+def _seen_of(sweep: RepeatedSweep, error: ComplexArray) -> NDArray[np.intp]:
+    """Which points are shown, with and without another effect alike."""
+    magnitude = np.abs(sweep.mean_ohm)
+    return seen(sweep.frequency_hz, magnitude, magnitude * np.abs(1 + error), np.abs(error))
+
+
+def _panel(name: str, frequency_hz: FloatArray, frames: list[JsonDict]) -> JsonDict:
+    return {"name": name, "frequency_hz": rounded(frequency_hz), "frames": frames}
+
+
+def _frame(title: str, unit: str, curves: Curves, log: bool = False) -> JsonDict:
+    series = [{"role": role, "label": label, "values": rounded(values)} for role, (label, values) in curves.items()]
+    return {"title": title, "unit": unit, "log": log, "series": series}
+
+
+def _effects(steps: Sequence[Any]) -> tuple[str, ...]:
+    return tuple(steps[-1].effects) if steps else ()
+
+
+def _found(chosen: Side) -> tuple[JsonDict | None, JsonDict | None]:
+    """The diagnosis for a reader, and as it is stored."""
+    session = chosen.desk.session
+    stored = None if is_open_challenge(session) else session.analysis(chosen.diagnosed_as)
+    if stored is None:
+        return None, None
+    return diagnosis(stored), stored
+
+
+def _base(stored: JsonDict) -> tuple[str, ...]:
+    return tuple(stored["base"]["effects"])
+
+
+def _explained(stored: JsonDict | None, effects: tuple[str, ...]) -> bool | None:
+    """Whether the ladder holds what the diagnosis named; None if it went elsewhere since, or if there is no diagnosis."""
+    if stored is None:
+        return None
+    base, named = _base(stored), set(stored["effects"])
+    added, alike = set(effects[len(base) :]), {name for family in stored["families"] for name in family}
+    if effects[: len(base)] != base or not added <= named | alike:
+        return None
+    return len(added) >= len(named)
+
+
+def _next(chosen: Side, stored: JsonDict | None, explained: bool | None, state: str) -> JsonDict:
+    """The one thing that comes next."""
+    desk, session = chosen.desk, chosen.desk.session
+    if state == "measuring":
+        return {"do": "go", "view": "bench", "text": "Watch the run"}
+    if not chosen.measured:
+        # Spectra alone are judged and reported without a model.
+        return _report(session) if session.spectra else {"do": "go", "view": "bench", "text": "Measure on the bench"}
+    if not chosen.ladder.steps:
+        return {"do": "fit", "text": chosen.fit_text}
+    if is_open_challenge(session):
+        return {"do": "go", "view": "challenge", "text": "Give your answer"}
+    if stored is None or explained is None:
+        return {"do": "diagnose", "text": "Find what is missing"}
+    if not explained:
+        effect = next(name for name in stored["effects"] if name not in _effects(chosen.ladder.steps))
+        return {"do": "add", "effect": effect, "text": f"Add {effect}"}
+    return chosen.next_after() or _report(desk.session)
+
+
+def _report(session: Session) -> JsonDict:
+    """Write it, or look at it if it is of the session as it stands."""
+    last = next((one for one in reversed(session.documents) if one["kind"] == "analysis" or _is_report(one)), None)
+    if last is not None and _is_report(last):
+        return {"do": "go", "view": "report", "text": "Open the report"}
+    return {"do": "report", "text": "Write the report"}
+
+
+def _is_report(document: JsonDict) -> bool:
+    return bool(document["kind"] == "file" and str(document.get("file", "")).startswith("report/"))
+
+
+def _stages(chosen: Side, diagnosed: bool, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
+    """The steps of the story: which are done, and where more is to be seen of each."""
+    fitted, of = bool(chosen.ladder.steps), chosen.of
+    told = (
+        ("Measured", chosen.measured, "session" if of == "impedance" else "emission"),
+        ("Fitted", fitted, "session" if of == "impedance" else "emission"),
+        ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
+        ("What is missing", diagnosed and explained is not None, "next" if of == "impedance" else ""),
+        ("Explained", bool(explained), ""),
+        ("Report", coming["do"] == "go" and coming["view"] == "report", "report"),
+    )
+    return [{"title": title, "done": done, "view": view} for title, done, view in told]
