@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from importlib import resources
-
 import pytest
-from playwright.sync_api import Page, expect
-from workbench_browser import VIEWS, Watched, needs_chromium
+from playwright.sync_api import expect
+from workbench_browser import VIEWS, Watched, findings, needs_chromium
 from workbench_tools import bench_of, make_fitted_session, served
 
 from motoremi.workflow import add_to_session, opened
 from motoremi.workflow_emission import predict_session
 
 pytestmark = needs_chromium
-AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
-RUN = "async () => (await axe.run()).violations.map((one) => `${one.id}: ${one.nodes.map((node) => node.html).join(' | ')}`)"
 PHONE = {"width": 390, "height": 844}
-
-
-def findings(page: Page) -> list[str]:
-    """What axe-core finds on the page as it is, with its usual rules."""
-    page.wait_for_selector("#busy", state="hidden")
-    page.evaluate(AXE)
-    return list(page.evaluate(RUN))
 
 
 @pytest.fixture(scope="module")

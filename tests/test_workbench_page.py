@@ -180,18 +180,18 @@ def test_a_workbench_that_is_gone_is_seen_and_its_return_too(browser, fitted):
         watched = Watched(browser, address)
         page = watched.page
         watched.see("story")
-        page.focus("#diagnose")
+        page.focus("#next-step")
         port = int(address.split(":")[2].partition("/")[0])
     # "within 2 s": Playwright looks until then.
     expect(page.locator("#gone")).to_contain_text("does not answer", timeout=2000)
-    expect(page.locator("#diagnose")).to_be_disabled()
+    expect(page.locator("#next-step")).to_be_disabled()
     expect(page.locator("[data-effect='eddy-laminations']")).to_be_disabled()
     with opened(fitted) as store:
         add_to_session(store, "eddy-laminations")
     with served(workbench, port):
         expect(page.locator("#gone")).to_be_hidden()
-        expect(page.locator("#diagnose")).to_be_enabled()
-        expect(page.locator("#diagnose")).to_be_focused()
+        expect(page.locator("#next-step")).to_be_enabled()
+        expect(page.locator("#next-step")).to_be_focused()
         expect(page.locator("#stands")).to_contain_text("eddy-laminations")
         with opened(fitted) as store:
             drop_from_session(store)

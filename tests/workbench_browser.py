@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import resources
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -24,7 +25,16 @@ FLAGS = [
 VIEWS = ("files", "bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge", "together")
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
+AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
+RUN = "async () => (await axe.run()).violations.map((one) => `${one.id}: ${one.nodes.map((node) => node.html).join(' | ')}`)"
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
+
+
+def findings(page: Page) -> list[str]:
+    """What axe-core finds on the page as it is, with its usual rules."""
+    page.wait_for_selector("#busy", state="hidden")
+    page.evaluate(AXE)
+    return list(page.evaluate(RUN))
 
 
 @contextmanager

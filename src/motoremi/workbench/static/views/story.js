@@ -43,8 +43,7 @@ export const story = {
     const place = { page, told, pointed: "", shown: null, looked: new Map(), resting: 0, turn: 0, chosen: 0 };
     build(place, where);
     render(place);
-    const first = told.next.do === "add" && told.next.effect;
-    if (first) look(place, first);
+    suggest(place);
     page.listeners.add((kind) => kind === "changed" && !place.acting && follow(place));
     page.viewKey = (event) => keyed(place, event);
   },
@@ -233,6 +232,12 @@ function point(place, effect, rest = REST_MS) {
   place.resting = setTimeout(() => look(place, effect), rest);
 }
 
+// What was found to be missing is pointed at.
+function suggest(place) {
+  const { next } = place.told;
+  if (next.do === "add") look(place, next.effect);
+}
+
 async function look(place, effect) {
   place.pointed = effect;
   for (const row of place.list.querySelectorAll("tr.choice")) row.setAttribute("aria-current", row.querySelector("[data-effect]").dataset.effect === effect);
@@ -288,6 +293,7 @@ async function act(place, what, body = {}) {
   if (done && done.after) place.pointed = "";
   await read(place);
   if (done && !done.after) say(place, ...outcomeOf(place, what, done));
+  if (what === "diagnose") suggest(place);
   // The button that was pressed has gone with what it was for.
   if (added) place.list.querySelector(`[data-effect="${CSS.escape(added)}"]`)?.focus();
   place.acting = false;

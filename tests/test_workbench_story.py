@@ -1,0 +1,395 @@
+"""The story on one screen, of sweeps and of spectra: its gestures are the commands; what comes next; both by clicks, and by keys alone."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pypdfium2
+import pytest
+from conftest import simulated_sweeps
+from playwright.sync_api import Page, expect
+from workbench_browser import PATIENCE_MS, Watched, findings, needs_chromium
+from workbench_tools import bench_of, client_of, make_fitted_session, served
+
+from motoremi.data.session import SessionWriter, load, reopen, verify
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission import board
+from motoremi.emission.setup import scan_frequencies
+from motoremi.simulate.emission import Stand, measure
+from motoremi.workbench.desk import Desk
+from motoremi.workflow import drop_from_session, opened
+from motoremi.workflow_emission import add_source_effect, drop_source_effect, emission_steps, stored_emission_steps
+
+DESKTOP, SMALL, PHONE = {"width": 1440, "height": 900}, {"width": 1024, "height": 768}, {"width": 390, "height": 844}
+# A motor for the sweeps, the stand of its spectra.
+MOTOR, STAND = 7, 1004
+
+
+@pytest.fixture(autouse=True)
+def few_effects(monkeypatch):
+    """A diagnosis of the spectra tries two effects: what all six take is no matter of the page."""
+    monkeypatch.setattr(board, "EFFECTS", tuple(one for one in board.EFFECTS if one.name in ("arc-breakdown", "lisn-deviation")))
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory) -> Path:
+    """Sweeps of a motor with eddy currents, and spectra of one whose brushes arc: nothing is fitted yet."""
+    folder = tmp_path_factory.mktemp("story") / "measured"
+    sweeps, motor = simulated_sweeps(MOTOR, ("eddy-laminations",))
+    frequency_hz = scan_frequencies()[::8]
+    read = measure(motor, Stand.random(STAND, ("arc-breakdown",)), frequency_hz, STAND, quasi_peak=False)
+    with SessionWriter.create(folder, {"title": "story", "motor": "Story motor 7", "analyser": "4294a"}) as writer:
+        for sweep in sweeps:
+            writer.add_sweep(sweep)
+        for detector in ("peak", "average"):
+            writer.add_spectrum(Spectrum(detector, frequency_hz, read.level(detector)))
+        writer.close("done")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fitted(measured) -> Path:
+    """The same, motor and source fitted."""
+    folder = measured.parent / "fitted"
+    shutil.copytree(measured, folder)
+    desk = Desk(folder)
+    desk.fit()
+    desk.source.fit()
+    return folder
+
+
+@pytest.fixture
+def copied(fitted, tmp_path) -> Path:
+    shutil.copytree(fitted, tmp_path / "story")
+    return tmp_path / "story"
+
+
+@pytest.fixture
+def at(copied):
+    """Asks for something of the one session; with a body it is a change."""
+    workbench = bench_of(copied.parent, copied)
+    client, base = client_of(workbench), f"/api/sessions/{workbench.shelf.first}"
+
+    def ask(path, **body):
+        return (client.post(base + path, json=body) if body else client.get(base + path)).json()
+
+    return ask
+
+
+def test_adding_a_source_effect_is_what_the_command_does(at, copied):
+    before = at("/story?of=emission")
+    assert [panel["name"] for panel in before["panels"]] == ["peak", "average"]
+    drawn = at("/look?of=emission&effect=arc-breakdown")
+    told = at("/add", of="emission", effect="arc-breakdown", standing=before["standing"])
+    assert told["before"]["error"] > 5
+    assert told["after"]["error"] < 1
+    assert drawn["after"] == told["after"]
+    stored = stored_emission_steps(load(copied))
+    # The model that was pointed at is the one that stands now.
+    frames = at("/story?of=emission")["panels"][0]["frames"]
+    assert [frame["series"][at_]["values"] for frame, at_ in zip(frames, (1, 0), strict=True)] == drawn["panels"][0]
+    assert at("/drop", of="emission")["after"]["effects"] == []
+    with opened(copied) as store:
+        add_source_effect(store, "arc-breakdown")
+    by_command = stored_emission_steps(load(copied))
+    assert by_command[-1]["parameters"] == pytest.approx(stored[-1]["parameters"], rel=1e-6)
+    assert at("/story?of=emission")["in_model"] == ["arc-breakdown"]
+    assert "in the model already" in at("/add", of="emission", effect="arc-breakdown")["error"]
+    assert not verify(copied)
+
+
+@pytest.mark.parametrize(("of", "effect"), [("impedance", "eddy-laminations"), ("emission", "arc-breakdown")])
+def test_what_is_dropped_can_be_put_back(at, copied, of, effect):
+    story = f"/story?of={of}"
+    assert "nothing was dropped" in at("/redo", of=of)["error"]
+    assert "no effect to drop" in at("/drop", of=of)["error"]
+    added = at("/add", of=of, effect=effect)
+    standing = at(story)["standing"]
+    assert at("/drop", of=of)["after"] == added["before"]
+    assert at(story)["redo"] == effect
+    assert at("/redo", of=of)["after"]["error"] == pytest.approx(added["after"]["error"], rel=1e-9)
+    assert (at(story)["standing"], at(story)["redo"]) == (standing, "")
+    # What somebody else does in between is not undone by it.
+    at("/drop", of=of)
+    other = "core-loss" if of == "impedance" else "lisn-deviation"
+    at("/add", of=of, effect=other)
+    assert at(story)["redo"] == ""
+    assert at(story)["in_model"] == [other]
+
+
+def test_a_ladder_of_the_spectra_that_moved_is_left_alone(at, copied):
+    shown = at("/story?of=emission")["standing"]
+    with opened(copied) as store:
+        add_source_effect(store, "lisn-deviation")
+    for path, body in (("/add", {"effect": "arc-breakdown"}), ("/drop", {}), ("/fit", {}), ("/diagnose", {})):
+        told = at(path, of="emission", standing=shown, **body)
+        assert "source and motor alone + lisn-deviation now" in told["error"], path
+    assert at("/story?of=emission")["in_model"] == ["lisn-deviation"]
+    with opened(copied) as store:
+        drop_source_effect(store)
+    assert at("/story?of=emission")["standing"] == shown
+
+
+def test_another_model_of_the_motor_is_another_ladder_of_the_spectra(at, copied):
+    before = at("/story?of=emission")
+    at("/add", of="impedance", effect="eddy-laminations")
+    after = at("/story?of=emission")
+    assert after["standing"] != before["standing"]
+    assert after["ladder"][0]["error"] != before["ladder"][0]["error"]
+    with opened(copied) as store:
+        assert emission_steps(store)[0].rms_error_db == pytest.approx(after["ladder"][0]["error"])
+        drop_from_session(store)
+
+
+def test_what_comes_next_leads_to_the_report(measured, tmp_path):
+    shutil.copytree(measured, tmp_path / "s")
+    workbench = bench_of(tmp_path, tmp_path / "s")
+    client, base = client_of(workbench), f"/api/sessions/{workbench.shelf.first}"
+    of, done = "impedance", []
+    for _ in range(12):
+        told = client.get(f"{base}/story?of={of}").json()
+        coming = told["next"]
+        done.append(coming["do"])
+        if coming["do"] == "go":
+            break
+        if coming["do"] == "turn":
+            of = "emission"
+            continue
+        answer = client.post(f"{base}/{coming['do']}", json={"of": of, "standing": told["standing"], "effect": coming.get("effect", "")})
+        assert answer.status_code == 200, answer.text
+    assert done == ["fit", "diagnose", "add", "turn", "fit", "diagnose", "add", "predict", "report", "go"]
+    assert all(stage["done"] for stage in told["stages"])
+    assert told["sides"] == ["impedance", "emission"]
+    session = load(tmp_path / "s")
+    assert session.ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
+    assert session.analysis("prediction")["effects"] == ["arc-breakdown"]
+    # Another effect on top is another model: it has to be asked again.
+    client.post(f"{base}/add", json={"effect": "core-loss"})
+    assert client.get(f"{base}/story").json()["next"]["do"] == "diagnose"
+    client.post(f"{base}/drop", json={})
+    assert client.get(f"{base}/story").json()["next"]["do"] == "report"
+
+
+def test_a_session_with_spectra_alone_can_be_reported(tmp_path):
+    with SessionWriter.create(tmp_path / "s", {"title": "x"}) as writer:
+        writer.add_spectrum(Spectrum("peak", scan_frequencies()[::100], 40.0 + 0 * scan_frequencies()[::100]))
+        writer.close("done")
+    workbench = bench_of(tmp_path, tmp_path / "s")
+    told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/story").json()
+    assert (told["sides"], told["panels"], told["next"]["do"]) == ([], [], "report")
+
+
+@pytest.mark.parametrize("steps", [[1], [{"effects": ["arc-breakdown"]}], "x"])
+def test_a_stored_model_of_others_is_told_not_obeyed(at, copied, steps):
+    with reopen(copied) as writer:
+        writer.save_analysis("emission", {"setup": None, "limit": "x", "steps": steps})
+        writer.close("done")
+    assert "cannot be read" in at("/story?of=emission")["error"]
+    assert "error" not in at("/story?of=impedance")
+
+
+def in_view(page: Page, *selectors: str) -> None:
+    """Each of these stands in the window as it is, and is not covered; nothing is wider than the window."""
+    size = page.viewport_size
+    for selector in selectors:
+        box = page.locator(selector).first.bounding_box()
+        assert box is not None, selector
+        assert box["x"] >= 0, selector
+        assert box["y"] >= 0, selector
+        assert box["x"] + box["width"] <= size["width"], selector
+        assert box["y"] + box["height"] <= size["height"], selector
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+
+
+def pdf_of(session: Path) -> str:
+    """The text of the written report."""
+    with pypdfium2.PdfDocument(session / "report" / "report.pdf") as document:
+        return "\n".join(page.get_textpage().get_text_bounded() for page in document)
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory) -> Path:
+    return make_fitted_session(tmp_path_factory.mktemp("diagnosed") / "s")
+
+
+@needs_chromium
+@pytest.mark.parametrize(("size", "scheme"), [(DESKTOP, "light"), (SMALL, "dark"), (PHONE, "light"), (PHONE, "dark")])
+def test_curve_error_and_effect_are_in_view_wherever_one_points(browser, diagnosed, size, scheme):
+    with served(bench_of(diagnosed.parent, diagnosed)) as address:
+        watched = Watched(browser, address, viewport=size, color_scheme=scheme)
+        page = watched.page
+        watched.drawn("story")
+        last = page.locator("button.effect").last
+        last.scroll_into_view_if_needed()
+        last.hover()
+        name = last.inner_text()
+        expect(page.locator("#signature-of")).to_have_text(name)
+        expect(page.locator("#story-hint")).to_contain_text("→")
+        in_view(
+            page,
+            "#story-curves canvas",
+            "#story-curves figure:nth-child(3) canvas",
+            "#outcome",
+            "#story-hint",
+            ".ladder",
+            "#next-step",
+            f"[data-effect='{name}']",
+        )
+        assert page.evaluate("document.scrollingElement.scrollTop") == 0
+        assert findings(page) == []
+        watched.close()
+
+
+@needs_chromium
+def test_a_finger_points_with_its_first_tap(browser, diagnosed, tmp_path):
+    shutil.copytree(diagnosed, tmp_path / "s")
+    with served(bench_of(tmp_path, tmp_path / "s")) as address:
+        watched = Watched(browser, address, viewport=PHONE, has_touch=True)
+        page = watched.page
+        watched.drawn("story")
+        page.tap("[data-effect='skin-effect']")
+        expect(page.locator("#signature-of")).to_have_text("skin-effect")
+        expect(page.locator("#story-hint")).to_contain_text("→")
+        assert load(tmp_path / "s").ladder[-1]["fit"]["effects"] == []
+        page.tap("[data-effect='skin-effect']")
+        page.wait_for_selector("#outcome:has-text('→')")
+        in_view(page, "#story-curves canvas", "#outcome", ".ladder")
+        page.tap("#panel-1")
+        expect(page.locator("#story-curves figure:visible")).to_have_count(2)
+        expect(page.locator("#story-curves figure:visible").first).to_contain_text("open-circuit sweep")
+        page.tap("#redo", force=True)
+        page.tap("#drop")
+        expect(page.locator(".ladder .step-name")).to_have_count(1)
+        page.tap("#redo")
+        expect(page.locator(".ladder .step-name")).to_have_count(2)
+        watched.close()
+
+
+@needs_chromium
+def test_both_stories_by_clicks(browser, measured, tmp_path):
+    shutil.copytree(measured, tmp_path / "s")
+    clicks = 0
+    with served(bench_of(tmp_path, tmp_path / "s")) as address:
+        watched = Watched(browser, address, viewport=DESKTOP)
+        page = watched.page
+        watched.drawn("story")
+
+        def on(text: str, becomes: str) -> None:
+            nonlocal clicks
+            expect(page.locator("#next-step")).to_have_text(text)
+            expect(page.locator("button.main:visible")).to_have_count(1)
+            page.click("#next-step")
+            clicks += 1
+            expect(page.locator("#next-step")).to_have_text(becomes, timeout=PATIENCE_MS)
+
+        on("Fit the paper's circuit", "Find what is missing")
+        assert page.locator("#story-curves canvas").count() == 6
+        on("Find what is missing", "Add eddy-laminations")
+        expect(page.locator("#signature-of")).to_have_text("eddy-laminations")
+        on("Add eddy-laminations", "Go on to the spectra")
+        before, after = fell(page, "%")
+        assert after < before / 10
+        on("Go on to the spectra", "Fit source and path")
+        on("Fit source and path", "Find what is missing")
+        assert page.locator("#story-curves canvas").count() == 4
+        on("Find what is missing", "Add arc-breakdown")
+        page.hover("[data-effect='lisn-deviation']")
+        expect(page.locator("#signature-of")).to_have_text("lisn-deviation")
+        on("Add arc-breakdown", "Judge against the limit")
+        before, after = fell(page, "dB")
+        assert before > 5
+        assert after < 1
+        expect(page.locator(".ladder .step-name")).to_have_text(["source and motor alone", "+ arc-breakdown"])
+        page.click("#drop")
+        expect(page.locator("#next-step")).to_have_text("Add arc-breakdown")
+        assert fell(page, "dB") == (after, before)
+        page.click("#redo")
+        on("Judge against the limit", "Write the report")
+        on("Write the report", "Open the report")
+        assert clicks == 9
+        with page.expect_download() as download:
+            page.click("#outcome a:text-is('report.pdf')")
+        assert Path(download.value.path()).read_bytes() == (tmp_path / "s" / "report" / "report.pdf").read_bytes()
+        # The other views are one click away, and the step bar leads to them too.
+        page.click("#story-stages a:has-text('Measured')")
+        watched.drawn("emission")
+        page.go_back()
+        watched.drawn("story")
+        expect(page.locator("#of-emission")).to_have_attribute("aria-pressed", "true")
+        watched.close()
+    text = pdf_of(tmp_path / "s")
+    assert "eddy-laminations" in text
+    assert "arc-breakdown" in text
+
+
+def fell(page: Page, unit: str) -> tuple[float, float]:
+    """Error before and after, as the page says it."""
+    expect(page.locator("#outcome")).to_have_text(re.compile("→"))
+    before, after = page.inner_text("#outcome").removeprefix("error").split("→")
+    return float(before.replace(unit, "")), float(after.replace(unit, ""))
+
+
+@needs_chromium
+def test_both_stories_by_keys_alone(browser, measured, tmp_path):
+    shutil.copytree(measured, tmp_path / "s")
+    with served(bench_of(tmp_path, tmp_path / "s")) as address:
+        watched = Watched(browser, address, viewport=SMALL, color_scheme="dark")
+        page = watched.page
+        watched.drawn("story")
+        # The first stops of Tab: past header and views to what comes next.
+        page.keyboard.press("Tab")
+        expect(page.locator(".skip")).to_be_focused()
+        page.keyboard.press("Enter")
+        for _ in range(20):
+            if page.evaluate("document.activeElement.id") == "next-step":
+                break
+            page.keyboard.press("Tab")
+
+        def enter(becomes: str) -> None:
+            """What comes next, by the key; the focus stays."""
+            expect(page.locator("#next-step")).to_be_focused()
+            page.keyboard.press("Enter")
+            expect(page.locator("#next-step")).to_have_text(becomes, timeout=PATIENCE_MS)
+            expect(page.locator("#next-step")).to_be_focused()
+
+        enter("Find what is missing")
+        enter("Add eddy-laminations")
+        page.keyboard.press("ArrowDown")
+        expect(page.locator("[data-effect='eddy-laminations']")).to_be_focused()
+        page.keyboard.press("Enter")
+        expect(page.locator(".ladder .step-name")).to_have_count(2)
+        expect(page.locator("[data-effect='eddy-laminations']")).to_be_focused()
+        # What a screen reader is told.
+        expect(page.locator("[role=status]#outcome")).to_contain_text("→")
+        page.keyboard.press("d")
+        expect(page.locator(".ladder .step-name")).to_have_count(1)
+        page.keyboard.press("r")
+        expect(page.locator(".ladder .step-name")).to_have_count(2)
+        assert findings(page) == []
+        page.keyboard.press("n")
+        expect(page.locator("#next-step")).to_have_text("Fit source and path")
+        enter("Find what is missing")
+        enter("Add arc-breakdown")
+        assert findings(page) == []
+        enter("Judge against the limit")
+        page.focus("#drop")
+        page.keyboard.press("Enter")
+        expect(page.locator("#next-step")).to_have_text("Add arc-breakdown")
+        expect(page.locator("#drop")).to_be_focused()
+        page.keyboard.press("Tab")
+        expect(page.locator("#redo")).to_be_focused()
+        page.keyboard.press("Enter")
+        expect(page.locator("#next-step")).to_have_text("Judge against the limit")
+        page.keyboard.press("n")
+        expect(page.locator("#next-step")).to_have_text("Write the report")
+        enter("Open the report")
+        page.keyboard.press("Enter")
+        watched.drawn("report")
+        expect(page.locator("main")).to_be_focused()
+        expect(page.locator("#report-files a").first).to_be_visible()
+        watched.close()
+    text = pdf_of(tmp_path / "s")
+    assert "eddy-laminations" in text
+    assert "arc-breakdown" in text
