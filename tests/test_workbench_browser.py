@@ -5,15 +5,12 @@ With MOTOREMI_SCREENSHOTS=DIR the story leaves a picture of each view there (`ma
 
 from __future__ import annotations
 
-import os
 import re
-from io import BytesIO
 from pathlib import Path
 
 import pytest
-from PIL import Image
-from playwright.sync_api import Page, expect
-from workbench_browser import PATIENCE_MS, VIEWS, Watched, needs_chromium
+from playwright.sync_api import expect
+from workbench_browser import PATIENCE_MS, VIEWS, Watched, keep, needs_chromium
 from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
 from motoremi.data.session import load, reopen
@@ -23,20 +20,8 @@ from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
 
 pytestmark = needs_chromium
-COLOURS = 48
 # What the page itself never makes.
 FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
-
-
-def keep(page: Page, name: str) -> None:
-    """A picture of the page as it is, where somebody wants them."""
-    folder = os.environ.get("MOTOREMI_SCREENSHOTS")
-    if folder:
-        page.wait_for_selector("#busy", state="hidden")
-        page.mouse.move(0, 0)
-        taken = Image.open(BytesIO(page.screenshot()))
-        # A page has few colours; a palette makes the file a third as large.
-        taken.convert("RGB").quantize(COLOURS).save(Path(folder) / f"workbench-{name}.png", optimize=True)
 
 
 def percents(text: str) -> list[float]:

@@ -21,7 +21,8 @@ SWEEPS = simulated_sweeps(7, ("eddy-laminations",), repeats=2)[0]
 DROP = """(files) => {
   const carried = new DataTransfer();
   for (const [name, content] of files) carried.items.add(new File([Uint8Array.from(atob(content), (one) => one.charCodeAt(0))], name));
-  for (const kind of ["dragenter", "dragover", "drop"]) document.querySelector("main").dispatchEvent(new DragEvent(kind, { dataTransfer: carried, bubbles: true, cancelable: true }));
+  const event = (kind) => new DragEvent(kind, { dataTransfer: carried, bubbles: true, cancelable: true });
+  for (const kind of ["dragenter", "dragover", "drop"]) document.querySelector("main").dispatchEvent(event(kind));
 }"""
 
 

@@ -10,7 +10,7 @@ import pypdfium2
 import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import Page, expect
-from workbench_browser import PATIENCE_MS, Watched, findings, needs_chromium
+from workbench_browser import PATIENCE_MS, Watched, findings, keep, needs_chromium
 from workbench_tools import bench_of, client_of, make_fitted_session, served
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
@@ -305,6 +305,9 @@ def test_both_stories_by_clicks(browser, measured, tmp_path):
         page.click("#drop")
         expect(page.locator("#next-step")).to_have_text("Add arc-breakdown")
         assert fell(page, "dB") == (after, before)
+        page.hover("[data-effect='arc-breakdown']")
+        expect(page.locator("#story-hint")).to_contain_text("→")
+        keep(page, "story-emission")
         page.click("#redo")
         on("Judge against the limit", "Write the report")
         on("Write the report", "Open the report")
@@ -342,7 +345,8 @@ def test_both_stories_by_keys_alone(browser, measured, tmp_path):
         page.keyboard.press("Tab")
         expect(page.locator(".skip")).to_be_focused()
         page.keyboard.press("Enter")
-        for _ in range(20):
+        expect(page.locator("main")).to_be_focused()
+        for _ in range(10):
             if page.evaluate("document.activeElement.id") == "next-step":
                 break
             page.keyboard.press("Tab")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import resources
+from io import BytesIO
+from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 expect.set_options(timeout=60_000)
@@ -23,6 +27,7 @@ FLAGS = [
     "--disable-sync",
 ]
 VIEWS = ("files", "bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge", "together")
+COLOURS = 48
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
 AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
@@ -35,6 +40,17 @@ def findings(page: Page) -> list[str]:
     page.wait_for_selector("#busy", state="hidden")
     page.evaluate(AXE)
     return list(page.evaluate(RUN))
+
+
+def keep(page: Page, name: str) -> None:
+    """A picture of the page as it is, where somebody wants them."""
+    folder = os.environ.get("MOTOREMI_SCREENSHOTS")
+    if folder:
+        page.wait_for_selector("#busy", state="hidden")
+        page.mouse.move(0, 0)
+        taken = Image.open(BytesIO(page.screenshot()))
+        # A page has few colours; a palette makes the file a third as large.
+        taken.convert("RGB").quantize(COLOURS).save(Path(folder) / f"workbench-{name}.png", optimize=True)
 
 
 @contextmanager

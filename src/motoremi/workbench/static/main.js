@@ -310,6 +310,8 @@ async function start() {
   const kept = localStorage.getItem("motoremi-theme");
   if (kept) document.documentElement.dataset.theme = kept;
   element("views").append(...Object.entries(VIEW_KEYS).map(([key, name]) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, key.toUpperCase()), ` ${VIEWS[name].title}`)));
+  // The address names the view: a jump within it is no other view.
+  document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
   element("theme").addEventListener("click", otherTheme);
   element("help").addEventListener("click", keys);
   element("session-choice").addEventListener("change", async (event) => {
