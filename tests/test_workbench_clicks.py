@@ -168,6 +168,9 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         page.reload()
         watched.drawn("together")
         expect(rows).to_have_count(2)
+        with page.expect_download() as download:
+            page.click("[data-export='comparison.csv']")
+        assert Path(download.value.path()).read_text().startswith("session,parameter")
         watched.close()
 
 

@@ -136,9 +136,10 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _post(session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body), progress), "diagnosing")),
         _post("/api/challenge", lambda request, body: _new_challenge(w)),
         Route(session + "/report/{name}", _file(w, _report_file)),
-        _get(session + "/export", lambda request: {"files": exports.offers(w.desk(request))}),
+        _get(session + "/export", lambda request: {"files": exports.offers(w.desk(request)), "report": w.desk(request).report_files()}),
         Route(session + "/export/{name}", _file(w, _exported)),
-        _get("/api/together", lambda request: together.side_by_side([w.shelf.desk(one) for one in request.query_params.getlist("session")])),
+        _get("/api/together", lambda request: together.side_by_side(_chosen(w, request))),
+        Route("/api/together/{name}", _file(w, _comparison)),
         _get(UPLOADS, lambda request: {**w.tray.to_dict(), "analysers": {one.name: one.title for one in ANALYSERS}}),
         Route(UPLOADS, _upload(w), methods=["POST"]),
         _post(UPLOADS + "/fixture", lambda request, body: w.tray.choose_fixture(body.get("fixture"))),
@@ -299,6 +300,15 @@ def _file(w: Workbench, answer: Callable[[Workbench, Request], Response]) -> Cal
 
 def _exported(w: Workbench, request: Request) -> Response:
     data = exports.exported(w.desk(request), request.path_params["name"])
+    return Response(data, media_type="application/octet-stream", headers={"Content-Disposition": "attachment"})
+
+
+def _chosen(w: Workbench, request: Request) -> list[Desk]:
+    return [w.shelf.desk(one) for one in request.query_params.getlist("session")]
+
+
+def _comparison(w: Workbench, request: Request) -> Response:
+    data = together.report_file(_chosen(w, request), request.path_params["name"])
     return Response(data, media_type="application/octet-stream", headers={"Content-Disposition": "attachment"})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 from motoremi.report.parts import Materials, Table
-from motoremi.report.together import Together
+from motoremi.report.together import Together, build_together, render_together
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import seen
 from motoremi.workbench.views import rounded
@@ -35,6 +35,20 @@ def side_by_side(desks: Sequence[Desk]) -> JsonDict:
         "changes": {name: [{"termination": t, **_change(one)} for t, one in own.items()] for name, own in together.changes.items()},
         "spectra": {name: [_spectrum(one) for one in own] for name, own in together.running.items()},
     }
+
+
+def report_file(desks: Sequence[Desk], name: str) -> bytes:
+    """One file of the report that `motoremi report` writes of several sessions.
+
+    Raises
+    ------
+    BadInput
+        As `side_by_side`, and if it has no such file.
+    """
+    files = render_together(build_together(_materials(desks)))
+    if name not in files:
+        raise BadInput(f"the comparison has no file {name!r}; there are {', '.join(files)}")
+    return files[name]
 
 
 def _materials(desks: Sequence[Desk]) -> dict[str, Materials]:

@@ -1,7 +1,8 @@
 // Several sessions side by side: overlays, and the same tables as their report has; each against the first.
 
 import { get } from "../api.js";
-import { card, h, table } from "../dom.js";
+import { button, card, h, table } from "../dom.js";
+import { save } from "../exports.js";
 import { Plots } from "../plot.js";
 import { symbols } from "../units.js";
 
@@ -15,6 +16,11 @@ const LOOKS = [
   { color: "--third" }, { color: "--bad", dash: [8, 4] }, { color: "--accent", dash: [12, 3, 2, 3] }, { color: "--soft", dash: [2, 3] },
 ];
 
+const FILES = ["comparison.html", "comparison.pdf", "comparison.csv", "comparison.json"];
+
+const chosen = () => JSON.parse(sessionStorage.getItem(CHOSEN)) ?? [];
+const address = (file = "") => `/api/together${file}?${new URLSearchParams(chosen().map((one) => ["session", one]))}`;
+
 export function compare(sessions, page) {
   sessionStorage.setItem(CHOSEN, JSON.stringify(sessions));
   if (location.hash === "#together") page.redraw();
@@ -25,17 +31,15 @@ export const together = {
   title: "Compare",
   key: "C",
 
-  load() {
-    const sessions = JSON.parse(sessionStorage.getItem(CHOSEN)) ?? [];
-    return sessions.length < 2 ? null : get(`/api/together?${new URLSearchParams(sessions.map((one) => ["session", one]))}`);
-  },
+  load: () => (chosen().length < 2 ? null : get(address())),
 
-  draw(where, told) {
+  draw(where, told, page) {
     if (!told) {
       where.append(h("p", { class: "empty" }, "Choose two or more sessions in the list of the view Files."));
       return;
     }
-    where.append(card("Verdicts", h("p", { class: "note" }, `Held against ${told.names[0]}.`), drawn(told.verdicts, "together-verdicts")));
+    where.append(card("Verdicts", h("p", { class: "note" }, `Held against ${told.names[0]}.`), drawn(told.verdicts, "together-verdicts"),
+      h("div", { class: "row" }, "As a report: ", FILES.map((name) => button(name, () => page.work(`writing ${name}`, () => save(address(`/${name}`), name)), { "data-export": name })))));
     const columns = h("div", { class: "columns" });
     where.append(columns);
     for (const termination of ["short", "open"]) drawSweeps(columns, told, termination);
