@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import Page, expect
-from workbench_browser import PATIENCE_MS, Watched, needs_chromium
+from workbench_browser import PATIENCE_MS, Watched, findings, keep, needs_chromium
 from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
 from motoremi.data.csvfiles import impedance_csv
@@ -56,6 +56,8 @@ def test_dropped_files_become_a_session_that_opens(browser, tmp_path):
         assert [page.input_value(f"#use-{number}") for number in (1, 2, 3, 4)] == ["short", "short", "open", "open"]
         page.select_option("#use-4", "leave out")
         page.fill("#import-motor", "Dropped motor 7")
+        assert findings(page) == []
+        keep(page, "files")
         page.select_option("#import-analyser", "4294a")
         # What was chosen and typed outlives a reload.
         page.reload()
@@ -165,9 +167,13 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         # Short, open and the spectrum: magnitude, phase and change of each sweep, the level.
         expect(page.locator(".plots canvas")).to_have_count(7)
         expect(page.locator("figcaption").first).to_contain_text("second")
+        keep(page, "together")
         page.reload()
         watched.drawn("together")
         expect(rows).to_have_count(2)
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert findings(page) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
         with page.expect_download() as download:
             page.click("[data-export='comparison.csv']")
         assert Path(download.value.path()).read_text().startswith("session,parameter")
@@ -205,6 +211,7 @@ def test_a_diagnosis_is_cancelled_and_leaves_the_session_as_it_was(browser, fitt
         job = page.locator("#jobs .job")
         expect(job).to_contain_text("diagnosing")
         expect(job).to_contain_text(" so far")
+        assert findings(page) == []
         # A page that comes in the middle sees the same, and may cancel it.
         late = Watched(browser, address)
         expect(late.page.locator("#jobs .job")).to_contain_text("diagnosing")
