@@ -255,7 +255,8 @@ def test_a_finger_points_with_its_first_tap(browser, diagnosed, tmp_path):
         assert load(tmp_path / "s").ladder[-1]["fit"]["effects"] == []
         page.tap("[data-effect='skin-effect']")
         page.wait_for_selector("#outcome:has-text('→')")
-        in_view(page, "#story-curves canvas", "#outcome", ".ladder")
+        in_view(page, "#story-curves canvas", "#outcome", "#story-steps")
+        assert findings(page) == []
         page.tap("#panel-1")
         expect(page.locator("#story-curves figure:visible")).to_have_count(2)
         expect(page.locator("#story-curves figure:visible").first).to_contain_text("open-circuit sweep")

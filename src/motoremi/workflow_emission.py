@@ -114,14 +114,16 @@ def emission_steps(store: Store) -> list[EmissionFit]:
 
 def fit_source(store: Store) -> EmissionFit:
     """Fit source and path without any effect: the base of the emission's ladder, in place of what stood there."""
-    base = fit_base(_problem(load(store.path), _motor(store)))
-    save_emission_ladder(store, [base])
+    motor = _motor(store)
+    session = load(store.path)
+    base = fit_base(_problem(session, motor))
+    save_emission_ladder(store, session, [base])
     return base
 
 
-def save_emission_ladder(store: Store, steps: Sequence[EmissionFit]) -> None:
-    """Store the emission's ladder."""
-    _save(store, _state(load(store.path)), steps=[step.to_dict() for step in steps])
+def save_emission_ladder(store: Store, session: Session, steps: Sequence[EmissionFit]) -> None:
+    """Store the emission's ladder; `session` is what the store holds."""
+    _save(store, _state(session), steps=[step.to_dict() for step in steps])
 
 
 def predict_session(
@@ -202,7 +204,7 @@ def add_source_effect(store: Store, name: str) -> tuple[EmissionFit, EmissionFit
     if name in steps[-1].effects:
         raise BadInput(f"{name} is in the model already; drop it first or add another effect")
     after = add_effect(steps[-1].problem, steps[-1], name)
-    save_emission_ladder(store, (*steps, after))
+    save_emission_ladder(store, load(store.path), (*steps, after))
     return steps[-1], after
 
 
@@ -211,7 +213,7 @@ def drop_source_effect(store: Store) -> tuple[EmissionFit, EmissionFit]:
     steps = emission_steps(store)
     if len(steps) < 2:
         raise BadInput("the emission's ladder stands at its base: there is no effect to drop")
-    save_emission_ladder(store, steps[:-1])
+    save_emission_ladder(store, load(store.path), steps[:-1])
     return steps[-1], steps[-2]
 
 

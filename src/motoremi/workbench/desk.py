@@ -156,12 +156,12 @@ class Desk(Ladder[Fit]):
         """
         with self._turn:
             self._require(shown)
-            began = [self._file_stamp(name) for name in rests_on]
+            began = [self.file_stamp(name) for name in rests_on]
         draft = Draft(self.path)
         made = action(draft)
         with self._turn:
             with opened(self.path) as store:
-                if [self._file_stamp(name) for name in rests_on] != began:
+                if [self.file_stamp(name) for name in rests_on] != began:
                     raise BadInput("somebody else changed the model of this session meanwhile: nothing was stored; look at it, then do this again")
                 draft.store_in(store)
             self._stamp = None
@@ -194,14 +194,14 @@ class Desk(Ladder[Fit]):
 
     def _require_unmoved(self) -> None:
         # Under the lock of an open session: from here on nobody else writes.
-        if self._file_stamp(LADDER) != self._ladder_stamp:
+        if self.file_stamp(LADDER) != self._ladder_stamp:
             raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
 
     def _refresh(self) -> None:
-        stamp = self._file_stamp(SESSION)
+        stamp = self.file_stamp(SESSION)
         if stamp == self._stamp and self._session is not None:
             return
-        ladder_stamp = self._file_stamp(LADDER)
+        ladder_stamp = self.file_stamp(LADDER)
         session = load(self.path)
         if self._session is None or _measured(session) != _measured(self._session):
             self._measurement = measurement_of(session) if session.sweeps else None
@@ -213,7 +213,8 @@ class Desk(Ladder[Fit]):
         self._steps = tuple(self._known.values())
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
-    def _file_stamp(self, name: str) -> Stamp:
+    def file_stamp(self, name: str) -> Stamp:
+        """Changes with a file of the session; None where there is none."""
         try:
             found = inside(self.path, name).stat()
         except OSError:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from motoremi.arrays import Progress
-from motoremi.data.session import Session, load
+from motoremi.data.session import Session
 from motoremi.emission.background import split
 from motoremi.emission.diagnose import add_effect
 from motoremi.emission.effects import find_source_effect
@@ -15,6 +15,7 @@ from motoremi.errors import BadInput
 from motoremi.workbench.ladder import Ladder
 from motoremi.workflow import Store
 from motoremi.workflow_emission import (
+    STATE,
     diagnose_emission_session,
     emission_ladder,
     fit_source,
@@ -23,11 +24,12 @@ from motoremi.workflow_emission import (
     stored_emission_steps,
 )
 
-LADDER, EMISSION = "analysis/ladder.json", "analysis/emission.json"
-Made = TypeVar("Made")
-
 if TYPE_CHECKING:
-    from motoremi.workbench.desk import Desk
+    from motoremi.workbench.desk import Desk, Stamp
+
+STORED = f"analysis/{STATE}.json"
+LADDER = "analysis/ladder.json"
+Made = TypeVar("Made")
 
 
 class SourceDesk(Ladder[EmissionFit]):
@@ -45,6 +47,7 @@ class SourceDesk(Ladder[EmissionFit]):
         super().__init__()
         self._desk = desk
         self._session: Session | None = None
+        self._stamp: Stamp = None
         self._steps: tuple[EmissionFit, ...] = ()
 
     @property
@@ -57,11 +60,16 @@ class SourceDesk(Ladder[EmissionFit]):
     def steps(self) -> tuple[EmissionFit, ...]:
         """The models, base first; empty before the first fit."""
         with self._turn:
-            session = self._desk.session
-            if session is not self._session:
-                self._steps = self._read(session)
-                self._session = session
+            self._refresh()
             return self._steps
+
+    def _refresh(self) -> Session:
+        stamp = self._desk.file_stamp(STORED)
+        session = self._desk.session
+        if session is not self._session:
+            self._steps = self._read(session)
+            self._session, self._stamp = session, stamp
+        return session
 
     def _read(self, session: Session) -> tuple[EmissionFit, ...]:
         try:
@@ -89,20 +97,22 @@ class SourceDesk(Ladder[EmissionFit]):
         return add_effect(before.problem, before, effect)
 
     def _store(self, steps: Sequence[EmissionFit]) -> None:
-        self._change(lambda store: save_emission_ladder(store, steps))
+        session = self._refresh()
+        self._change(lambda store: save_emission_ladder(store, session, steps))
 
     def _work(self, action: Callable[[Store], Made], shown: str | None) -> Made:
         with self._turn:
             self._require(shown)
-        return self._desk.work(action, rests_on=(LADDER, EMISSION))
+        return self._desk.work(action, rests_on=(LADDER, STORED))
 
     def _change(self, action: Callable[[Store], object]) -> None:
         with self._turn:
-            known = stored_emission_steps(self._desk.session)
+            self._refresh()
+            known = self._stamp
 
             def unless_moved(store: Store) -> None:
                 # Under the lock of an open session: from here on nobody else writes.
-                if stored_emission_steps(load(store.path)) != known:
+                if self._desk.file_stamp(STORED) != known:
                     raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
                 action(store)
 

@@ -129,7 +129,7 @@ class Sweeps(Side):
                 _frame(
                     "measured over model",
                     "dB",
-                    {"measured": ("measured", -20 * np.log10(np.abs(ratio))), "model": ("model", np.zeros(magnitude.shape))},
+                    {"measured": ("measured over model", -20 * np.log10(np.abs(ratio))), "model": ("", np.zeros(magnitude.shape))},
                 ),
                 _frame("error", "%", judged, log=True),
             ]

@@ -10,7 +10,7 @@ export function ladderDrawing(steps, { base, floorName, write }) {
   const row = (tag, name, value, kind) => {
     const bar = h("span", { class: "bar" });
     bar.style.width = `${SHORTEST + (high > low ? ((Math.log(value) - low) / (high - low)) * (100 - SHORTEST) : 0)}%`;
-    return h(tag, {}, h("span", { class: `${kind}-name` }, name), h("span", { class: "way", "aria-hidden": true }, bar), h("span", { class: `${kind}-error` }, write(value)));
+    return h(tag, {}, h("span", { class: `${kind}-name`, title: name }, name), h("span", { class: "way", "aria-hidden": true }, bar), h("span", { class: `${kind}-error` }, write(value)));
   };
   return h("div", { class: "ladder" },
     h("ol", { "aria-label": "Ladder of models" }, steps.map((step, index) => row("li", index ? `+ ${step.added}` : base, step.error, "step"))),

@@ -63,7 +63,7 @@ function build(place, where) {
   part("legend", "p");
   place.foot = h("div", { class: "foot" });
   place.curves.append(h("div", { class: "row" }, place.legend, place.panels));
-  part("steps", "section", { "aria-label": "Ladder" });
+  part("steps", "section", { "aria-label": "Ladder", tabindex: 0 });
   part("hint");
   part("list", "section", { "aria-label": "Effects" });
   place.where = h("div", { class: "story" },
@@ -86,6 +86,8 @@ function render(place) {
   place.redo.title = told.redo ? `Put back ${told.redo} (R)` : "Nothing was dropped last (R)";
   place.steps.replaceChildren(top ? ladderDrawing(told.ladder, { base: BASES[told.of], floorName: FLOORS[told.of], write }) : h("p", { class: "note" }, "The ladder begins with the first fit."),
     ...(top?.converged === false ? [h("p", { class: "bad" }, "The fit did not converge: do not use its values.")] : []));
+  // The last step and the floor are what one looks for.
+  place.steps.scrollTop = place.steps.scrollHeight;
   drawCurves(place);
   drawPointed(place);
   drawList(place);
@@ -142,18 +144,25 @@ function drawLegend({ legend: where, told }) {
   where.replaceChildren(...Object.keys(names).filter((role) => roles.has(role)).map((role) => legend({ ...LOOKS[role], label: names[role] })));
 }
 
-// As many panels beside each other as can be read.
+// As many panels beside each other as can be read, else one at a time.
 function arrange(place) {
   const { host } = place.plots, { panels } = place.told, all = panels.length <= Math.max(1, Math.floor(host.clientWidth / NARROWEST));
-  const open = all ? null : panels[Math.min(place.chosen, panels.length - 1)]?.name;
-  for (const { at, frame } of place.frames) frame.holder.hidden = !all && panels[at].name !== open;
-  place.plots.panel = all ? "" : open;
+  const open = Math.min(place.chosen, panels.length - 1);
+  for (const { at, frame } of place.frames) frame.holder.hidden = !all && at !== open;
+  // One panel is read at a time.
+  place.plots.panel = panels[all ? 0 : open]?.name;
   const key = `${all} ${open} ${panels.length}`;
   if (place.arranged !== key) {
     place.arranged = key;
-    place.panels.replaceChildren(...(all ? [] : panels.map((panel, at) => button(panel.name, () => { place.chosen = at; arrange(place); document.getElementById(`panel-${at}`).focus(); }, { id: `panel-${at}`, "aria-pressed": String(panel.name === open) }))));
+    place.panels.replaceChildren(...(all ? [] : panels.map((panel, at) => button(panel.name, () => choose(place, at), { id: `panel-${at}`, "aria-pressed": String(at === open) }))));
   }
   place.plots.resize();
+}
+
+function choose(place, at) {
+  place.chosen = at;
+  arrange(place);
+  document.getElementById(`panel-${at}`).focus();
 }
 
 function drawPointed(place) {
