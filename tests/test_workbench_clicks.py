@@ -82,11 +82,12 @@ def test_files_are_chosen_by_keys(browser, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.see("bench")
-        page.keyboard.press("0")
-        watched.drawn("files")
-        page.focus("#choose-files")
+        # Playwright needs a while before it catches the dialog.
         with page.expect_file_chooser() as asked:
+            watched.see("bench")
+            page.keyboard.press("0")
+            watched.drawn("files")
+            page.focus("#choose-files")
             page.keyboard.press("Enter")
         asked.value.set_files([{"name": name, "mimeType": "text/csv", "buffer": data} for name, data in measured().items()])
         expect(page.locator("#files-read tbody tr")).to_have_count(4)
