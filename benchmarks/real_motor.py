@@ -75,7 +75,8 @@ def page(path: Path) -> Iterator[str]:
     yield (
         "Modes say that the winding resonates and how strongly, not why; a machine's line, cage and iron are causes, but this one sweep cannot "
         "prove them: with the rotor out the cage would go, with a second termination the capacitance to the frame would be seen for itself. "
-        "The copper's resistance hides below the iron's and the cage's already at 100 Hz. Instrument, calibration and operating state are not documented."
+        "The copper's resistance hides below the iron's and the cage's already at 100 Hz. "
+        "Instrument, calibration and operating state are not documented."
     )
 
 
@@ -137,7 +138,7 @@ def section(sweep: me.ImpedanceSweep, part: Part) -> Iterator[str]:
 
 def told(fit: me.Fit) -> str:
     """The model in words, modes counted."""
-    names = [name for name in dict.fromkeys(fit.effects)]
+    names = list(dict.fromkeys(fit.effects))
     modes = fit.effects.count(MODES)
     return " + ".join(["the paper's circuit", *(f"{modes} modes" if name == MODES else name for name in names)])
 

@@ -145,8 +145,10 @@ def test_options_that_no_file_can_use_are_one_line(tmp_path: Path, short: Path, 
 
 
 def test_band_without_a_sweep_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "any.csv").write_text("# detector: peak\nfrequency_hz,level_dbuv\n1e6,40\n2e6,50\n")
     with pytest.raises(BadInput, match="are for impedance sweeps"):
-        imported(tmp_path, "--spectrum", "any.csv", "--band", "1MHz:2MHz")
+        imported(tmp_path, "--spectrum", tmp_path / "any.csv", "--band", "1MHz:2MHz")
+    assert not (tmp_path / "s").exists()
 
 
 def test_fixture_of_two_ports(tmp_path: Path, short: Path) -> None:

@@ -347,7 +347,7 @@ def test_a_page_that_comes_late_catches_up_and_going_stops_nothing(tmp_path):
     client = client_of(workbench)
     with served(workbench) as address:
         with listening(address) as early:
-            assert next(early) == ("state", {"run": None})
+            assert next(early) == ("state", {"run": None, "jobs": []})
             client.post("/api/run", json={**RUN, "procedure": "fixture_check", "ask": True})
             for kind, data in early:
                 if kind == "run" and data["prompt"]:

@@ -45,7 +45,7 @@ def test_axe_finds_nothing_in_a_run_and_in_an_error_page(browser, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.drawn("bench")
+        watched.see("bench")
         page.select_option("#bench-procedure", "fixture_check")
         page.check("#bench-ask")
         page.click("#look")

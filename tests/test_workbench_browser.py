@@ -33,7 +33,7 @@ def test_the_story_by_clicks(browser, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        page.wait_for_selector("main[data-view=bench]")
+        watched.see("bench")
         assert "token" not in page.url
         page.fill("#bench-motor", "Story motor 7")
         page.fill("#bench-operator", "A. Engineer")
@@ -268,7 +268,7 @@ def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        page.wait_for_selector("main[data-view=bench]")
+        watched.see("bench")
         page.select_option("#bench-procedure", "impedance_only")
         page.fill("#bench-motor", ATTACKS[1])
         page.check("#bench-ask")

@@ -17,7 +17,7 @@ import pytest
 from starlette.testclient import TestClient
 from workbench_tools import HOST, TOKEN, bench_of, listening, make_session, served, until
 
-from motoremi.workbench import body, doorway, server
+from motoremi.workbench import body, doorway, guard, server
 from motoremi.workbench.app import make_app
 
 MOTOREMI = Path(sys.executable).with_name("motoremi")
@@ -55,7 +55,7 @@ def test_a_body_is_counted_as_it_comes(tmp_path, lines):
 
 def test_a_body_that_is_too_long_by_its_header_is_refused(tmp_path):
     with served(bench_of(tmp_path)) as address, connected(address) as stream:
-        stream.sendall(head_of(address, "Content-Length: 999999999") + b"{" * (body.LARGEST_BODY + 1))
+        stream.sendall(head_of(address, "Content-Length: 999999999") + b"{" * (body.USUAL.most_bytes + 1))
         assert b" 413 " in stream.recv(100)
 
 
@@ -66,7 +66,7 @@ def test_a_short_body_in_chunks_is_read(tmp_path):
 
 
 def test_a_body_that_stays_away_is_cut_off(tmp_path, monkeypatch):
-    monkeypatch.setattr(body, "BODY_DEADLINE_S", 0.2)
+    monkeypatch.setattr(guard, "USUAL", body.USUAL._replace(within_s=0.2))
     with served(bench_of(tmp_path)) as address, connected(address) as stream:
         stream.sendall(head_of(address, "Content-Length: 20") + b"{")
         assert b" 408 " in stream.recv(100)

@@ -28,7 +28,7 @@ def test_the_local_file_opens_the_page(browser, tmp_path, monkeypatch):
     with served(bench_of(tmp_path)) as address, doorway(address) as file:
         page = browser.new_page()
         page.goto(file.as_uri())
-        page.wait_for_selector("main[data-view=bench]")
+        page.wait_for_selector("main[data-view=files]")
         assert page.url.startswith(address.partition("?")[0])
         assert "token" not in page.url
         page.close()
@@ -43,7 +43,7 @@ def test_a_wrong_key_and_a_missing_page_are_pages(browser, tmp_path):
         page.goto(address.partition("?")[0] + "nowhere")
         expect(page.locator("h1")).to_have_text("There is no such page")
         page.click("a")
-        page.wait_for_selector("main[data-view=bench]")
+        page.wait_for_selector("main[data-view=files]")
         page.close()
 
 
@@ -211,7 +211,7 @@ def test_a_workbench_that_hangs_is_seen(browser, tmp_path):
             text += line
         watched = Watched(browser, json.loads(text)["address"])
         page = watched.page
-        watched.drawn("bench")
+        watched.see("bench")
         process.send_signal(signal.SIGSTOP)
         expect(page.locator("#gone")).to_be_visible(timeout=2000)
         expect(page.locator("#run")).to_be_disabled()
@@ -229,7 +229,7 @@ def test_a_reload_in_the_middle_of_a_run_shows_the_run(browser, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        watched.drawn("bench")
+        watched.see("bench")
         page.select_option("#bench-procedure", "fixture_check")
         page.fill("#bench-motor", "Reloaded 9")
         page.check("#bench-ask")
@@ -237,7 +237,7 @@ def test_a_reload_in_the_middle_of_a_run_shows_the_run(browser, tmp_path):
         expect(page.locator("#prompt")).to_contain_text("Leave the fixture open")
         expect(page.locator("#session-choice option:checked")).to_contain_text(re.compile("Reloaded 9.*measuring"))
         page.reload()
-        watched.drawn("bench")
+        watched.see("bench")
         expect(page.locator("#prompt")).to_contain_text("Leave the fixture open")
         expect(page.locator("#run-log")).to_contain_text("analyser:")
         expect(page.locator("#bench-motor")).to_have_value("Reloaded 9")

@@ -27,7 +27,7 @@ def fitted(tmp_path_factory) -> Path:
 def page(browser, tmp_path_factory) -> Any:
     with served(bench_of(tmp_path_factory.mktemp("empty"))) as address:
         watched = Watched(browser, address)
-        watched.drawn("bench")
+        watched.see("bench")
         yield watched.page
         watched.close()
 

@@ -26,7 +26,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-VIEWS = ("bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge")
+VIEWS = ("files", "bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge", "together")
 COLOURS = 48
 # A diagnosis on a busy machine; only ends a test that would hang.
 PATIENCE_MS = 120_000
@@ -91,5 +91,5 @@ class Watched:
         """Nothing left the machine, nothing was complained of."""
         assert self.asked
         assert [url for url in self.asked if not url.startswith(self.base)] == []
-        assert self.trouble == []
+        assert self.trouble == [], self.trouble
         self.context.close()

@@ -88,7 +88,7 @@ def served(workbench: Workbench, port: int = 0) -> Iterator[str]:
     try:
         yield f"http://127.0.0.1:{port}/?token={TOKEN}"
     finally:
-        workbench.place.leave()
+        workbench.leave()
         server.should_exit = True
         thread.join()
         listener.close()

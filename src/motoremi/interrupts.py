@@ -1,12 +1,15 @@
-"""Signals that stop a program: heard wherever it was started from, and held back for what must not stop half-way."""
+"""What stops work: signals, heard wherever a program was started from and held back for what must not stop half-way; and a user's Cancel."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from types import FrameType
+
+from motoremi.errors import MotoremiError
 
 # Those that the command line turns into an exception.
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -53,3 +56,29 @@ def unbroken() -> Iterator[None]:
             signal.signal(number, handler)
         for number, frame in waiting.items():
             before[number](number, frame)
+
+
+class Cancelled(MotoremiError):
+    """The user gave up waiting; nothing was stored."""
+
+    exit_status = 130
+
+
+_asked: ContextVar[Callable[[], bool] | None] = ContextVar("_asked", default=None)
+
+
+@contextmanager
+def cancelled_by(asked: Callable[[], bool]) -> Iterator[None]:
+    """`checkpoint` raises `Cancelled` while the block runs, in this thread, once `asked` says so."""
+    token = _asked.set(asked)
+    try:
+        yield
+    finally:
+        _asked.reset(token)
+
+
+def checkpoint() -> None:
+    """Long computations call this at least every second, where stopping harms nothing."""
+    asked = _asked.get()
+    if asked is not None and asked():
+        raise Cancelled("cancelled: nothing was stored")

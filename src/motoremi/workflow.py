@@ -26,10 +26,15 @@ from motoremi.fitting.fit import checked_held, fit
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor, dc_motor
+from motoremi.progress import part
 from motoremi.quantities import parse
 
 if TYPE_CHECKING:
     from motoremi.report.parts import Choice, Materials
+
+
+# A first fit's share of a diagnosis that begins with it.
+FITTING = 0.1
 
 
 class Store(Protocol):
@@ -77,14 +82,19 @@ def fit_session(
     seed: int = 1,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     held: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit the model that the ladder stands at (the paper's circuit at first), and every step below it; `held` parameters are not fitted."""
     session = load(store.path)
     measurement, model = measurement_of(session), model_of(session)
     fixed = checked_held(model, held)
     own = {parameter.name for parameter in dc_motor().parameters}
-    steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds, held={n: v for n, v in fixed.items() if n in own})]
+    count = 1 + len(model.effects)
+    base_held = {n: v for n, v in fixed.items() if n in own}
+    steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds, held=base_held, progress=part(progress, 0, 1 / count))]
     for effect in model.effects:
+        if progress is not None:
+            progress(f"with {effect}", len(steps), count)
         before = {parameter.name for parameter in steps[-1].motor.parameters}
         new = {parameter.name for parameter in find_effect(effect).added_to(steps[-1].motor).parameters} - before
         steps.append(steps[-1].add(effect, {n: v for n, v in fixed.items() if n in new}))
@@ -111,10 +121,10 @@ def _dc_resistance_ohm(session: Session) -> float | None:
     return value
 
 
-def current_steps(store: Store) -> list[Fit]:
+def current_steps(store: Store, progress: Progress | None = None) -> list[Fit]:
     """The ladder; fitted first if it is not yet there."""
     steps = ladder_of(load(store.path))
-    return steps or [fit_session(store)]
+    return steps or [fit_session(store, progress=progress)]
 
 
 def compare_session(store: Store, tolerance: Tolerance | None = None) -> Comparison:
@@ -138,8 +148,8 @@ def stored_tolerance(session: Session) -> Tolerance | None:
 
 def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", progress: Progress | None = None) -> Diagnosis:
     """Which effect is missing, from the ladder's top or from the paper's circuit."""
-    steps = current_steps(store)
-    result = diagnose(steps[-1] if start == "ladder" else steps[0], progress)
+    steps = current_steps(store, part(progress, 0, FITTING))
+    result = diagnose(steps[-1] if start == "ladder" else steps[0], part(progress, FITTING, 1))
     store.save_analysis("diagnosis", result.to_dict())
     return result
 
@@ -202,7 +212,7 @@ def _materials_of(session: Session) -> Materials:
     return Materials(session, tuple(steps), comparison, session.analysis("diagnosis"))
 
 
-def report_session(store: Store, profile: Path | None = None, choice: Choice | None = None) -> list[Path]:
+def report_session(store: Store, profile: Path | None = None, choice: Choice | None = None, progress: Progress | None = None) -> list[Path]:
     """Render the report in all formats into the session's `report/` folder.
 
     Parameters
@@ -212,6 +222,7 @@ def report_session(store: Store, profile: Path | None = None, choice: Choice | N
         The laboratory that signs; kept with the session, whose later reports need not name it again.
     choice : Choice, optional
         Which form, and which sections; the long form with all of them without it.
+    progress : callable, optional
     """
     from motoremi.report.files import render_session
     from motoremi.report.model import WHOLE
@@ -219,7 +230,7 @@ def report_session(store: Store, profile: Path | None = None, choice: Choice | N
 
     session = load(store.path)
     laboratory, issue = issue_for(session, profile)
-    files = render_session(replace(_materials_of(session), laboratory=laboratory, issue=issue), choice or WHOLE)
+    files = render_session(replace(_materials_of(session), laboratory=laboratory, issue=issue), choice or WHOLE, progress)
     if laboratory is not None and issue is not None and issue != session.analysis(ISSUE):
         store.save_analysis(LABORATORY, stored_laboratory(laboratory))
         store.save_analysis(ISSUE, issue)

@@ -33,56 +33,35 @@ def export_(
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.data.storage import write_whole
-    from motoremi.export.emission_deck import emission_deck
-    from motoremi.export.hdf5 import hdf5_bytes
-    from motoremi.export.spice import SpiceModel, spice_model
-    from motoremi.export.tables import csv_bytes, parquet_bytes
-    from motoremi.export.touchstone import session_touchstone
     from motoremi.workflow import ladder_of
-    from motoremi.workflow_emission import setup_of
+    from motoremi.workflow_export import Exported, Exporter
 
-    asked = [file for file in (spice, spice_emission, touchstone, csv, hdf5, parquet) if file is not None]
-    if not asked:
+    if all(file is None for file in (spice, spice_emission, touchstone, csv, hdf5, parquet)):
         raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
     session = load(path)
-    fit = next(iter(ladder_of(session)[-1:]), None)
-    written: list[tuple[Path, str, bytes]] = []
-    netlist: SpiceModel | None = None
-    if spice is not None or spice_emission is not None:
-        if fit is None:
-            raise BadInput(f"{path} has no fit yet: motoremi fit {path}")
-        netlist = spice_model(fit)
-    if spice is not None and netlist is not None:
-        told = f"netlist within {netlist.error_db:.2g} dB and {netlist.error_deg:.2g} degree of the model"
-        if netlist.left_out:
-            told += f"; left out as errors of the meter: {', '.join(netlist.left_out)}"
-        written.append((spice, told, netlist.text.encode()))
-    if spice_emission is not None and netlist is not None:
-        deck = emission_deck(netlist.text, setup_of(session))
-        written.append((spice_emission, "emission test, node receiver", deck.encode()))
+    exporter = Exporter(session, next(iter(ladder_of(session)[-1:]), None))
+    written: list[tuple[Path, Exported]] = []
+    if spice is not None:
+        written.append((spice, exporter.spice()))
+    if spice_emission is not None:
+        written.append((spice_emission, exporter.spice_emission()))
     if touchstone is not None:
-        if model and fit is None:
-            raise BadInput(f"{path} has no fit yet: motoremi fit {path}")
-        parameter: Literal["S", "Z"] = "Z" if touchstone.suffix.lower() == ".z1p" else "S"
-        text, chosen = session_touchstone(session, termination, parameter, fit if model else None)
-        written.append((touchstone, f"{chosen}-circuit {'model' if model else 'measurement'}, {parameter} parameters", text.encode()))
-    if csv is not None:
-        written.append((csv, "sweeps" + (" and model" if fit else ""), csv_bytes(session, fit)))
-    if hdf5 is not None:
-        written.append((hdf5, "sweeps, spectra, analyses" + (", model" if fit else ""), hdf5_bytes(session, fit)))
-    if parquet is not None:
-        written.append((parquet, "sweeps" + (" and model" if fit else ""), parquet_bytes(session, fit)))
+        written.append((touchstone, exporter.touchstone(termination, "Z" if touchstone.suffix.lower() == ".z1p" else "S", model)))
+    for file, make in ((csv, exporter.csv), (hdf5, exporter.hdf5), (parquet, exporter.parquet)):
+        if file is not None:
+            written.append((file, make()))
     # Everything is made before the first file is written.
-    for file, _, data in written:
-        write_whole(file, data)
+    for file, made in written:
+        write_whole(file, made.data)
     if as_json:
-        document: dict[str, Any] = {"schema": "motoremi.files/1", "files": [str(file) for file, _, _ in written]}
-        if netlist is not None:
+        document: dict[str, Any] = {"schema": "motoremi.files/1", "files": [str(file) for file, _ in written]}
+        if spice is not None or spice_emission is not None:
+            netlist = exporter.netlist
             document["spice"] = {"error_db": netlist.error_db, "error_deg": netlist.error_deg, "left_out": list(netlist.left_out)}
         emit_json(document)
         return
-    for file, told, _ in written:
-        say(f"{file}: {told}")
+    for file, made in written:
+        say(f"{file}: {made.told}")
 
 
 def register(app: typer.Typer) -> None:

@@ -65,55 +65,20 @@ def import_(
 ) -> None:
     """Make a session from files that you already have."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.data.analyser import find_analyser
     from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
-    from motoremi.data.measurement import Measurement
-    from motoremi.data.session import SessionWriter
-    from motoremi.data.text import clean_text
-    from motoremi.emission.limit import find_limit
-    from motoremi.emission.observe import observations
-    from motoremi.workflow_emission import judged
+    from motoremi.workflow_import import Told, prepared
 
-    if limit:
-        find_limit(limit)
-        if not spectrum:
-            raise BadInput("--limit judges emission spectra: give --spectrum FILE...")
-    if not short and not open_ and not spectrum:
+    files = [*(short or []), *(open_ or []), *(spectrum or [])]
+    if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
-    named = find_analyser(analyser).name if analyser is not None else None
-    # Everything is read and checked before the folder is made: nothing is left half written.
-    sweeps = _sweeps(short or [], open_ or [], fixture, band, accuracy)
-    if named is not None:
-        sweeps = [sweep.with_metadata(analyser=named) for sweep in sweeps]
+    read = _sweeps(short or [], open_ or [], fixture)
     spectra = [item for path in spectrum or [] for item in read_spectra(path)]
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
-    corrected = [chain.corrected_spectrum(item) for item in spectra]
-    measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in sweeps]) if sweeps else None
-    start = {
-        "title": f"Imported: {motor}" if motor else "Imported sweeps",
-        "motor": motor,
-        "serial": serial,
-        "operator": operator,
-        "ambient": ambient,
-        "corrections": chain.to_list(),
-        "imported": [str(path.name) for path in (*(short or []), *(open_ or []), *(spectrum or []))],
-        "analyser": None if measurement is None else measurement.analyser.name,
-        "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in sweeps),
-    }
-    caveats = [] if measurement is None else measurement.caveats()
-    caveats += chain.remarks()
-    for item in spectra:
-        if applied := str(item.metadata.get("transducer", "")).strip(" ;"):
-            caveats.append(f"{item.detector}: the receiver has applied its transducer {clean_text(applied, 60)!r}; it must not be in --corrections")
-    seen = observations(corrected)
-    with SessionWriter.create(out, start) as writer:
-        for sweep in sweeps:
-            writer.add_sweep(sweep)
-        for item in spectra:
-            writer.add_spectrum(item)
-        verdict = judged(writer, limit) if limit else None
-        writer.close("done")
+    told = Told(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
+    made = prepared(read, spectra, told, [path.name for path in files])
+    sweeps, start = made.sweeps, made.start
+    verdict = made.store(out)
     if as_json:
         emit_json(
             {
@@ -125,21 +90,21 @@ def import_(
                 "corrections": start["corrections"],
                 "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
-                "caveats": caveats,
-                "observations": seen,
+                "caveats": list(made.caveats),
+                "observations": list(made.observations),
             }
         )
         raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
     for sweep in sweeps:
         say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
-    for item in corrected:
+    for item in made.corrected:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
     for entry in chain.entries:
         say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:
         say("analyser not named: the size of its errors is estimated from the data; say --analyser NAME if you know it (none for ideal data)")
-    for remark in [*caveats, *(one["text"] for one in seen)]:
+    for remark in [*made.caveats, *(one["text"] for one in made.observations)]:
         say(f"note: {remark}")
     if verdict is not None:
         say(f"verdict: {verdict['says']}")
@@ -147,35 +112,20 @@ def import_(
     raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
 
 
-def _sweeps(short: list[Path], open_: list[Path], fixture: str | None, band: str, accuracy: str) -> list[ImpedanceSweep]:
-    """The sweeps of all files, the band that is wanted of them, with the accuracy that the user states.
+def _sweeps(short: list[Path], open_: list[Path], fixture: str | None) -> list[ImpedanceSweep]:
+    """The sweeps of all files.
 
     Raises
     ------
     BadInput
-        As the readers, and for an option that no file can use.
+        As the readers, and for a fixture that no file can use.
     """
     from motoremi.data.files import read_impedance
-    from motoremi.data.sweep import checked_accuracy
-    from motoremi.quantities import parse_band
 
-    percent = checked_accuracy(accuracy) if accuracy else None
-    span = parse_band(band) if band else None
     sweeps = [read_impedance(path, "short", fixture) for path in short] + [read_impedance(path, "open", fixture) for path in open_]
-    if not sweeps and (band or accuracy):
-        raise BadInput("--band and --accuracy are for impedance sweeps: give --short FILE... or --open FILE...")
     if fixture is not None and not any(sweep.metadata["read_as"].startswith("S21") for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
-    if span is not None:
-        sweeps = [_within(sweep, span) for sweep in sweeps]
-    return sweeps if percent is None else [sweep.with_metadata(accuracy_percent=percent) for sweep in sweeps]
-
-
-def _within(sweep: ImpedanceSweep, span: tuple[float, float]) -> ImpedanceSweep:
-    try:
-        return sweep.within(*span)
-    except BadInput as error:
-        raise BadInput(f"{sweep.metadata['source']}: {error}") from error
+    return sweeps
 
 
 def _read(metadata: Mapping[str, Any]) -> JsonDict:

@@ -30,6 +30,7 @@ from motoremi.data.directions import directions as directions_of
 from motoremi.data.kernels import Parts, slope, smooth_basis, smoothed
 from motoremi.data.noise import Noise
 from motoremi.data.repeats import WANDERING
+from motoremi.interrupts import checkpoint
 
 VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
@@ -176,6 +177,7 @@ class Whitening:
         return lru_cache(KEPT)(self._directions)
 
     def _directions(self, discrepancy: float, least_share: float = LEAST_SHARE) -> ComplexArray:
+        checkpoint()
         apart = self.apart
         shares, fixed = apart.shares(np.asarray(discrepancy)), apart.fixed_shares > least_share
         used = shares > least_share
@@ -222,6 +224,7 @@ def _apart(columns: Columns) -> Apart:
     for known, free in zip(columns.known_of, columns.discrepancy_of, strict=True):
         own = weight[first : first + len(known), None]
         first += len(known)
+        checkpoint()
         directions, variances = directions_of(known * own, LEAST_SHARE)
         # H = 1 - back F*, the inverse root of the noise's covariance.
         back = directions * (1 - 1 / np.sqrt(1 + variances))

@@ -31,6 +31,12 @@ from motoremi.quantities import parse
 IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
 SPECTRUM_COLUMNS = "frequency_hz,level_dbuv"
 Made = TypeVar("Made")
+
+
+class WrongKind(BadInput):
+    """A file that holds something else than what it was read for."""
+
+
 _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.second)}
 
 
@@ -60,11 +66,16 @@ def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str 
         One line with file, line number and what to do, whenever a number is not beyond doubt.
     """
     name, text = _read_text(path)
+    return parse_impedance(text, name, termination, fixture)
+
+
+def parse_impedance(text: str, name: str, termination: str, fixture: str | None = None) -> ImpedanceSweep:
+    """One impedance sweep from the text of a file of that name; as `read_impedance`."""
     rows, header, kind = _impedance_rows(text, name, termination, fixture)
     merged, told = once_each(rows)
     if "accuracy_percent" in header:
         header["accuracy_percent"] = _of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
-    sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, path, kind)))
+    sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, name, kind)))
     return sweep.with_change(told) if told else sweep
 
 
@@ -81,7 +92,7 @@ def _impedance_rows(text: str, name: str, termination: str, fixture: str | None)
         rows, header, title = _rows_of_table(parse_table(plain, name), termination)
         return rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv"
     if is_receiver_dat(text):
-        raise BadInput(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
+        raise WrongKind(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
     rows, header, title = _rows_of_table(parse_table(text, name), termination)
     return rows, {**header, "read_as": title}, "csv"
 
@@ -102,20 +113,25 @@ def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
         One line with file, line number and what to do, whenever a number is not beyond doubt.
     """
     name, text = _read_text(path)
+    return parse_spectra(text, name)
+
+
+def parse_spectra(text: str, name: str) -> list[Spectrum]:
+    """The emission spectra from the text of a file of that name; as `read_spectra`."""
     for is_other, what in (
         (is_agilent_ascii, "is an impedance sweep of a 4294A"),
         (is_touchstone, "is a Touchstone file"),
         (is_analyser_csv, "is an impedance sweep of an analyser"),
     ):
         if is_other(text):
-            raise BadInput(f"{name}: {what}, but an emission spectrum is needed here")
+            raise WrongKind(f"{name}: {what}, but an emission spectrum is needed here")
     if is_receiver_dat(text):
         spectra, kind = parse_receiver_dat(text, name), "receiver-dat"
     elif is_two_columns(text):
         spectra, kind = [parse_tinysa(text, name)], "tinysa-csv"
     else:
         spectra, kind = _spectra_of_table(parse_table(text, name)), "csv"
-    return [dataclasses.replace(spectrum, metadata=_origin(spectrum.metadata, path, kind)) for spectrum in spectra]
+    return [dataclasses.replace(spectrum, metadata=_origin(spectrum.metadata, name, kind)) for spectrum in spectra]
 
 
 def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
@@ -219,10 +235,10 @@ def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     return name, decode(read_bytes(path), name)
 
 
-def _origin(metadata: Mapping[str, Any], path: str | os.PathLike[str], file_format: str) -> dict[str, Any]:
+def _origin(metadata: Mapping[str, Any], name: str, file_format: str) -> dict[str, Any]:
     # What the file itself calls its source, format or changes is kept under another key, not overwritten.
     kept = {f"header_{key}" if key in ("source", "format", "changes") else key: value for key, value in metadata.items()}
-    return {**kept, "source": file_name(path), "format": file_format}
+    return {**kept, "source": file_name(name), "format": file_format}
 
 
 def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
@@ -240,9 +256,9 @@ def _of_file(name: str, make: Callable[[], Made]) -> Made:
 def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: str) -> BadInput:
     have = f"found {columns_found(table)}"
     if any(meaning.startswith("level") for meaning in found) and needed != SPECTRUM_COLUMNS:
-        return BadInput(f"{table.name}: is an emission spectrum ({have}), but {what} is needed here")
+        return WrongKind(f"{table.name}: is an emission spectrum ({have}), but {what} is needed here")
     if needed == SPECTRUM_COLUMNS and _IMPEDANCE_MEANINGS & set(found):
-        return BadInput(f"{table.name}: is an impedance sweep ({have}), but {what} is needed here")
+        return WrongKind(f"{table.name}: is an impedance sweep ({have}), but {what} is needed here")
     trouble = unit_trouble(table)
     if trouble:
         return BadInput(f"{table.name}: {trouble}; {have}, but {what} needs the columns {needed}")

@@ -17,6 +17,7 @@ from scipy.optimize import nnls
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.data.repeats import contrasts, correlated_part, drift_of
 from motoremi.data.sweep import RepeatedSweep
+from motoremi.interrupts import checkpoint
 
 NoiseSource: TypeAlias = Literal["repeats", "stated", "scatter"]
 # The quietest export of a 4294A that we know scatters by 6e-5; files carry 6 or 7 digits. Below this no noise is believed.
@@ -69,6 +70,7 @@ class Noise:
 
 def estimate_noise(sweep: RepeatedSweep) -> Noise:
     """Noise of the mean of a repeated sweep."""
+    checkpoint()
     if sweep.repeats > 1:
         return _from_repeats(sweep)
     if sweep.sigma_relative is not None:

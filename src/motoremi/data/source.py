@@ -14,6 +14,13 @@ MAXIMUM_BYTES = 200_000_000
 _LINE_END = re.compile(r"\r\n|\n|\r")
 # Printable Latin-1 has no code between 0x80 and 0x9f: what decodes to those is another encoding.
 _C1_CONTROL = re.compile("[\x80-\x9f]")
+# Begins of files that people take for their measurement, or drop beside it.
+_OTHER_FILES = (
+    (b"PK\x03\x04", "is a ZIP archive or an Excel workbook; unpack it, or save the sheet as CSV"),
+    (b"\x89PNG", "is a picture; export the measurement as text or CSV"),
+    (b"\xff\xd8\xff", "is a photo; export the measurement as text or CSV"),
+    (b"%PDF", "is a PDF; export the measurement as text or CSV"),
+)
 _ASCII_CONTROL = bytes(code for code in range(32) if code not in b"\t\n\r\f")
 
 
@@ -47,9 +54,14 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         raise BadInput(f"{name}: not a file name") from error
     if len(data) > MAXIMUM_BYTES:
         raise BadInput(f"{name}: grew beyond 200 MB while it was read")
+    refuse_empty(data, name)
+    return data
+
+
+def refuse_empty(data: bytes, name: str) -> None:
+    """Raise `BadInput` for a file that holds nothing but blanks."""
     if not data.strip(b"\xef\xbb\xbf \t\r\n"):
         raise BadInput(f"{name}: the file is empty")
-    return data
 
 
 def decode(data: bytes, name: str) -> str:
@@ -60,6 +72,9 @@ def decode(data: bytes, name: str) -> str:
     BadInput
         If the bytes are not text, or in another encoding.
     """
+    for begin, what in _OTHER_FILES:
+        if data.startswith(begin):
+            raise BadInput(f"{name}: {what}")
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise BadInput(f"{name}: is UTF-16 text; save it again as UTF-8")
     head = data[:65536]

@@ -14,6 +14,7 @@ from motoremi.diagnosis.explore import Budget
 from motoremi.diagnosis.judgement import Judgement, judge
 from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
+from motoremi.progress import part
 
 # Log odds beyond which the data deny the declared analyser. In trials before this, wrong declarations were denied by 43 to 87 and true ones never;
 # but a network analyser's wide errors can also take up a part of what two effects leave.
@@ -56,8 +57,8 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
     refitted = [(_refitted(first.base, other), _refitted(first.best.fit, other)) for other in hypotheses(first.base.measurement.analyser)]
     # The bare circuit and the likeliest model each say which analyser they would rather have.
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
-    for base, _ in tried[:MOST_TRIED]:
-        other = judge(base, progress, GLANCE)
+    for place, (base, _) in enumerate(tried[:MOST_TRIED]):
+        other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE)
         odds = other.best.score - first.best.score
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))

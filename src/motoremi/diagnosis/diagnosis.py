@@ -23,6 +23,7 @@ from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.fitting.search import Task, arrived_on_all
 from motoremi.model.effects import find_effect
+from motoremi.progress import part
 from motoremi.quantities import show_band
 from motoremi.spread import one_blas_thread
 
@@ -37,6 +38,8 @@ LARGEST_FAMILY = 6
 LOOKS = 3
 # Sets of effects that are listed.
 LISTED = 12
+# Shares of the longest diagnosis: where the search ends, and the one without points that only its best model sees.
+SEARCH, AGAIN = 0.6, 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,10 +202,11 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     -------
     Diagnosis
     """
-    first = _without_outliers(fit, fit, progress) or judge(fit, progress)
+    search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
+    first = _without_outliers(fit, fit, search) or judge(fit, search)
     if not first.model.done:
-        first = _without_outliers(fit, first.best.fit, progress) or first
-    declared = likeliest(first, progress)
+        first = _without_outliers(fit, first.best.fit, again) or first
+    declared = likeliest(first, part(progress, AGAIN, 1.0))
     judgement = declared.judgement
     left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described)
     findings = _findings(fit, declared, left)

@@ -14,8 +14,11 @@ from math import inf
 from typing import Protocol, TypeVar
 
 from motoremi.arrays import Progress
+from motoremi.progress import part
 
 Key = tuple[str, ...]
+# What adding takes of the time of one size, roughly; swapping takes the rest.
+ADDING = 0.6
 
 
 class Model(Protocol):
@@ -102,10 +105,11 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
     beam = [base]
     for size in range(1, budget.most_effects + 1):
         before = best_of(found.values())
-        for model in beam:
-            _take(found, board.added(model, progress))
+        own = part(progress, (size - 1) / budget.most_effects, size / budget.most_effects)
+        for place, model in enumerate(beam):
+            _take(found, board.added(model, part(own, ADDING * place / len(beam), ADDING * (place + 1) / len(beam))))
         if size < budget.most_effects:
-            _swap(board, found, size, budget)
+            _swap(board, found, size, budget, part(own, ADDING, 1.0))
         best = best_of(found.values())
         if len(best.added) == size > 1:
             _take(found, (board.dropped(best, effect) for effect in best.added))
@@ -117,10 +121,11 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
     return found
 
 
-def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget) -> None:
+def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progress: Progress | None) -> None:
     """Swap effects of the best models of one size until that changes nothing."""
     swapped: set[Key] = set()
     best = -inf
+    done, most = 0, budget.swaps * budget.swapped * size
     for _ in range(budget.swaps):
         ranked = _ranked(found, size)
         if not ranked or ranked[0].score < best + budget.gain:
@@ -132,6 +137,9 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget) -> No
         for model in models:
             swapped.add(key_of(model))
             for effect in model.added:
+                if progress is not None:
+                    progress(f"others for {effect}", done, most)
+                done += 1
                 _take(found, board.swapped(model, effect))
 
 

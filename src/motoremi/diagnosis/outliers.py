@@ -8,6 +8,7 @@ from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.data.coarse import of_points
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
+from motoremi.interrupts import checkpoint
 
 # Chi-squared of two degrees of freedom of one point given the others: by chance once in three million.
 FAR_OFF = 30.0
@@ -39,6 +40,7 @@ def _farthest(directions: ComplexArray, weighted: ComplexArray) -> BoolArray:
     gone = np.zeros(weighted.size, dtype=np.bool_)
     taken = np.zeros((weighted.size, 0), dtype=np.complex128)
     while gone.mean() <= MOST:
+        checkpoint()
         off = np.where(gone, 0.0, np.abs(pulled) ** 2 / own)
         worst = int(np.argmax(off))
         if off[worst] <= FAR_OFF:

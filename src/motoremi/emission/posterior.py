@@ -7,6 +7,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from motoremi.arrays import FloatArray
 from motoremi.emission.problem import Problem
+from motoremi.interrupts import checkpoint
 from motoremi.model.parameter import Parameter
 
 # Beyond so many standard deviations a point (a glitch) counts in proportion only.
@@ -96,6 +97,7 @@ class Posterior:
 
     def polished(self, start: FloatArray, steps: int = 25) -> OptimizeResult:
         """The nearest minimum, or the way to it."""
+        checkpoint()
         free = self.columns.shape[1]
         low, high = (np.concatenate([np.full(self.size, end), np.full(free, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
         return least_squares(

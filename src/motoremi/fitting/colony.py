@@ -14,6 +14,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.fitting.problem import Problem
+from motoremi.interrupts import checkpoint
 
 ARCHIVE = 60
 ANTS = 60
@@ -56,6 +57,7 @@ class Colony:
         weight /= weight.sum()
         curve = []
         for _ in range(generations):
+            checkpoint()
             chosen = rng.choice(ARCHIVE, size=ANTS, p=weight)
             origin = self.members[chosen]
             width = SPEED * np.mean(np.abs(self.members[None, :, :] - origin[:, None, :]), axis=1)

@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from motoremi.arrays import Progress
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
@@ -45,6 +46,7 @@ def fit(
     method: str = "ant-colony",
     analyser: str | None = None,
     held: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit a motor's circuit to its impedance sweeps.
 
@@ -64,6 +66,8 @@ def fit(
         Whose systematic errors to allow for: `4294a`, `e4990a`, `nanovna`, `none`, or `unknown`, whose size is estimated (default).
     held : mapping, optional
         Parameters that are not fitted, in SI units: for example Ra from a DC measurement.
+    progress : callable, optional
+        Told of the rounds of the search for the paper's circuit.
 
     Returns
     -------
@@ -86,7 +90,7 @@ def fit(
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
     base_held = {n: v for n, v in fixed.items() if n in paper_names}
     task = Task(base, measurement, base_bounds, base_held)
-    result = _by_the_paper(task, seed) if method == "paper" else _by_ants(task, seed)
+    result = _by_the_paper(task, seed) if method == "paper" else _by_ants(task, seed, progress)
     for effect in motor.effects:
         result = refit_with(result, effect, {n: v for n, v in fixed.items() if n.startswith(effect)}, limits)
     return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
@@ -118,8 +122,8 @@ def _check_informative(measurement: Measurement) -> None:
             raise BadInput(f"the {sweep.termination} sweep is the same at all frequencies: this is not a motor's impedance")
 
 
-def _by_ants(task: Task, seed: int) -> Fit:
-    return with_larger_winding(summarise(task, search_base(task, seed), "ant-colony", seed))
+def _by_ants(task: Task, seed: int, progress: Progress | None = None) -> Fit:
+    return with_larger_winding(summarise(task, search_base(task, seed, progress), "ant-colony", seed))
 
 
 def with_larger_winding(fitted: Fit) -> Fit:

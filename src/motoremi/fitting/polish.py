@@ -17,6 +17,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.fitting.problem import Linearised, Problem
+from motoremi.interrupts import checkpoint
 
 # A solution has converged when an undamped step promises no more than so many times what a small step may gain.
 UNDAMPED = 30.0
@@ -126,6 +127,7 @@ def polish(
     for to_come in range(iterations - 1, -1, -1):
         if not live.size or (here.objective < enough).any():
             break
+        checkpoint()
         newton = _newton(problem, u, here, damped)
         step, right = newton.step, newton.right
         if bending and bent.any():

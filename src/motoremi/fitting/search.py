@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
@@ -217,7 +217,7 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     )
 
 
-def search_base(task: Task, seed: int) -> Found:
+def search_base(task: Task, seed: int, progress: Progress | None = None) -> Found:
     """The paper's circuit: start values from the data first, then rounds of ants until nothing is left or a round brings nothing more."""
     search, full = task.thinned(SEARCH_POINTS), task.thinned(None)
     seeds = search.vectors(data_driven_starts(task.measurement.coarse))
@@ -230,6 +230,8 @@ def search_base(task: Task, seed: int) -> Found:
     # The search problem is down to noise and analyser; the likelihood tells whether that was the right valley.
     likely = 2 * search.observed.expected_objective
     for round_number in range(ROUNDS + 1):
+        if progress is not None:
+            progress(f"ants, round {round_number}" if round_number else "start values from the data", round_number, ROUNDS + 1)
         if round_number == 0:
             if not len(seeds):
                 continue

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from motoremi.arrays import Progress
 from motoremi.errors import BadInput, MotoremiError
+from motoremi.interrupts import checkpoint
 from motoremi.report.data import render_csv, render_json
 from motoremi.report.gaps import STORED
 from motoremi.report.html import render_html
@@ -13,6 +15,9 @@ from motoremi.report.junit import render_junit
 from motoremi.report.model import WHOLE, build_report
 from motoremi.report.parts import Choice, Materials, Report
 from motoremi.report.pdf import can_render_pdf, render_pdf
+
+# What the figures take of a report's time, in percent.
+FIGURES = 60
 
 
 @contextmanager
@@ -31,7 +36,7 @@ class Unreadable(BadInput):
     """A stored analysis is not as this version writes it."""
 
 
-def render_session(materials: Materials, choice: Choice = WHOLE) -> dict[str, bytes]:
+def render_session(materials: Materials, choice: Choice = WHOLE, progress: Progress | None = None) -> dict[str, bytes]:
     """The report of a session in all forms; stored analyses that this version cannot read are left out, and the report says so.
 
     Raises
@@ -43,9 +48,19 @@ def render_session(materials: Materials, choice: Choice = WHOLE) -> dict[str, by
     # The culprit is found by leaving one out after the other: what an earlier version wrote is nowhere written down.
     for names in ((), *((name,) for name in present)):
         with suppress(Unreadable), told_as_unreadable(materials.session.path.name):
-            return render_all(build_report(materials.without(names), choice), choice.form)
+            return _rendered(materials.without(names), choice, progress)
     with told_as_unreadable(materials.session.path.name):
-        return render_all(build_report(materials.without(present), choice), choice.form)
+        return _rendered(materials.without(present), choice, progress)
+
+
+def _rendered(materials: Materials, choice: Choice, progress: Progress | None) -> dict[str, bytes]:
+    if progress is not None:
+        progress("drawing the figures", 0, 100)
+    report = build_report(materials, choice)
+    checkpoint()
+    if progress is not None:
+        progress("setting the pages", FIGURES, 100)
+    return render_all(report, choice.form)
 
 
 def render_all(report: Report, form: str = "long") -> dict[str, bytes]:

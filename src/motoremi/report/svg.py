@@ -9,6 +9,7 @@ import threading
 import warnings
 from typing import TYPE_CHECKING
 
+from motoremi.interrupts import checkpoint
 from motoremi.report.parts import Picture
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ _FURTHER_DIGITS = re.compile(r"(?<=\.\d\d)\d+")
 
 def picture(name: str, figure: Figure, caption: str) -> Picture:
     """A figure with its caption, for a section."""
+    checkpoint()
     return Picture(to_svg(figure, name, caption), caption)
 
 

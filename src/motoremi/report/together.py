@@ -31,8 +31,8 @@ COLUMNS = ("session", "parameter", "value", "unit", "sigma", "change_percent", "
 NO_VALUE = "-"
 
 
-def build_together(materials: Mapping[str, Materials]) -> Report:
-    """The report of several sessions.
+class Together:
+    """Several sessions with what they have in common and where they differ.
 
     Parameters
     ----------
@@ -44,26 +44,49 @@ def build_together(materials: Mapping[str, Materials]) -> Report:
     BadInput
         For less than two sessions, or more than can be told apart in a plot.
     """
-    if not 2 <= len(materials) <= len(LOOKS):
-        raise BadInput(f"side by side go 2 to {len(LOOKS)} sessions, not {len(materials)}; for many: motoremi fleet")
-    first = next(iter(materials))
-    sweeps = {name: _sweeps(own) for name, own in materials.items()}
-    changes = {name: _changes(materials[first], materials[name], sweeps[first], sweeps[name]) for name in materials if name != first}
-    data = {
-        "schema": "motoremi.together/1",
-        "first": first,
-        "sessions": [_figures(name, own) for name, own in materials.items()],
-        "parameters": _parameters(materials),
-        "bands": list(_bands(changes)),
-    }
+
+    def __init__(self, materials: Mapping[str, Materials]) -> None:
+        if not 2 <= len(materials) <= len(LOOKS):
+            raise BadInput(f"side by side go 2 to {len(LOOKS)} sessions, not {len(materials)}; for many: motoremi fleet")
+        self.materials = materials
+        self.first = first = next(iter(materials))
+        self.sweeps = {name: _sweeps(own) for name, own in materials.items()}
+        self.changes = {
+            name: _changes(materials[first], materials[name], self.sweeps[first], self.sweeps[name]) for name in materials if name != first
+        }
+        self.running = {name: [s for s in own.session.corrected_spectra if not s.is_background] for name, own in materials.items()}
+        self.data: JsonDict = {
+            "schema": "motoremi.together/1",
+            "first": first,
+            "sessions": [_figures(name, own) for name, own in materials.items()],
+            "parameters": _parameters(materials),
+            "bands": list(_bands(self.changes)),
+        }
+
+    def verdicts(self) -> Table:
+        """Model, errors and verdicts of each."""
+        return _verdicts(self.materials, self.data["sessions"])
+
+    def bands(self) -> Table | None:
+        """Change of |Z| against the first."""
+        return _band_table(self.data["bands"]) if self.data["bands"] else None
+
+    def parameters(self) -> Section | None:
+        """Values with their error bars, and the differences to the first."""
+        return _parameter_section(self.materials, self.data["parameters"]) if self.data["parameters"] else None
+
+
+def build_together(materials: Mapping[str, Materials]) -> Report:
+    """The report of several sessions; `materials` as in `Together`."""
+    together = Together(materials)
     begun = [str(own.session.start.get("time", "")) for own in materials.values()]
     return Report(
         title="Common-mode impedance, side by side",
         subtitle=" · ".join(materials),
         boxes=(Box("Verdicts", tuple(_told(name, own) for name, own in materials.items())),),
         warnings=tuple(f"{name}: {gap}" for name, own in materials.items() for gap in gaps(own)),
-        sections=tuple(_sections(materials, sweeps, changes, data)),
-        data=data,
+        sections=tuple(_sections(together)),
+        data=together.data,
         begun=max(begun),
         footer="data " + ", ".join(session_hash(own.session)[:16] for own in materials.values()),
         signatures=("compared by: name, date, signature", "checked by: name, date, signature"),
@@ -209,26 +232,22 @@ def _bands(changes: Mapping[str, Mapping[str, Change]]) -> Iterator[JsonDict]:
                 }
 
 
-def _sections(
-    materials: Mapping[str, Materials],
-    sweeps: Mapping[str, Mapping[str, RepeatedSweep]],
-    changes: Mapping[str, Mapping[str, Change]],
-    data: JsonDict,
-) -> Iterator[Section]:
-    yield Section("Verdicts", (), (_verdicts(materials, data["sessions"]),))
-    if any(sweeps.values()):
+def _sections(together: Together) -> Iterator[Section]:
+    yield Section("Verdicts", (), (together.verdicts(),))
+    if any(together.sweeps.values()):
         caption = "Mean of the repeats of each session; below, the change of |Z| against the first with the uncertainty of both."
-        drawn = picture("overlay", sweeps_overlay({n: s for n, s in sweeps.items() if s}, changes), caption)
+        drawn = picture("overlay", sweeps_overlay({n: s for n, s in together.sweeps.items() if s}, together.changes), caption)
         text = "The band is the expanded uncertainty of both sweeps; errors of one analyser partly cancel, so a change inside it may still be real."
-        yield Section("Sweeps", (text,), (_band_table(data["bands"]),) if data["bands"] else (), (drawn,))
-    if data["parameters"]:
-        yield _parameter_section(materials, data["parameters"])
-    running = {name: [s for s in own.session.corrected_spectra if not s.is_background] for name, own in materials.items()}
-    if any(running.values()):
-        drawn = picture("spectra", spectra_overlay({n: s for n, s in running.items() if s}), "Conducted emission with the motor running.")
+        bands = together.bands()
+        yield Section("Sweeps", (text,), (bands,) if bands else (), (drawn,))
+    if parameters := together.parameters():
+        yield parameters
+    if any(together.running.values()):
+        drawn = picture("spectra", spectra_overlay({n: s for n, s in together.running.items() if s}), "Conducted emission with the motor running.")
         yield Section("Emission", (), (), (drawn,))
     columns = ("session", "motor", "serial number", "begun (UTC)", "SHA-256 over the hashes of the measured files")
-    rows = tuple(tuple(str(one[key] or NO_VALUE) for key in ("session", "motor", "serial", "begun", "session_sha256")) for one in data["sessions"])
+    keys = ("session", "motor", "serial", "begun", "session_sha256")
+    rows = tuple(tuple(str(one[key] or NO_VALUE) for key in keys) for one in together.data["sessions"])
     yield Section("Identity", (), (Table("Sessions", columns, rows),))
 
 

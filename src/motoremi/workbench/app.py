@@ -19,21 +19,25 @@ from starlette.staticfiles import StaticFiles
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.bench.bench_file import BenchFile
+from motoremi.data.analyser import ANALYSERS
 from motoremi.data.paths import inside
 from motoremi.data.plain import object_from_json, plain
 from motoremi.data.text import clean_text, clean_value
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.errors import BadInput, MotoremiError
-from motoremi.workbench import challenge, emission, story, views
+from motoremi.interrupts import Cancelled
+from motoremi.workbench import challenge, emission, exports, story, together, views
 from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
-from motoremi.workbench.guard import REPORT_POLICY, Guard
+from motoremi.workbench.guard import REPORT_POLICY, UPLOADS, Guard
+from motoremi.workbench.jobs import Jobs
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.listing import Listing, State
 from motoremi.workbench.refusal import refusal
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
+from motoremi.workbench.tray import Tray
 from motoremi.workbench.watch import Watch
 
 STATIC = Path(str(resources.files("motoremi.workbench") / "static"))
@@ -62,18 +66,21 @@ class Workbench:
         self.listing = Listing(shelf)
         self.watch = Watch(self.listing, self.events)
         self.place = Workplace(shelf, self.events, bench_file)
+        self.jobs = Jobs(self.events)
+        self.tray = Tray(lambda: self.events.publish("files", {}))
 
     def desk(self, request: Request) -> Desk:
         """The session that an address names."""
         return self.shelf.desk(request.path_params["id"])
 
-    def progress(self, identifier: str) -> Progress:
-        """Tell pages how far an analysis is."""
+    def now(self) -> JsonDict:
+        """What a page that opens now catches up with."""
+        return {**self.place.state(), "jobs": self.jobs.to_list()}
 
-        def tell(name: str, done: int, total: int) -> None:
-            self.events.publish("progress", {"session": identifier, "doing": name, "done": done, "total": total})
-
-        return tell
+    def leave(self) -> None:
+        """The workbench ends: what computes stops, instruments are made safe."""
+        self.jobs.cancel_all()
+        self.place.leave()
 
     def head(self, request: Request) -> JsonDict:
         """What a session is, and whether it is being measured."""
@@ -116,18 +123,30 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _get(session + "/emission", lambda request: emission.spectra(w.desk(request))),
         _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
-        _post(session + "/fit", _changing(w, lambda desk, body, progress: _ladder(desk, body).fit(_standing(body)))),
-        _post(session + "/diagnose", _changing(w, _diagnose)),
-        _post(session + "/add", _changing(w, lambda desk, body, progress: _step(desk, body, "add", _text(body, "effect")))),
+        _post(session + "/cancel", lambda request, body: w.jobs.cancel(request.path_params["id"])),
+        _post(session + "/fit", _changing(w, lambda desk, body, progress: _ladder(desk, body).fit(_standing(body), progress), "fitting")),
+        _post(session + "/diagnose", _changing(w, _diagnose, "diagnosing")),
+        _post(session + "/add", _changing(w, lambda desk, body, progress: _step(desk, body, "add", _text(body, "effect")), "adding an effect")),
         _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, body, "drop"))),
         _post(session + "/redo", _changing(w, lambda desk, body, progress: _step(desk, body, "redo"))),
         _post(session + "/judge", _changing(w, _judge)),
         _post(session + "/predict", _changing(w, lambda desk, body, progress: emission.predict(desk, _text(body, "limit")))),
         _get(session + "/report", lambda request: {"files": w.desk(request).report_files()}),
-        _post(session + "/report", _changing(w, lambda desk, body, progress: {"files": desk.report()})),
-        _post(session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body), progress))),
+        _post(session + "/report", _changing(w, lambda desk, body, progress: {"files": desk.report(progress)}, "writing the report")),
+        _post(session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body), progress), "diagnosing")),
         _post("/api/challenge", lambda request, body: _new_challenge(w)),
-        Route(session + "/report/{name}", _report_file(w)),
+        Route(session + "/report/{name}", _file(w, _report_file)),
+        _get(session + "/export", lambda request: {"files": exports.offers(w.desk(request)), "report": w.desk(request).report_files()}),
+        Route(session + "/export/{name}", _file(w, _exported)),
+        _get("/api/together", lambda request: together.side_by_side(_chosen(w, request))),
+        Route("/api/together/{name}", _file(w, _comparison)),
+        _get(UPLOADS, lambda request: {**w.tray.to_dict(), "analysers": {one.name: one.title for one in ANALYSERS}}),
+        Route(UPLOADS, _upload(w), methods=["POST"]),
+        _post(UPLOADS + "/fixture", lambda request, body: w.tray.choose_fixture(body.get("fixture"))),
+        _post(UPLOADS + "/clear", lambda request, body: w.tray.clear()),
+        _post(UPLOADS + "/session", lambda request, body: _import(w, body)),
+        _post(UPLOADS + "/{file:int}", lambda request, body: w.tray.change(request.path_params["file"], body.get("used_as"))),
+        _post(UPLOADS + "/{file:int}/remove", lambda request, body: w.tray.remove(request.path_params["file"])),
     ]
     return Guard(Starlette(routes=routes, exception_handlers={HTTPException: _no_such_page}), token, hosts)
 
@@ -162,6 +181,8 @@ async def _in_words(answer: Callable[[], Response]) -> Response:
     """An answer worked out beside the event loop; whatever goes wrong is told in a sentence."""
     try:
         return await run_in_threadpool(answer)
+    except Cancelled:
+        return _json({"cancelled": True})
     except MotoremiError as error:
         return _sentence(str(error), 502 if error.exit_status == 3 else 400)
     except OSError as error:
@@ -175,13 +196,14 @@ async def _no_such_page(request: Request, error: Exception) -> Response:
     return refusal(request.scope, f"{error.detail}: {request.url.path}", error.status_code)
 
 
-def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any]) -> Callable[[Request, JsonDict], Any]:
-    """An action on a session, after which every page looks again."""
+def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any], title: str = "a change") -> Callable[[Request, JsonDict], Any]:
+    """An action on a session, one at a time, after which every page looks again."""
 
     def act(request: Request, body: JsonDict) -> Any:
-        identifier = request.path_params["id"]
+        desk = w.desk(request)
         try:
-            return change(w.desk(request), body, w.progress(identifier))
+            with w.jobs.begin(request.path_params["id"], title) as job:
+                return change(desk, body, job.tell)
         finally:
             w.watch.look()
 
@@ -190,7 +212,7 @@ def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any]) -
 
 def _stream(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
     async def endpoint(request: Request) -> Response:
-        return StreamingResponse(w.events.stream(w.place.state, w.watch.begin), media_type="text/event-stream")
+        return StreamingResponse(w.events.stream(w.now, w.watch.begin), media_type="text/event-stream")
 
     return endpoint
 
@@ -250,14 +272,47 @@ def _new_challenge(w: Workbench) -> JsonDict:
     return {"session": w.shelf.place(folder)}
 
 
-def _report_file(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
+def _import(w: Workbench, body: JsonDict) -> JsonDict:
+    """A session of the files that were dropped; they are forgotten then."""
+    made = w.tray.imported(body)
+    folder = w.shelf.named(_text(body, "name") or _text(body, "motor"))
+    made.store(folder)
+    w.tray.clear()
+    identifier = w.shelf.place(folder)
+    w.watch.look()
+    return {"session": identifier, "notes": [*made.caveats, *(one["text"] for one in made.observations)]}
+
+
+def _upload(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
     async def endpoint(request: Request) -> Response:
-        return await _in_words(lambda: _file_of(w, request))
+        data = await request.body()
+        return await _in_words(lambda: _json(w.tray.take(request.query_params.get("name", ""), data)))
 
     return endpoint
 
 
-def _file_of(w: Workbench, request: Request) -> Response:
+def _file(w: Workbench, answer: Callable[[Workbench, Request], Response]) -> Callable[[Request], Awaitable[Response]]:
+    async def endpoint(request: Request) -> Response:
+        return await _in_words(lambda: answer(w, request))
+
+    return endpoint
+
+
+def _exported(w: Workbench, request: Request) -> Response:
+    data = exports.exported(w.desk(request), request.path_params["name"])
+    return Response(data, media_type="application/octet-stream", headers={"Content-Disposition": "attachment"})
+
+
+def _chosen(w: Workbench, request: Request) -> list[Desk]:
+    return [w.shelf.desk(one) for one in request.query_params.getlist("session")]
+
+
+def _comparison(w: Workbench, request: Request) -> Response:
+    data = together.report_file(_chosen(w, request), request.path_params["name"])
+    return Response(data, media_type="application/octet-stream", headers={"Content-Disposition": "attachment"})
+
+
+def _report_file(w: Workbench, request: Request) -> Response:
     name = request.path_params["name"]
     kind = REPORT_TYPES.get(os.path.splitext(name)[1])
     if kind is None:

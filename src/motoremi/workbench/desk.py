@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
@@ -15,6 +16,7 @@ from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
+from motoremi.workbench.draft import Draft
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.source import SourceDesk
 from motoremi.workflow import (
@@ -30,6 +32,7 @@ from motoremi.workflow import (
 
 LADDER = "analysis/ladder.json"
 Stamp: TypeAlias = tuple[int, int] | None
+Made = TypeVar("Made")
 
 
 class Desk(Ladder[Fit]):
@@ -52,6 +55,8 @@ class Desk(Ladder[Fit]):
         self._ladder_stamp: Stamp = None
         self._session: Session | None = None
         self._measurement: Measurement | None = None
+        # Models by what is stored of them.
+        self._known: dict[str, Fit] = {}
         self._steps: tuple[Fit, ...] = ()
 
     @property
@@ -69,19 +74,22 @@ class Desk(Ladder[Fit]):
             self._refresh()
             return self._steps
 
-    def fit(self, shown: str | None = None) -> None:
+    def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
         """Fit the model that the ladder stands at, from the bottom; `shown` as in `change`."""
-        self.change(fit_session, shown)
+        self.work(lambda store: fit_session(store, progress=progress), shown)
 
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
-        """Which effect is missing from the model that stands; `shown` as in `change`."""
-        self.change(lambda store: diagnose_session(store, progress=progress), shown)
+        """Which effect is missing from the model that stands; `shown` as in `change`. Its fits are kept: adding one takes no time."""
+        found = self.work(lambda store: diagnose_session(store, progress=progress), shown)
+        # Under another analyser, or without some points, it was another model.
+        if (found.base.objective, found.base.effects) == (self.top.objective, self.top.effects):
+            self._keep_all((one.effect, one.fit) for one in found.candidates)
 
     def judge(self, tolerance: Tolerance) -> None:
         """Hold the model that stands against the measurement, by this tolerance from now on."""
         self.change(lambda store: compare_session(store, tolerance))
 
-    def report(self) -> list[str]:
+    def report(self, progress: Progress | None = None) -> list[str]:
         """Write the report; returns the names of its files.
 
         Raises
@@ -89,9 +97,8 @@ class Desk(Ladder[Fit]):
         BadInput
             If an analysis in the folder is none of this software.
         """
-        files: list[Path] = []
         try:
-            self.change(lambda store: files.extend(report_session(store)))
+            files = self.work(lambda store: report_session(store, progress=progress))
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(f"a stored analysis cannot be read ({type(error).__name__}: {error}): diagnose or predict this session again") from error
         return [file.name for file in files]
@@ -130,6 +137,36 @@ class Desk(Ladder[Fit]):
                 action(store)
             self._stamp = None
 
+    def work(self, action: Callable[[Store], Made], shown: str | None = None, rests_on: Sequence[str] = (LADDER,)) -> Made:
+        """The same as `change` for what takes its time: everybody can look at the session meanwhile, and it is opened for writing at the end.
+
+        Parameters
+        ----------
+        action : callable
+            Must not rely on what it has just stored.
+        shown : str, optional
+            As in `change`.
+        rests_on : sequence of str
+            Files that nobody else may change meanwhile.
+
+        Raises
+        ------
+        BadInput
+            As `change`, and if somebody else did.
+        """
+        with self._turn:
+            self._require(shown)
+            began = [self.file_stamp(name) for name in rests_on]
+        draft = Draft(self.path)
+        made = action(draft)
+        with self._turn:
+            with opened(self.path) as store:
+                if [self.file_stamp(name) for name in rests_on] != began:
+                    raise BadInput("somebody else changed the model of this session meanwhile: nothing was stored; look at it, then do this again")
+                draft.store_in(store)
+            self._stamp = None
+        return made
+
     def comparison(self, step: Fit) -> Comparison:
         """A model against the measurement, by the tolerance used last."""
         stored = self.session.analysis("comparison")
@@ -147,9 +184,12 @@ class Desk(Ladder[Fit]):
         return before.add(effect)
 
     def _store(self, steps: Sequence[Fit]) -> None:
+        kept = sum(one is other for one, other in zip(steps, self._steps, strict=False))
         with opened(self.path) as store:
             self._require_unmoved()
-            save_ladder(store, steps)
+            save_ladder(store, steps, kept)
+            # To read a model back takes as long as to judge it on all points.
+            self._known |= {_text_of(stored): fit for stored, fit in zip(_ladder(load(self.path)), steps, strict=True)}
         self._stamp = None
 
     def _require_unmoved(self) -> None:
@@ -165,8 +205,12 @@ class Desk(Ladder[Fit]):
         session = load(self.path)
         if self._session is None or _measured(session) != _measured(self._session):
             self._measurement = measurement_of(session) if session.sweeps else None
+            self._known = {}
         measurement = self._measurement
-        self._steps = () if measurement is None else tuple(restore(step["fit"], measurement) for step in _ladder(session))
+        if measurement is not None:
+            stored = {_text_of(step): step for step in _ladder(session)}
+            self._known = {text: self._known.get(text) or restore(step["fit"], measurement) for text, step in stored.items()}
+        self._steps = tuple(self._known.values())
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
     def file_stamp(self, name: str) -> Stamp:
@@ -176,6 +220,10 @@ class Desk(Ladder[Fit]):
         except OSError:
             return None
         return found.st_mtime_ns, found.st_size
+
+
+def _text_of(step: JsonDict) -> str:
+    return json.dumps(step["fit"], sort_keys=True)
 
 
 def _ladder(session: Session) -> list[JsonDict]:

@@ -7,6 +7,7 @@ from motoremi.emission.limit import find_limit, limit_names
 from motoremi.emission.predict import DEFAULT_LIMIT
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.thinning import seen
 from motoremi.workbench.views import rounded
 from motoremi.workflow_emission import predict_session
 
@@ -20,12 +21,14 @@ def spectra(desk: Desk) -> JsonDict:
                 "detector": one.detector,
                 "condition": one.condition,
                 "background": one.is_background,
-                "frequency_hz": rounded(one.frequency_hz),
-                "level_dbuv": rounded(one.level_dbuv),
+                "points": len(one),
+                "frequency_hz": rounded(one.frequency_hz[kept]),
+                "level_dbuv": rounded(one.level_dbuv[kept]),
                 "overload": int(one.overload.sum()),
                 "summary": one.summary(),
             }
             for one in session.corrected_spectra
+            for kept in (seen(one.frequency_hz, one.level_dbuv),)
         ],
         "prediction": session.analysis("prediction"),
         "usual_limit": DEFAULT_LIMIT,

@@ -12,10 +12,12 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from motoremi.workbench.body import LARGEST_BODY, TooLong, read_already, whole_body
+from motoremi.workbench.body import FILE, USUAL, TooLong, read_already, whole_body
 from motoremi.workbench.refusal import refusal
 
 SAFE_METHODS = frozenset({"GET", "HEAD"})
+# Where files are taken in; everywhere else requests are JSON.
+UPLOADS = "/api/files"
 # A page of ours is asked for by ourselves, or by somebody who types its address.
 WELCOME_SITES = frozenset({"same-origin", "none"})
 # Trusted types: a browser that knows them refuses to make markup from text, whatever a script tries.
@@ -75,10 +77,11 @@ class Guard:
 
         answer = self._refusal(scope) or self._entrance(scope)
         if answer is None:
+            allowance = FILE if _is_upload(scope) else USUAL
             try:
-                body = await whole_body(receive)
+                body = await whole_body(receive, allowance)
             except TooLong:
-                answer = _refuse(scope, f"the request is longer than {LARGEST_BODY // 1024} KiB", 413)
+                answer = _refuse(scope, allowance.refusal(), 413)
             except TimeoutError:
                 answer = _refuse(scope, "the request did not arrive in time", 408)
             except ClientDisconnect:
@@ -100,9 +103,10 @@ class Guard:
             return _refuse(scope, "another page may not use this workbench")
         if scope["method"] in SAFE_METHODS:
             return None
-        # A form of another page cannot send this type without asking first, and is not allowed to.
-        if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-            return _refuse(scope, "requests are JSON", 415)
+        # A form of another page cannot send these types without asking first, and is not allowed to.
+        wanted = "application/octet-stream" if _is_upload(scope) else "application/json"
+        if headers.get("content-type", "").partition(";")[0].strip().lower() != wanted:
+            return _refuse(scope, "files come as bytes" if _is_upload(scope) else "requests are JSON", 415)
         return None
 
     def _entrance(self, scope: Scope) -> Response | None:
@@ -130,6 +134,10 @@ class Guard:
 
     def _is_token(self, shown: str) -> bool:
         return secrets.compare_digest(shown.encode(), self._token.encode())
+
+
+def _is_upload(scope: Scope) -> bool:
+    return scope["path"] == UPLOADS and scope["method"] not in SAFE_METHODS
 
 
 def _cookie_of(headers: Headers, name: str) -> str:

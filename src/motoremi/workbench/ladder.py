@@ -6,7 +6,7 @@ import hashlib
 import json
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from motoremi.arrays import Progress
@@ -50,7 +50,7 @@ class Ladder(ABC, Generic[F]):
         """The models, base first; empty before the first fit."""
 
     @abstractmethod
-    def fit(self, shown: str | None = None) -> None:
+    def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
         """Fit the model that the ladder stands at, from the bottom."""
 
     @abstractmethod
@@ -99,13 +99,22 @@ class Ladder(ABC, Generic[F]):
             fit = self._prepared.get(key)
             if fit is None:
                 fit = self._grown(before, effect)
-                with self._keeping:
-                    while len(self._prepared) >= MOST_PREPARED:
-                        oldest = next(iter(self._prepared))
-                        del self._prepared[oldest]
-                        self._making.pop(oldest, None)
-                    self._prepared[key] = fit
+                self._keep(key, fit)
             return fit
+
+    def _keep(self, key: tuple[str, str], fit: F) -> None:
+        with self._keeping:
+            while len(self._prepared) >= MOST_PREPARED:
+                oldest = next(iter(self._prepared))
+                del self._prepared[oldest]
+                self._making.pop(oldest, None)
+            self._prepared[key] = fit
+
+    def _keep_all(self, found: Iterable[tuple[str, F]]) -> None:
+        """Keep what a diagnosis has fitted on top of the model that stands, each with one more effect."""
+        standing = self.standing
+        for effect, fit in found:
+            self._keep((standing, effect), fit)
 
     def glance(self, effect: str) -> tuple[F, F] | None:
         """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
@@ -118,7 +127,11 @@ class Ladder(ABC, Generic[F]):
         self._looking = None
         with self._turn:
             self._require(shown)
-            before, after = self.top, self.prepared(effect)
+            before, stands = self.top, self.standing
+        # Others may look at the session meanwhile.
+        after = self.prepared(effect)
+        with self._turn:
+            self._require(stands)
             self._store((*self.steps, after))
             return before, after
 

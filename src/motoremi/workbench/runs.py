@@ -73,6 +73,8 @@ class Run:
         self._message = ""
         self._prompt = ""
         self._progress: JsonDict = {}
+        self._share = 0.0
+        self._began_s = time.monotonic()
         self._told_s = 0.0
         self._stop = threading.Event()
         self._begun = threading.Event()
@@ -180,15 +182,25 @@ class Run:
         return analyse(self._diagnosing)(kind, store, parameters)
 
     def _diagnosing(self, name: str, done: int, total: int) -> None:
+        # The counter is that of the measuring: it does not start over.
         self._tick()
-        self._show(name, done, total, "effects")
+        self._say(f"diagnosing: {name}", None)
 
     def _document(self, document: JsonDict) -> None:
         self._documents.append(document)
         self._events.publish("document", {"session": self.session, "document": document})
 
-    def _show(self, doing: str, done: int, total: int, unit: str = "s") -> None:
-        self._progress = {"doing": doing, "done": done, "total": total, "unit": unit}
+    def _show(self, doing: str, done: int, total: int) -> None:
+        self._share = max(self._share, done / total if total else 0.0)
+        left: float | None = total - done
+        if self._bench_file.backend == "sim":
+            # Its seconds are not those of the reader.
+            left = (time.monotonic() - self._began_s) * (1 - self._share) / self._share if self._share else None
+        self._say(doing, left)
+
+    def _say(self, doing: str, remaining_s: float | None) -> None:
+        elapsed = time.monotonic() - self._began_s
+        self._progress = {"doing": doing, "share": self._share, "elapsed_s": elapsed, "remaining_s": remaining_s}
         if time.monotonic() - self._told_s > TELL_EVERY_S:
             self._told_s = time.monotonic()
             self._tell()

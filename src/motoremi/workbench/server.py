@@ -111,7 +111,7 @@ def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port
         try:
             Server(app, workbench).run(sockets=[listener])
         finally:
-            workbench.place.leave()
+            workbench.leave()
 
 
 def _listening(port: int) -> socket.socket:

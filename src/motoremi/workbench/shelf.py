@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import threading
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
 from motoremi.data.paths import SESSION
+from motoremi.data.source import show_name
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
+
+# What a folder is not named with, on any system.
+_OTHER = re.compile(r"[^A-Za-z0-9._-]+")
+LONGEST = 80
 
 
 class Shelf:
@@ -64,6 +70,22 @@ class Shelf:
             if path is None:
                 raise BadInput("this session is not on the workbench's list")
             return self._desks.setdefault(identifier, Desk(path))
+
+    def named(self, wish: str) -> Path:
+        """A new folder with the name that somebody wishes, as far as a folder can have it.
+
+        Raises
+        ------
+        BadInput
+            If there is one of that name.
+        """
+        name = _OTHER.sub("-", wish).strip("-._")[:LONGEST]
+        if not name:
+            return self.fresh("import")
+        path = self.folder / name
+        if path.exists() or path.is_symlink():
+            raise BadInput(f"there is a {show_name(name)} in this folder already: choose another name for the session")
+        return path
 
     def fresh(self, prefix: str) -> Path:
         """A new folder's name."""

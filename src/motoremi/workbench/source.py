@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.data.session import Session
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from motoremi.workbench.desk import Desk, Stamp
 
 STORED = f"analysis/{STATE}.json"
+LADDER = "analysis/ladder.json"
+Made = TypeVar("Made")
 
 
 class SourceDesk(Ladder[EmissionFit]):
@@ -75,13 +77,15 @@ class SourceDesk(Ladder[EmissionFit]):
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise BadInput("the stored model of the spectra cannot be read: predict this session again with its set-up") from error
 
-    def fit(self, shown: str | None = None) -> None:
+    def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
         """Fit source and path anew, without any effect."""
-        self._change(fit_source, shown)
+        self._work(fit_source, shown)
 
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
-        """Which effect of source or path is missing from the model that stands."""
-        self._change(lambda store: diagnose_emission_session(store, progress=progress), shown)
+        """Which effect of source or path is missing from the model that stands. Its fits are kept."""
+        found = self._work(lambda store: diagnose_emission_session(store, progress=progress), shown)
+        if found.base.figures() == self.top.figures():
+            self._keep_all((one.effect.name, one.fit) for one in found.candidates)
 
     def _signed(self) -> list[object]:
         return [self._desk.standing, *([*step.effects, step.log_evidence] for step in self.steps)]
@@ -94,11 +98,15 @@ class SourceDesk(Ladder[EmissionFit]):
 
     def _store(self, steps: Sequence[EmissionFit]) -> None:
         session = self._refresh()
-        self._change(lambda store: save_emission_ladder(store, session, steps), None)
+        self._change(lambda store: save_emission_ladder(store, session, steps))
 
-    def _change(self, action: Callable[[Store], object], shown: str | None) -> None:
+    def _work(self, action: Callable[[Store], Made], shown: str | None) -> Made:
         with self._turn:
             self._require(shown)
+        return self._desk.work(action, rests_on=(LADDER, STORED))
+
+    def _change(self, action: Callable[[Store], object]) -> None:
+        with self._turn:
             self._refresh()
             known = self._stamp
 

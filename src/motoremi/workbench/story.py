@@ -10,9 +10,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
+from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import possible_effects
 from motoremi.emission.effects import source_effects
 from motoremi.emission.fit import EmissionFit
@@ -22,6 +24,7 @@ from motoremi.model.effects import find_effect
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.thinning import seen
 from motoremi.workbench.views import diagnosis, readable, rounded, step_of
 from motoremi.workflow_emission import DIAGNOSIS, PREDICTION
 
@@ -103,23 +106,24 @@ class Sweeps(Side):
         if not self.desk.steps:
             first = {sweep.termination: sweep for sweep in reversed(self.desk.session.corrected_sweeps)}
             return [
-                _panel(name, sweep.frequency_hz, [_frame("magnitude |Z|", "Ω", {"measured": ("measured", np.abs(sweep.impedance_ohm))}, log=True)])
-                for name, sweep in reversed(first.items())
+                _unexplained(name, "magnitude |Z|", "Ω", one.frequency_hz, np.abs(one.impedance_ohm), log=True)
+                for name, one in reversed(first.items())
             ]
         top = self.desk.top
         errors, comparison = top.errors(), self.desk.comparison(top)
         limit = comparison.tolerance.error_percent
         told = []
         for sweep in top.measurement.sweeps:
-            ratio, curve = 1 + errors[sweep.termination], comparison.curves[sweep.termination]
-            magnitude = np.abs(sweep.mean_ohm)
+            kept = _seen_of(sweep, errors[sweep.termination])
+            ratio, curve = 1 + errors[sweep.termination][kept], comparison.curves[sweep.termination]
+            magnitude = np.abs(sweep.mean_ohm[kept])
             judged: dict[Role, tuple[str, FloatArray]] = {
-                "model": ("error", curve.error_percent),
-                "floor": ("uncertainty", curve.uncertainty_percent),
+                "model": ("error", curve.error_percent[kept]),
+                "floor": ("uncertainty", curve.uncertainty_percent[kept]),
             }
             if limit is not None:
                 judged["tolerance"] = ("tolerance", np.full(magnitude.shape, limit))
-            judged["fails"] = ("fails", np.where(curve.fails, curve.error_percent, np.nan))
+            judged["fails"] = ("fails", np.where(curve.fails, curve.error_percent, np.nan)[kept])
             frames = [
                 _frame("magnitude |Z|", "Ω", {"measured": ("measured", magnitude), "model": ("model", magnitude * np.abs(ratio))}, log=True),
                 _frame(
@@ -129,17 +133,18 @@ class Sweeps(Side):
                 ),
                 _frame("error", "%", judged, log=True),
             ]
-            told.append(_panel(sweep.termination, sweep.frequency_hz, frames))
+            told.append(_panel(sweep.termination, sweep.frequency_hz[kept], frames))
         return told
 
     def preview(self, now: Fit, after: Fit) -> list[list[list[float | None]]]:
         before_error, after_error = now.errors(), after.errors()
         told = []
         for sweep in now.measurement.sweeps:
-            ratio = np.abs(1 + after_error[sweep.termination])
-            given_db = 20 * np.log10(ratio / np.abs(1 + before_error[sweep.termination]))
-            error_percent = 100 * np.abs(after_error[sweep.termination])
-            told.append([rounded(np.abs(sweep.mean_ohm) * ratio), rounded(given_db), rounded(error_percent)])
+            kept = _seen_of(sweep, before_error[sweep.termination])
+            ratio = np.abs(1 + after_error[sweep.termination][kept])
+            given_db = 20 * np.log10(ratio / np.abs(1 + before_error[sweep.termination][kept]))
+            error_percent = 100 * np.abs(after_error[sweep.termination][kept])
+            told.append([rounded(np.abs(sweep.mean_ohm[kept]) * ratio), rounded(given_db), rounded(error_percent)])
         return told
 
     def catalogue(self) -> list[JsonDict]:
@@ -175,13 +180,13 @@ class Spectra(Side):
     def panels(self) -> list[JsonDict]:
         if not self.ladder.steps:
             running = [one for one in self.desk.session.corrected_spectra if not one.is_background]
-            return [
-                _panel(one.detector, one.frequency_hz, [_frame("level", "dBµV", {"measured": ("measured", one.level_dbuv)})]) for one in running
-            ]
+            return [_unexplained(one.detector, "level", "dBµV", one.frequency_hz, one.level_dbuv) for one in running]
         top = self.ladder.top
         told = []
         for detector, (frequency_hz, error_db) in top.error_db().items():
             measured, sigma_db = top.problem.measured_dbuv[top.problem.where[detector]], top.problem.sigma_db[top.problem.where[detector]]
+            kept = seen(frequency_hz, measured)
+            frequency_hz, error_db, measured, sigma_db = frequency_hz[kept], error_db[kept], measured[kept], sigma_db[kept]
             frames = [
                 _frame("level", "dBµV", {"measured": ("measured", measured), "model": ("model", measured - error_db)}),
                 _frame("error", "dB", {"model": ("error", np.abs(error_db)), "floor": ("scatter and formulas", sigma_db)}),
@@ -191,9 +196,10 @@ class Spectra(Side):
 
     def preview(self, now: EmissionFit, after: EmissionFit) -> list[list[list[float | None]]]:
         told = []
-        for detector, (_, error_db) in after.error_db().items():
+        for detector, (frequency_hz, error_db) in after.error_db().items():
             measured = after.problem.measured_dbuv[after.problem.where[detector]]
-            told.append([rounded(measured - error_db), rounded(np.abs(error_db))])
+            kept = seen(frequency_hz, measured)
+            told.append([rounded(measured[kept] - error_db[kept]), rounded(np.abs(error_db[kept]))])
         return told
 
     def catalogue(self) -> list[JsonDict]:
@@ -270,6 +276,18 @@ def entry_of(effect: Any, name: str) -> JsonDict:
 
 def _step(fit: Fit | EmissionFit, error: float, floor: float) -> JsonDict:
     return {"added": fit.effects[-1] if fit.effects else "", "effects": list(fit.effects), "error": error, "floor": floor}
+
+
+def _unexplained(name: str, title: str, unit: str, frequency_hz: FloatArray, values: FloatArray, log: bool = False) -> JsonDict:
+    """What was measured, before there is a model."""
+    kept = seen(frequency_hz, values)
+    return _panel(name, frequency_hz[kept], [_frame(title, unit, {"measured": ("measured", values[kept])}, log)])
+
+
+def _seen_of(sweep: RepeatedSweep, error: ComplexArray) -> NDArray[np.intp]:
+    """Which points are shown, with and without another effect alike."""
+    magnitude = np.abs(sweep.mean_ohm)
+    return seen(sweep.frequency_hz, magnitude, magnitude * np.abs(1 + error), np.abs(error))
 
 
 def _panel(name: str, frequency_hz: FloatArray, frames: list[JsonDict]) -> JsonDict:

@@ -42,6 +42,7 @@ TERMS: dict[str, str] = {
     "procedure": "What the bench does, in order: a TOML file, checked before anything is connected.",
     "bench": "The instruments: real ones from a bench file, or simulated ones that behave like them.",
     "cursor": "Move it with the pointer or the arrow keys. A and B set marks; their difference is shown.",
+    "analyser": "Who made the sweeps: its specification says what it may err. Not known: the size of its errors is estimated from the data.",
     "operator": "Who measures: goes into the report.",
     "seed": "Number that a random draw starts from: the same seed gives the same simulated motor.",
 }

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
 from motoremi.diagnosis.compare import Comparison
 from motoremi.diagnosis.menu import MENU
@@ -20,6 +20,7 @@ from motoremi.quantities import show, show_band
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, reasons_of
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.thinning import seen
 
 T = TypeVar("T")
 # More digits than any instrument here resolves; they make the page's data half as long.
@@ -99,15 +100,16 @@ def curves(desk: Desk) -> JsonDict:
     told = []
     for sweep in top.measurement.sweeps:
         model, curve = sweep.mean_ohm * (1 + errors[sweep.termination]), comparison.curves[sweep.termination]
+        kept = seen(sweep.frequency_hz, *_drawn(sweep.mean_ohm), *_drawn(model), curve.error_percent, curve.error_percent * curve.fails)
         told.append(
             {
-                **_measured(sweep.termination, sweep.frequency_hz, sweep.mean_ohm),
+                **_measured(sweep.termination, sweep.frequency_hz, sweep.mean_ohm, kept),
                 "repeats": sweep.repeats,
-                "model_real": rounded(model.real),
-                "model_imag": rounded(model.imag),
-                "error_percent": rounded(curve.error_percent),
-                "uncertainty_percent": rounded(curve.uncertainty_percent),
-                "fails": curve.fails.tolist(),
+                "model_real": rounded(model.real[kept]),
+                "model_imag": rounded(model.imag[kept]),
+                "error_percent": rounded(curve.error_percent[kept]),
+                "uncertainty_percent": rounded(curve.uncertainty_percent[kept]),
+                "fails": curve.fails[kept].tolist(),
             }
         )
     return {"model": True, "tolerance": asdict(comparison.tolerance), "sweeps": told}
@@ -118,12 +120,20 @@ def _first(session: Session) -> list[Any]:
     return list({sweep.termination: sweep for sweep in reversed(session.corrected_sweeps)}.values())[::-1]
 
 
-def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: Any) -> JsonDict:
+def _drawn(impedance_ohm: ComplexArray) -> tuple[FloatArray, ...]:
+    """What a plot shows of it, in whichever units."""
+    return np.abs(impedance_ohm), np.angle(impedance_ohm), impedance_ohm.real, impedance_ohm.imag
+
+
+def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: ComplexArray, kept: Any = None) -> JsonDict:
+    if kept is None:
+        kept = seen(frequency_hz, *_drawn(impedance_ohm))
     return {
         "termination": termination,
-        "frequency_hz": rounded(frequency_hz),
-        "real": rounded(impedance_ohm.real),
-        "imag": rounded(impedance_ohm.imag),
+        "points": len(frequency_hz),
+        "frequency_hz": rounded(frequency_hz[kept]),
+        "real": rounded(impedance_ohm.real[kept]),
+        "imag": rounded(impedance_ohm.imag[kept]),
     }
 
 
@@ -199,9 +209,12 @@ def inspection(desk: Desk, element: str) -> JsonDict:
     found = desk.inspection(element)
     told = found.to_dict()
     for sweep, curve in zip(told["sweeps"], found.curves, strict=True):
+        kept = seen(curve.frequency_hz, *_drawn(np.where(curve.known, curve.value, np.nan)), *_drawn(curve.model))
+        for key in ("frequency_hz", "real", "imag", "sigma", "model_real", "model_imag", "known"):
+            sweep[key] = [sweep[key][index] for index in kept]
         tried = found.laws.get(curve.termination)
         if tried and curve.known.any():
-            law = tried[0].value(curve.frequency_hz)
+            law = tried[0].value(curve.frequency_hz[kept])
             sweep["law_name"], sweep["law_real"], sweep["law_imag"] = tried[0].law.name, rounded(law.real), rounded(law.imag)
     told["lines"] = repr(found).splitlines()
     return told

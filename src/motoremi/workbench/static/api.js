@@ -2,17 +2,20 @@
 
 export class Trouble extends Error {}
 
-async function ask(path, options = {}) {
+async function answer(path, options = {}) {
   let response;
   try {
     response = await fetch(path, options);
   } catch {
     throw new Trouble("the workbench does not answer: it was stopped, or its terminal was closed");
   }
-  const told = await response.json();
-  if (!response.ok) throw new Trouble(told.error);
-  return told;
+  if (!response.ok) throw new Trouble((await response.json()).error);
+  return response;
 }
+
+export const ask = async (path, options) => (await answer(path, options)).json();
+
+export const fetchFile = async (path) => (await answer(path)).blob();
 
 export const get = (path) => ask(path);
 

@@ -2,8 +2,10 @@
 
 import { get, sessionPath, Trouble } from "./api.js";
 import { button, h, table } from "./dom.js";
+import { acceptDrops } from "./drop.js";
 import { connect } from "./link.js";
 import { leaveAll, repaint } from "./plot.js";
+import { showJobs } from "./progress.js";
 import { stay } from "./stay.js";
 import { hideTip, loadTerms } from "./terms.js";
 import { percent, when } from "./units.js";
@@ -11,20 +13,25 @@ import { bench } from "./views/bench.js";
 import { challenge } from "./views/challenge.js";
 import { emission } from "./views/emission.js";
 import { fails } from "./views/fails.js";
+import { files } from "./views/files.js";
 import { inspect } from "./views/inspect.js";
 import { next } from "./views/next.js";
 import { report } from "./views/report.js";
 import { session } from "./views/session.js";
 import { story } from "./views/story.js";
+import { together } from "./views/together.js";
 
-const VIEWS = { bench, story, session, fails, inspect, next, emission, report, challenge };
-const WITHOUT_SESSION = new Set(["bench", "challenge"]);
+const VIEWS = { files, bench, story, session, fails, inspect, next, emission, report, challenge, together };
+const WITHOUT_SESSION = new Set(["files", "bench", "challenge", "together"]);
+// Views that have no key of their own are counted.
+const VIEW_KEYS = Object.fromEntries([...Object.entries(VIEWS).filter(([, view]) => view.key).map(([name, view]) => [view.key.toLowerCase(), name]),
+  ...Object.keys(VIEWS).filter((name) => !VIEWS[name].key).map((name, index) => [String(index + 1), name])]);
 const KEYS = [
-  ["1 - 9", "views, from Bench to Challenge"], ["T", "light or dark"], ["?", "this list"], ["Esc", "closes this list, a hint or a message"],
+  ["1 - 9", "views, from Bench to Challenge"], ["0 C", "views Files and Compare"], ["T", "light or dark"], ["?", "this list"], ["Esc", "closes this list, a hint or a message"],
   ["Arrow keys", "in plots: cursor (with Shift in larger steps); in Story: up and down the list of effects"], ["+ - 0", "in plots: zoom in, out, show all"],
   ["A B", "in plots: set marks"], ["N", "in Story: what comes next"], ["Enter", "on an effect: add it"], ["D R", "in Story: drop the effect that was added last, put it back"], ["U", "in Session: units"],
 ];
-const NO_SESSION = "There is no session yet: run a procedure (view Bench), take a challenge (view Challenge), or import your files with 'motoremi import'.";
+const NO_SESSION = "There is no session yet: make one from your files (view Files), run a procedure (view Bench), or take a challenge (view Challenge).";
 const main = document.getElementById("main");
 const element = (id) => document.getElementById(id);
 
@@ -53,7 +60,10 @@ export const page = {
     quiet();
     const waiting = setTimeout(() => busy(doing), 150);
     try {
-      return await occupied(action);
+      const told = await occupied(action);
+      if (!told?.cancelled) return told;
+      complain("Cancelled: the session is as it was.", "note");
+      return undefined;
     } catch (trouble) {
       if (!(trouble instanceof Trouble)) throw trouble;
       complain(trouble.message);
@@ -66,6 +76,7 @@ export const page = {
 
   redraw,
   complain,
+  attempt,
 };
 
 // Several things may be going on at once.
@@ -100,8 +111,9 @@ function tellStand() {
   element("stands").textContent = top ? `model: ${["paper's circuit", ...top.effects].join(" + ")}, error ${percent(top.rms_error_percent)}` : "no model yet";
 }
 
-function complain(text) {
+function complain(text, mood = "bad") {
   const place = element("trouble");
+  place.dataset.mood = mood;
   place.replaceChildren(h("span", {}, text), button("Close", quiet));
   place.hidden = false;
 }
@@ -133,7 +145,7 @@ function list(sessions) {
   choice.value = page.session;
 }
 
-const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "story" : "bench");
+const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "story" : "files");
 let drawing = 0;
 
 // The view is built beside the page and put in at once when it is complete. A view that is drawn anew keeps what its reader was doing.
@@ -170,10 +182,11 @@ async function redraw(keep = false) {
 
 async function attempt(action) {
   try {
-    await occupied(action);
+    return await occupied(action);
   } catch (trouble) {
     if (!(trouble instanceof Trouble)) throw trouble;
     complain(trouble.message);
+    return undefined;
   }
 }
 
@@ -223,7 +236,7 @@ function keydown(event) {
     quiet();
   }
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
-  const name = Object.keys(VIEWS)[Number(event.key) - 1];
+  const name = VIEW_KEYS[event.key.toLowerCase()];
   if (name) {
     page.go(name);
     main.focus();
@@ -236,6 +249,8 @@ function listen() {
   const tell = (kind, data) => [...page.listeners].forEach((listener) => listener(kind, data));
   connect({
     state(told) {
+      // A run that begins tells of itself only.
+      if (told.jobs) showJobs(told.jobs, page);
       page.run = told.run;
       tell("run", page.run);
     },
@@ -249,11 +264,15 @@ function listen() {
       page.run.documents.push(document);
       tell("document", document);
     },
-    progress({ doing, done, total }) {
-      if (!element("busy").hidden) busy(`trying ${doing} (${done} of ${total})`);
+    jobs(told) {
+      showJobs(told.jobs, page);
+    },
+    files() {
+      tell("files");
     },
     sessions(told) {
       list(told.sessions);
+      tell("sessions");
       const state = told.sessions.find((one) => one.id === page.session)?.state;
       if (page.head && state && state !== page.head.state) follow();
     },
@@ -290,7 +309,7 @@ async function back() {
 async function start() {
   const kept = localStorage.getItem("motoremi-theme");
   if (kept) document.documentElement.dataset.theme = kept;
-  element("views").append(...Object.entries(VIEWS).map(([name, view], index) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, String(index + 1)), ` ${view.title}`)));
+  element("views").append(...Object.entries(VIEW_KEYS).map(([key, name]) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, key.toUpperCase()), ` ${VIEWS[name].title}`)));
   // The address names the view: a jump within it is no other view.
   document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
   element("theme").addEventListener("click", otherTheme);
@@ -300,6 +319,7 @@ async function start() {
     await redraw();
   });
   document.addEventListener("keydown", keydown);
+  acceptDrops(page);
   page.session = sessionInAddress();
   await attempt(async () => {
     await Promise.all([loadTerms(), refreshSessions()]);

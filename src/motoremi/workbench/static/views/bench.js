@@ -3,8 +3,9 @@
 import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
+import { times } from "../progress.js";
 import { term } from "../terms.js";
-import { band, duration } from "../units.js";
+import { band } from "../units.js";
 
 // What is filled in outlives a reload, in this tab.
 const FORM = "motoremi-bench";
@@ -102,9 +103,8 @@ function drawState(place) {
   const progress = run.progress ?? {}, running = run.status === "running";
   place.heading.textContent = `${run.title} (${run.name})`;
   place.bar.hidden = !running;
-  if (progress.total) place.bar.value = progress.done / progress.total;
-  const left = progress.unit === "s" ? `about ${duration(progress.total - progress.done)} of measuring left` : `${progress.done} of ${progress.total}`;
-  place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.total ? `: ${left}` : ""}` : run.message;
+  place.bar.value = progress.share ?? 0;
+  place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.doing ? `: ${times(progress)}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
   place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt.join("\n")), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
   if (place.shown === `${run.session} ${run.status}`) return;

@@ -5,6 +5,9 @@ import { button, card, h, table } from "../dom.js";
 import { term } from "../terms.js";
 import { share } from "../units.js";
 
+// The view may be drawn anew while the first fit goes on.
+let fitting = null;
+
 export const challenge = {
   title: "Challenge",
 
@@ -13,7 +16,8 @@ export const challenge = {
     if (!page.head.challenge) return {};
     if (page.head.sealed) {
       if (!page.head.ladder.length) {
-        await post(sessionPath(page.session, "/fit"));
+        fitting ??= post(sessionPath(page.session, "/fit")).finally(() => { fitting = null; });
+        await fitting;
         await page.refresh();
       }
       return { sealed: await get(sessionPath(page.session, "/story?of=impedance")) };

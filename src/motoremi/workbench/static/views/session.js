@@ -2,6 +2,7 @@
 
 import { get, sessionPath } from "../api.js";
 import { button, card, facts, h, table } from "../dom.js";
+import { exportCard } from "../exports.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
 import { percent, show, symbols, when } from "../units.js";
@@ -29,7 +30,7 @@ export const session = {
     const columns = h("div", { class: "columns" });
     where.append(columns);
     for (const sweep of curves.sweeps) {
-      const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.frequency_hz.length} points`));
+      const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.points} points`));
       columns.append(box);
       drawSweep(box, sweep, curves);
     }
@@ -38,6 +39,7 @@ export const session = {
     where.append(below);
     if (head.ladder.length) below.append(model(head));
     below.append(identity(head));
+    if (!measuring) below.append(exportCard(page));
     page.viewKey = (event) => {
       if (event.key.toLowerCase() !== "u") return;
       const names = Object.keys(UNITS);

@@ -1,0 +1,133 @@
+"""What a file is that nobody has described: impedance sweep or spectrum, and of which termination."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from motoremi.data.files import SPECTRUM_COLUMNS, WrongKind, parse_impedance, parse_spectra
+from motoremi.data.source import decode, refuse_empty
+from motoremi.data.spectrum import Spectrum
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
+from motoremi.errors import BadInput
+
+Kind: TypeAlias = Literal["impedance", "spectrum"]
+# What people call their sweeps; a word of two letters must stand alone.
+_NAMES: tuple[tuple[Termination, re.Pattern[str]], ...] = (
+    ("short", re.compile(r"short|kurz|court|(?<![a-z])(?:sc|ks)(?![a-z])")),
+    ("open", re.compile(r"open|leerlauf|ouvert|(?<![a-z])(?:oc|ll)(?![a-z])")),
+)
+# Share of a sweep that counts as its low end.
+_LOW_END = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Recognised:
+    """What was found in a file.
+
+    Parameters
+    ----------
+    kind : {"impedance", "spectrum"}
+    sweep : ImpedanceSweep, optional
+    spectra : tuple of Spectrum
+    doubt : str
+        A sentence if the termination that the file's name or header says does not look like the curve.
+    """
+
+    kind: Kind
+    sweep: ImpedanceSweep | None = None
+    spectra: tuple[Spectrum, ...] = ()
+    doubt: str = ""
+
+    @property
+    def used_as(self) -> str:
+        """Termination of a sweep, or `spectrum`."""
+        return self.sweep.termination if self.sweep is not None else "spectrum"
+
+
+def recognise(data: bytes, name: str, termination: Termination | None = None, fixture: str | None = None) -> Recognised:
+    """Read a file with the reader that its content asks for.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole file.
+    name : str
+        As it is shown and recorded.
+    termination : {"short", "open"}, optional
+        As its owner says; without it the header decides, then the file's name, then how the sweep begins: a winding is a resistance or an
+        inductance at the low end, the way to the frame a capacitance.
+    fixture : str, optional
+        As for `read_impedance`.
+
+    Raises
+    ------
+    BadInput
+        In one line, if it is neither an impedance sweep nor a spectrum, or one that cannot be used.
+    """
+    refuse_empty(data, name)
+    text = decode(data, name)
+    try:
+        sweep = _sweep(text, name, termination, fixture)
+    except BadInput as error:
+        return Recognised("spectrum", spectra=tuple(_spectra(text, name, error)))
+    return Recognised("impedance", sweep, doubt=_doubt(sweep))
+
+
+def _spectra(text: str, name: str, no_sweep: BadInput) -> list[Spectrum]:
+    try:
+        return parse_spectra(text, name)
+    except WrongKind:
+        # It is a sweep, and there is something wrong with it.
+        raise no_sweep from None
+    except BadInput as no_spectrum:
+        if isinstance(no_sweep, WrongKind):
+            raise
+        raise BadInput(f"{no_sweep}; an emission spectrum needs {SPECTRUM_COLUMNS}") from no_spectrum
+
+
+def _sweep(text: str, name: str, termination: Termination | None, fixture: str | None) -> ImpedanceSweep:
+    if termination is not None:
+        return parse_impedance(text, name, termination, fixture)
+    named = _named(name)
+    try:
+        sweep = parse_impedance(text, name, named or "short", fixture)
+    except WrongKind:
+        raise
+    except BadInput as error:
+        # Its header may say that it is the other one.
+        other = next(one for one in TERMINATIONS if one != (named or "short"))
+        try:
+            return parse_impedance(text, name, other, fixture)
+        except BadInput:
+            raise error from None
+    if named or _looks(sweep) == "short":
+        return sweep
+    try:
+        return parse_impedance(text, name, "open", fixture)
+    except BadInput:
+        # Its header says that it is the short one.
+        return sweep
+
+
+def _named(name: str) -> Termination | None:
+    """What the file's name says; None if it says nothing, or both."""
+    found = [termination for termination, pattern in _NAMES if pattern.search(name.lower())]
+    return found[0] if len(found) == 1 else None
+
+
+def _looks(sweep: ImpedanceSweep) -> Termination:
+    low = sweep.impedance_ohm[: max(3, int(_LOW_END * len(sweep)))]
+    return "open" if float(np.median(np.degrees(np.angle(low)))) < -45 else "short"
+
+
+def _doubt(sweep: ImpedanceSweep) -> str:
+    looks = _looks(sweep)
+    if looks == sweep.termination:
+        return ""
+    if looks == "open":
+        return "a capacitance at its low end, as the way to the frame is: is this the open-circuit sweep?"
+    return "no capacitance at its low end, as a winding is: is this the short-circuit sweep?"

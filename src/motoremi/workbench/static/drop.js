@@ -1,0 +1,51 @@
+// Files dropped anywhere on the page are taken in and shown on the view Files.
+
+import { ask } from "./api.js";
+
+// As the workbench counts; a file that is larger is not even sent.
+const LARGEST = 64 * 1024 ** 2;
+
+// Sentences on what was not taken in; the view shows them.
+export const refused = [];
+
+export function acceptDrops(page) {
+  const carriesFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+  let depth = 0;
+  const over = (on) => document.body.classList.toggle("dropping", on);
+  document.addEventListener("dragenter", (event) => { if (carriesFiles(event)) over(++depth > 0); });
+  document.addEventListener("dragleave", (event) => { if (carriesFiles(event)) over(--depth > 0); });
+  document.addEventListener("dragover", (event) => { if (carriesFiles(event)) event.preventDefault(); });
+  document.addEventListener("drop", (event) => {
+    if (!carriesFiles(event)) return;
+    event.preventDefault();
+    depth = 0;
+    over(false);
+    take([...event.dataTransfer.files], page);
+  });
+}
+
+export async function take(files, page) {
+  refused.length = 0;
+  await page.work(`reading ${files.length} file${files.length > 1 ? "s" : ""}`, async () => {
+    for (const file of files) {
+      try {
+        await send(file);
+      } catch (trouble) {
+        refused.push(trouble.message);
+      }
+    }
+  });
+  if (location.hash === "#files") await page.redraw(true);
+  else page.go("files");
+}
+
+async function send(file) {
+  if (file.size > LARGEST) throw new Error(`${file.name}: is larger than 64 MiB, which no sweep is; export fewer points`);
+  let content;
+  try {
+    content = await file.arrayBuffer();
+  } catch {
+    throw new Error(`${file.name}: cannot be read; is it a folder, or gone?`);
+  }
+  return ask(`/api/files?name=${encodeURIComponent(file.name)}`, { method: "POST", headers: { "Content-Type": "application/octet-stream" }, body: content });
+}

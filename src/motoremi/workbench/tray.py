@@ -1,0 +1,274 @@
+"""Files that were dropped on the page, until they become a session or are put away: in memory only."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tempfile
+import threading
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.data.corrections import NO_CORRECTIONS, Corrections, read_corrections
+from motoremi.data.recognise import Recognised, recognise
+from motoremi.data.source import decode, refuse_empty
+from motoremi.data.sweep import TERMINATIONS
+from motoremi.data.text import clean_text
+from motoremi.data.touchstone import FIXTURES
+from motoremi.errors import BadInput
+from motoremi.quantities import show_band
+from motoremi.workflow_import import Import, Told, prepared
+
+MOST_FILES = 60
+MOST_BYTES = 256 * 1024**2
+LONGEST_NAME, LONGEST_TEXT = 120, 200
+LEFT_OUT, SPECTRUM, CORRECTIONS = "leave out", "spectrum", "corrections"
+# What a page may say of the files.
+TEXTS = ("analyser", "band", "accuracy", "motor", "serial", "operator", "ambient")
+
+
+@dataclass
+class Dropped:
+    """One file.
+
+    Parameters
+    ----------
+    name : str
+        The last part of what it is called, control characters written out.
+    data : bytes
+    used_as : str
+        "short", "open", "spectrum", "corrections" or "leave out".
+    found : Recognised, optional
+        Its sweep or spectra.
+    tables : frozenset of str, optional
+        Of a file with corrections: the files that it names.
+    trouble : str
+        Why it cannot be used.
+    """
+
+    name: str
+    data: bytes
+    used_as: str = ""
+    found: Recognised | None = None
+    tables: frozenset[str] | None = None
+    trouble: str = ""
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """What it can be used as."""
+        if self.tables is not None:
+            return CORRECTIONS, LEFT_OUT
+        if self.found is None:
+            return (LEFT_OUT,)
+        return (*(TERMINATIONS if self.found.sweep is not None else (SPECTRUM,)), LEFT_OUT)
+
+    def look(self, fixture: str | None) -> None:
+        """Read it as it is used now; the first time find out what it is."""
+        given = next((termination for termination in TERMINATIONS if termination == self.used_as), None)
+        unknown = self.found is None and self.tables is None
+        self.trouble = ""
+        try:
+            if self.name.lower().endswith(".toml"):
+                self.tables = _tables(self.data, self.name)
+            else:
+                self.found = recognise(self.data, self.name, given, fixture)
+        except BadInput as error:
+            self.trouble = str(error)
+        if unknown:
+            self.used_as = CORRECTIONS if self.tables is not None else LEFT_OUT if self.found is None else self.found.used_as
+
+    def to_dict(self) -> JsonDict:
+        """For a page."""
+        told = {"name": self.name, "bytes": len(self.data), "used_as": self.used_as, "choices": self.choices, "trouble": self.trouble}
+        found = self.found
+        if found is None:
+            return {**told, "kind": CORRECTIONS if self.tables is not None else ""}
+        ones = [found.sweep] if found.sweep is not None else list(found.spectra)
+        first = ones[0].metadata
+        notes = [found.doubt, *(str(change) for change in first.get("changes", []))]
+        notes += [f"{text} is assumed" for key, text in _ASSUMED.items() if any(one.metadata.get(key) for one in ones)]
+        return {
+            **told,
+            "kind": "impedance sweep" if found.sweep is not None else f"spectrum: {', '.join(one.detector for one in found.spectra)}",
+            "points": sum(len(one) for one in ones),
+            "span": show_band(float(ones[0].frequency_hz[0]), float(ones[0].frequency_hz[-1])),
+            "format": ", ".join(str(first[key]) for key in ("format", "read_as") if key in first),
+            "analyser": str(first.get("analyser", "")),
+            "notes": [note for note in notes if note],
+        }
+
+
+_ASSUMED = {"detector_assumed": "the detector", "rbw_assumed": "a bandwidth of 9 kHz"}
+
+
+class Tray:
+    """All of them.
+
+    Parameters
+    ----------
+    changed : callable
+        Told when something has changed.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._turn = threading.RLock()
+        self._files: dict[int, Dropped] = {}
+        self._fixture: str | None = None
+        self._next = 1
+
+    def to_dict(self) -> JsonDict:
+        """For a page."""
+        with self._turn:
+            tables = {name for one in self._files.values() if one.used_as == CORRECTIONS for name in one.tables or ()}
+            told = [{"id": number, **one.to_dict()} for number, one in self._files.items()]
+            for one in told:
+                if one["name"] in tables:
+                    one |= {"kind": "table of the corrections", "trouble": ""}
+            return {"files": told, "fixture": self._fixture or "", "fixtures": list(FIXTURES)}
+
+    def take(self, name: str, data: bytes) -> JsonDict:
+        """Look at a file and keep it in memory; one that is a text but cannot be used is kept with the reason.
+
+        Raises
+        ------
+        BadInput
+            If it is no text, or kept already, or there are too many.
+        """
+        shown = _last_part(name)
+        refuse_empty(data, shown)
+        decode(data, shown)
+        one = Dropped(shown, data)
+        with self._turn:
+            self._refuse(one)
+            one.look(self._fixture)
+            self._files[self._next] = one
+            self._next += 1
+        return self._told()
+
+    def change(self, number: int, used_as: object) -> JsonDict:
+        """Use a file as something else."""
+        with self._turn:
+            one = self._one(number)
+            if used_as not in one.choices:
+                raise BadInput(f"{one.name}: can be used as {', '.join(one.choices)}")
+            one.used_as = str(used_as)
+            if one.used_as in TERMINATIONS:
+                one.look(self._fixture)
+            elif one.found is not None:
+                one.trouble = ""
+        return self._told()
+
+    def choose_fixture(self, fixture: object) -> JsonDict:
+        """How the motor stood between the two ports of Touchstone files."""
+        if fixture not in FIXTURES:
+            raise BadInput(f"the fixture must be one of {', '.join(FIXTURES)}")
+        with self._turn:
+            self._fixture = str(fixture)
+            for one in self._files.values():
+                if one.found is None or one.found.sweep is not None:
+                    one.look(self._fixture)
+        return self._told()
+
+    def remove(self, number: int) -> JsonDict:
+        """Forget one file."""
+        with self._turn:
+            self._one(number)
+            del self._files[number]
+        return self._told()
+
+    def clear(self) -> JsonDict:
+        """Forget all."""
+        with self._turn:
+            self._files.clear()
+        return self._told()
+
+    def imported(self, body: Mapping[str, Any]) -> Import:
+        """What the chosen files become, as `motoremi import` makes it.
+
+        Raises
+        ------
+        BadInput
+            If nothing is chosen, or what the page says cannot be used with these files.
+        """
+        texts = {key: body.get(key, "") for key in TEXTS}
+        for key, text in texts.items():
+            if not isinstance(text, str) or len(text) > LONGEST_TEXT:
+                raise BadInput(f"{key} must be text of at most {LONGEST_TEXT} characters")
+        analyser = texts.pop("analyser") or None
+        with self._turn:
+            chosen = [one for used_as in (*TERMINATIONS, SPECTRUM) for one in self._files.values() if one.used_as == used_as]
+            for one in chosen:
+                if one.trouble:
+                    raise BadInput(one.trouble)
+            if not chosen:
+                raise BadInput("choose at least one file as short, open or spectrum")
+            found = [one.found for one in chosen if one.found is not None]
+            told = Told(analyser=analyser, corrections=self._corrections(), **{key: text.strip() for key, text in texts.items()})
+        sweeps = [one.sweep for one in found if one.sweep is not None]
+        return prepared(sweeps, [item for one in found for item in one.spectra], told, [one.name for one in chosen])
+
+    def _told(self) -> JsonDict:
+        self._changed()
+        return self.to_dict()
+
+    def _one(self, number: int) -> Dropped:
+        if number not in self._files:
+            raise BadInput("this file is not in the list any more")
+        return self._files[number]
+
+    def _refuse(self, new: Dropped) -> None:
+        digest = hashlib.sha256(new.data).digest()
+        for one in self._files.values():
+            if len(one.data) == len(new.data) and hashlib.sha256(one.data).digest() == digest:
+                raise BadInput(f"{new.name}: is the same file as {one.name}, which is in the list already")
+        if len(self._files) >= MOST_FILES:
+            raise BadInput(f"{new.name}: there are {MOST_FILES} files in the list already; make a session of them first, or use motoremi import")
+        if sum(len(one.data) for one in self._files.values()) + len(new.data) > MOST_BYTES:
+            raise BadInput(f"{new.name}: the files are larger than {MOST_BYTES // 1024**2} MiB together; use motoremi import for such files")
+
+    def _corrections(self) -> Corrections:
+        """What stood between motor and instruments; the tables that the file names are looked for among the dropped files only."""
+        files = [one for one in self._files.values() if one.used_as == CORRECTIONS]
+        if not files:
+            return NO_CORRECTIONS
+        if len(files) > 1:
+            raise BadInput(f"{files[0].name} and {files[1].name} both hold corrections; leave one out")
+        chosen, beside = files[0], {one.name: one.data for one in self._files.values()}
+        for table in chosen.tables or ():
+            if table not in beside:
+                raise BadInput(f"{chosen.name}: names the table {clean_text(table, 80)!r}; drop that file here as well")
+        with tempfile.TemporaryDirectory() as folder:
+            for name in (chosen.name, *(chosen.tables or ())):
+                (Path(folder) / name).write_bytes(beside[name])
+            try:
+                return read_corrections(Path(folder) / chosen.name)
+            except BadInput as error:
+                raise BadInput(str(error).replace(f"{folder}/", "")) from error
+
+
+def _tables(data: bytes, name: str) -> frozenset[str]:
+    """The files that a file with corrections names.
+
+    Raises
+    ------
+    BadInput
+        If it holds none.
+    """
+    try:
+        listed = tomllib.loads(decode(data, name)).get("correction")
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{name}: is not TOML: {error}") from error
+    if not isinstance(listed, list) or not listed:
+        raise BadInput(f"{name}: holds no [[correction]]; each has name, kind and db or file")
+    return frozenset(str(entry["file"]) for entry in listed if isinstance(entry, dict) and entry.get("file"))
+
+
+def _last_part(name: str) -> str:
+    """A name to look at and to record; a browser sends any text."""
+    shown = clean_text(re.split(r"[/\\]", name)[-1], LONGEST_NAME).strip()
+    return shown if shown.strip(".") else "unnamed"

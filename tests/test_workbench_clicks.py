@@ -1,0 +1,230 @@
+"""By clicks in a real browser: a session from dropped files, two side by side, exports, and a diagnosis that is cancelled."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from pathlib import Path
+
+import pytest
+from conftest import simulated_sweeps
+from playwright.sync_api import Page, expect
+from workbench_browser import PATIENCE_MS, Watched, findings, keep, needs_chromium
+from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
+
+from motoremi.data.csvfiles import impedance_csv
+from motoremi.data.session import load, verify
+
+pytestmark = needs_chromium
+SWEEPS = simulated_sweeps(7, ("eddy-laminations",), repeats=2)[0]
+# As a browser hands over what was dragged from a folder.
+DROP = """(files) => {
+  const carried = new DataTransfer();
+  for (const [name, content] of files) carried.items.add(new File([Uint8Array.from(atob(content), (one) => one.charCodeAt(0))], name));
+  const event = (kind) => new DragEvent(kind, { dataTransfer: carried, bubbles: true, cancelable: true });
+  for (const kind of ["dragenter", "dragover", "drop"]) document.querySelector("main").dispatchEvent(event(kind));
+}"""
+
+
+def measured() -> dict[str, bytes]:
+    """The files of one motor."""
+    return {f"motor_{sweep.termination}_{number}.csv": impedance_csv(sweep).encode() for number, sweep in enumerate(SWEEPS)}
+
+
+def drop(page: Page, files: dict[str, bytes]) -> None:
+    page.evaluate(DROP, [[name, base64.b64encode(data).decode()] for name, data in files.items()])
+
+
+def refusals_only(watched: Watched) -> None:
+    """A refusal is what the browser itself calls an error."""
+    assert all("400" in line or "413" in line for line in watched.trouble), watched.trouble
+    watched.trouble.clear()
+
+
+def test_dropped_files_become_a_session_that_opens(browser, tmp_path):
+    with served(bench_of(tmp_path)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        # Who has no session yet is asked for files; they may be dropped on any view.
+        watched.drawn("files")
+        watched.see("bench")
+        drop(page, measured())
+        watched.drawn("files")
+        rows = page.locator("#files-read tbody tr")
+        expect(rows).to_have_count(4)
+        expect(rows.first).to_contain_text("impedance sweep · 401 points · 150 kHz - 30 MHz")
+        assert [page.input_value(f"#use-{number}") for number in (1, 2, 3, 4)] == ["short", "short", "open", "open"]
+        page.select_option("#use-4", "leave out")
+        page.fill("#import-motor", "Dropped motor 7")
+        assert findings(page) == []
+        keep(page, "files")
+        page.select_option("#import-analyser", "4294a")
+        # What was chosen and typed outlives a reload.
+        page.reload()
+        watched.drawn("files")
+        assert page.input_value("#use-4") == "leave out"
+        assert page.input_value("#import-motor") == "Dropped motor 7"
+        page.click("#make-session")
+        watched.drawn("story")
+        expect(page.locator("#session-choice option:checked")).to_contain_text("Dropped motor 7")
+        watched.see("files")
+        expect(page.locator("#files-read")).to_have_count(0)
+        expect(page.locator("#sessions tbody tr")).to_have_count(1)
+        watched.close()
+    session = load(tmp_path / "Dropped-motor-7")
+    assert [sweep.termination for sweep in session.sweeps] == ["short", "short", "open"]
+    assert session.start["imported"] == ["motor_short_0.csv", "motor_short_1.csv", "motor_open_2.csv"]
+    assert session.start["analyser"] == "4294a"
+    assert not verify(tmp_path / "Dropped-motor-7")
+
+
+def test_files_are_chosen_by_keys(browser, tmp_path):
+    with served(bench_of(tmp_path)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        # Playwright needs a while before it catches the dialog.
+        with page.expect_file_chooser() as asked:
+            watched.see("bench")
+            page.keyboard.press("0")
+            watched.drawn("files")
+            page.focus("#choose-files")
+            page.keyboard.press("Enter")
+        asked.value.set_files([{"name": name, "mimeType": "text/csv", "buffer": data} for name, data in measured().items()])
+        expect(page.locator("#files-read tbody tr")).to_have_count(4)
+        page.focus("#import-motor")
+        page.keyboard.type("By keys")
+        page.keyboard.press("Enter")
+        watched.drawn("story")
+        watched.close()
+    assert load(tmp_path / "By-keys").start["motor"] == "By keys"
+
+
+def test_files_of_the_wrong_kind_are_told_in_a_sentence_each(browser, tmp_path):
+    sweep = measured()["motor_short_0.csv"]
+    files = {
+        "photo.jpg": b"\xff\xd8\xff\xe0" + bytes(range(256)),
+        "all.zip": b"PK\x03\x04" + bytes(100),
+        "short.csv": sweep,
+        "again.csv": sweep,
+        "notes.txt": b"hello\nworld\n",
+        ATTACKS[1]: b"frequency_hz,level_dbuv\n1e6,1\n2e6,2\n",
+    }
+    with served(bench_of(tmp_path)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        watched.drawn("files")
+        drop(page, files)
+        expect(page.locator("#refused li")).to_have_count(3)
+        told = page.locator("#refused li").all_inner_texts()
+        assert [text.partition(":")[0] for text in told] == ["photo.jpg", "all.zip", "again.csv"]
+        assert "is the same file as short.csv" in told[2]
+        expect(page.locator("#files-read tbody tr")).to_have_count(3)
+        expect(page.locator("#files-read")).to_contain_text("needs the columns")
+        expect(page.locator("#files-read")).to_contain_text(ATTACKS[1])
+        assert page.locator("main img").count() == 0
+        # A file of 2 GB is not even sent: the browser knows its size.
+        page.evaluate("Object.defineProperty(File.prototype, 'size', { get: () => 2 ** 31 })")
+        asked = len(watched.asked)
+        drop(page, {"huge.csv": sweep})
+        expect(page.locator("#refused li")).to_have_text(["huge.csv: is larger than 64 MiB, which no sweep is; export fewer points"])
+        assert not [url for url in watched.asked[asked:] if "huge" in url]
+        page.click("#clear-files")
+        expect(page.locator("#files-read")).to_have_count(0)
+        assert page.evaluate("window.hacked") is None
+        refusals_only(watched)
+        watched.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    return make_fitted_session(tmp_path_factory.mktemp("clicks") / "first")
+
+
+@pytest.fixture
+def fitted(made, tmp_path) -> Path:
+    shutil.copytree(made, tmp_path / "first")
+    return tmp_path / "first"
+
+
+def test_two_sessions_side_by_side(browser, fitted, tmp_path):
+    make_session(tmp_path / "second", seed=8, motor="Other motor")
+    with served(bench_of(tmp_path, fitted)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        watched.see("together")
+        expect(page.locator("main")).to_contain_text("Choose two or more sessions")
+        watched.see("files")
+        page.check("#sessions tr:has-text('first') input")
+        assert page.is_disabled("#compare")
+        page.check("#sessions tr:has-text('second') input")
+        page.click("#compare")
+        watched.drawn("together")
+        rows = page.locator("#together-verdicts tbody tr")
+        expect(rows).to_have_count(2)
+        expect(rows.nth(0)).to_contain_text("missing-effect eddy-laminations")
+        expect(rows.nth(1)).to_contain_text("no fit")
+        expect(page.locator("#together-parameters")).to_contain_text("± ")
+        # Short, open and the spectrum: magnitude, phase and change of each sweep, the level.
+        expect(page.locator(".plots canvas")).to_have_count(7)
+        expect(page.locator("figcaption").first).to_contain_text("second")
+        keep(page, "together")
+        page.reload()
+        watched.drawn("together")
+        expect(rows).to_have_count(2)
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert findings(page) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        with page.expect_download() as download:
+            page.click("[data-export='comparison.csv']")
+        assert Path(download.value.path()).read_text().startswith("session,parameter")
+        watched.close()
+
+
+def test_everything_is_exported_by_clicks(browser, fitted):
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        watched.see("session")
+        page.wait_for_selector("#exports button")
+        names = page.locator("#exports button").all_inner_texts()
+        assert {"motor.cir", "emission-test.cir", "open.s1p", "short-model.z1p", "sweeps.csv", "session.h5"} <= set(names)
+        for name, begin in (("motor.cir", b"*"), ("open.s1p", b"! motoremi"), ("sweeps.csv", b"termination"), ("session.h5", b"\x89HDF")):
+            with page.expect_download() as download:
+                page.click(f"[data-export='{name}']")
+            assert download.value.suggested_filename == name
+            assert Path(download.value.path()).read_bytes().startswith(begin), name
+        watched.close()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_diagnosis_is_cancelled_and_leaves_the_session_as_it_was(browser, fitted):
+    before = contents(fitted)
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        watched.see("story")
+        page.click("#why summary")
+        page.click("#diagnose")
+        job = page.locator("#jobs .job")
+        expect(job).to_contain_text("diagnosing")
+        expect(job).to_contain_text(" so far")
+        assert findings(page) == []
+        # A page that comes in the middle sees the same, and may cancel it.
+        late = Watched(browser, address)
+        expect(late.page.locator("#jobs .job")).to_contain_text("diagnosing")
+        late.page.click("#jobs .cancel")
+        # "within 2 s": Playwright looks until then.
+        expect(job).to_have_count(0, timeout=2000)
+        late.close()
+        expect(page.locator("#trouble")).to_have_text("Cancelled: the session is as it was.Close")
+        assert contents(fitted) == before
+        # It can be done again, and to its end.
+        page.click("#diagnose")
+        expect(job).to_contain_text("diagnosing")
+        expect(job).to_have_count(0, timeout=PATIENCE_MS)
+        watched.close()
+    assert contents(fitted) != before
