@@ -179,9 +179,7 @@ class Whitening:
         apart = self.apart
         shares, fixed = apart.shares(np.asarray(discrepancy)), apart.fixed_shares > least_share
         used = shares > least_share
-        alone = np.concatenate(
-            [apart.fixed[:, fixed] * np.sqrt(apart.fixed_shares[fixed]), apart.spread[:, used] * np.sqrt(shares[used])], axis=1
-        )
+        alone = np.concatenate([apart.fixed[:, fixed] * np.sqrt(apart.fixed_shares[fixed]), apart.spread[:, used] * np.sqrt(shares[used])], axis=1)
         if not apart.analyser.shape[1]:
             return alone
         columns = self.declared * apart.analyser
