@@ -84,6 +84,20 @@ def test_a_pair_is_found_though_neither_is_the_best_alone():
     assert key_of(best_of(narrow.explored(Budget(beam=(1,), most_effects=2, swaps=0)).values())) == ("a", "b")
 
 
+def test_what_gains_little_beside_the_best_is_not_added_to():
+    made = board({"": 0, "a": 1000, "b": 900, "c": 250, "d": 20, "ab": 1100, "ac": 1050})
+    made.explored()
+    assert [call for call in made.calls if call.startswith("add")][:3] == ["add ", "add a", "add b"]
+    assert "add c" not in made.calls
+
+
+def test_pairs_that_were_found_are_not_sought_again_from_three():
+    made = board({"": 0, "a": 50, "b": 40, "ab": 100, "abc": 150})
+    found = made.explored(Budget(swaps=0))
+    assert {("a", "c"), ("b", "c")} <= set(found)
+    assert [call for call in made.calls if call.startswith("drop")] == ["drop a of ab", "drop b of ab"]
+
+
 def test_a_look_alike_that_was_overlooked_is_swapped_in():
     made = board({"": 0, "a": 50, "b": 70}, finished=("b",), overlooked=("b",))
     found = made.explored()

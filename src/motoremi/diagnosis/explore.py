@@ -68,6 +68,9 @@ class Budget:
         How often at most a size is swapped before it stands still.
     most_effects : int
         More describe almost any curve, right or wrong.
+    share : float
+        Models that gain less than this share of what the best of their size gains are not added to: what two effects gain together, one of
+        them mostly gains a good part of alone.
     gain : float
         What a further effect, or a swap, must gain in log score: odds of 20 to 1.
     """
@@ -76,6 +79,7 @@ class Budget:
     swapped: int = 2
     swaps: int = 2
     most_effects: int = 3
+    share: float = 0.3
     gain: float = 3.0
 
 
@@ -112,13 +116,22 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
             _swap(board, found, size, budget, part(own, ADDING, 1.0))
         best = best_of(found.values())
         if len(best.added) == size > 1:
-            _take(found, (board.dropped(best, effect) for effect in best.added))
+            _take(found, (board.dropped(best, effect) for effect in best.added if _unsought(found, best, effect, budget)))
             best = best_of(found.values())
         if best.done or best.score - before.score < budget.gain:
             break
         if size < budget.most_effects:
-            beam = _ranked(found, size)[: budget.beam[min(size, len(budget.beam)) - 1]]
+            ranked = _ranked(found, size)[: budget.beam[min(size, len(budget.beam)) - 1]]
+            worth = budget.share * (ranked[0].score - base.score)
+            beam = [model for model in ranked if model.score - base.score >= worth]
     return found
+
+
+def _unsought(found: Mapping[Key, M], model: M, effect: str, budget: Budget) -> bool:
+    """Whether a model without one of its effects was not found before; of the largest size only, where what is below was sought at length."""
+    rest = list(model.added)
+    rest.remove(effect)
+    return len(model.added) < budget.most_effects or tuple(sorted(rest)) not in found
 
 
 def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progress: Progress | None) -> None:

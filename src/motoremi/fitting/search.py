@@ -41,6 +41,8 @@ CLOSE = Precision(0.05, 1e-4)
 WARM = 1e-6
 # Sizes are sought again so many times at most.
 MOST_SIZES = 5
+# Steps of a polish on the way; of one of a model that leaves more than a per cent, where only its evidence is asked for.
+STEPS, POOR_STEPS = 60, 20
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
@@ -122,7 +124,7 @@ def arrive(
     points: int | None = None,
     most: int = MOST_SIZES,
     sizes: Sizes | None = None,
-    steps: int = 60,
+    steps: int = STEPS,
 ) -> Solution:
     """From start values near a solution to the solution, at the sizes that it makes likeliest.
 
@@ -175,7 +177,10 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
         solution = arrive(task, [near.values], sizes=near.marginal.likeliest)
         solution = dataclasses.replace(solution, evaluations=solution.evaluations + near.evaluations)
     else:
-        solution = arrive(task, starts, sizes=sizes)
+        poor = sizes.discrepancy >= PLAIN
+        solution = arrive(task, starts, sizes=sizes, most=2 if poor else MOST_SIZES, steps=POOR_STEPS if poor else STEPS)
+        if poor and solution.sizes.discrepancy < PLAIN:
+            solution = arrive(task, [solution.values], sizes=solution.marginal.likeliest)
     if solution.sizes.discrepancy >= PLAIN or solution.sizes.declared >= ABSORBING:
         return least_relative(task, solution, starts)
     # The likeliest pair may be the neighbour of the one at which the search settled.
