@@ -53,7 +53,7 @@ EFFECTS = (
         parameters=(
             Parameter("capacitance_f", "F", 0.1e-12, 10e-9, "10 - 40 pF a mode on a machine of 1.5 HP, wider for other sizes"),
             Parameter("resonance_hz", "Hz", 1e4, 200e6, "from the first resonance of a large winding to the end of what analysers see"),
-            Parameter("quality", "", 0.3, 200.0, "2 - 10 on machines; one value for all modes"),
+            Parameter("quality", "", 1.0, 200.0, "2 - 10 on machines; one value for all modes"),
         ),
         limit="capacitance_f -> 0",
         limit_values={"capacitance_f": 1e-24, "resonance_hz": 1e7, "quality": 5.0},
