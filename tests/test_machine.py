@@ -64,7 +64,7 @@ def test_modes_are_added_while_they_lower_the_error_and_no_further():
 
 def test_the_accuracy_that_was_stated_ends_the_adding_of_modes():
     frequency = np.geomspace(150e3, 30e6, 101)
-    stated = 12.0
+    stated = 50.0
     sweep = me.ImpedanceSweep("short", frequency, modal_winding(frequency), metadata={"accuracy_percent": str(stated)})
     first = me.fit(me.dc_motor(), [sweep]).add("winding-modes")
     grown = [fit for portion in further(first, "winding-modes") for fit in portion]
