@@ -6,7 +6,7 @@ along frequency, so that each part is marginalised exactly:
 =====================  ==========================================================================================
 white noise            sigma^2, of the mean of the repeats (`noise`)
 correlated noise       c^2 K of lengths 0.03, 0.1, 0.3 and 1 decade, for each sweep; its size from the repeats
-drift                  d d', what the motor changed from repeat to repeat, for each sweep
+drift                  d d', what the motor changed from repeat to repeat and within each, for each sweep
 analyser               its smooth errors, common to all sweeps, times the square of `declared` (`analyser`)
 discrepancy in value   delta^2 [0.8 K(0.3 decades) + 0.2 K(0.08 decades)], for each sweep: what no model describes
 discrepancy in place   delta^2 D K(0.3) D*, D = d ln Z / d ln f: near a sharp resonance a model may be off by Q times as much
@@ -94,8 +94,9 @@ class Columns:
             quiet = smoothed(part.impedance_ohm)
             turning = slope(part.frequency_hz, part.impedance_ohm, float(np.median(part.noise.sigma)))[part.chosen]
             wander = part.noise.correlated * smooth_basis(frequency, WANDERING) if part.noise.correlated else np.zeros((frequency.size, 0))
-            drift = np.zeros((frequency.size, 0)) if part.noise.drift is None else part.noise.drift[part.chosen, None] / np.sqrt(2)
-            known.append(np.concatenate([wander, drift], axis=1))
+            moved = [] if part.noise.drift is None else [part.noise.drift[part.chosen, None] / np.sqrt(2)]
+            moved += [] if part.noise.within is None else [part.noise.within[part.chosen, None]]
+            known.append(np.concatenate([wander, *moved], axis=1))
             free.append(np.concatenate([smooth_basis(frequency, VALUE), turning[:, None] * smooth_basis(frequency, PLACE)], axis=1))
             places.append((frequency, quiet[part.chosen]))
         frequency, quiet = (np.concatenate(values) for values in zip(*places, strict=True))

@@ -45,6 +45,9 @@ class Noise:
         Standard deviation of the part that is correlated along frequency.
     drift : ndarray, shape (n,), or None
         Complex; how far the mean may be off because the motor changed during the repeats, one standard deviation.
+    within : ndarray, shape (n,), or None
+        Complex; how far each point may be off because the motor went on changing from the first point of a sweep to its last, one standard
+        deviation of the real and of the imaginary part each.
     outliers : ndarray of bool, shape (n,), or None
         Points that stand out. Their `sigma` is as large as they are far off.
     """
@@ -54,6 +57,7 @@ class Noise:
     correlated: float = 0.0
     drift: ComplexArray | None = None
     outliers: BoolArray | None = None
+    within: ComplexArray | None = None
 
     @property
     def regular(self) -> BoolArray:
@@ -64,7 +68,8 @@ class Noise:
     def variance(self) -> FloatArray:
         """Of the real and of the imaginary part each, everything together, shape (n,)."""
         drift = 0.0 if self.drift is None else 0.5 * np.abs(self.drift) ** 2
-        total: FloatArray = self.sigma**2 + self.correlated**2 + drift
+        within = 0.0 if self.within is None else np.abs(self.within) ** 2
+        total: FloatArray = self.sigma**2 + self.correlated**2 + drift + within
         return total
 
 
@@ -104,6 +109,8 @@ def _from_repeats(sweep: RepeatedSweep) -> Noise:
         correlated / float(np.sqrt(sweep.repeats)),
         None if drift is None else drift * sweep.repeats / 2,
         outliers if outliers.any() else None,
+        # Points are measured one after the other: against the middle of a sweep its ends are half a repeat off.
+        None if drift is None else drift * np.linspace(-0.5, 0.5, drift.size),
     )
 
 
