@@ -21,6 +21,8 @@ Reader: TypeAlias = Callable[[Seen], Sequence[Mapping[str, float]]]
 LEAST_SHARE = 0.01
 # Resonances of a mode that are looked at, how far beyond the sweep, and how many of them are tried.
 MODES_SOUGHT, MODES_BEYOND, MODES_TRIED = 90, 1.5, 6
+# How much of all capacitance is the suppressor's, and what a small motor's winding has to its frame.
+SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
 # Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
@@ -181,3 +183,52 @@ def machine_winding(seen: Seen) -> list[dict[str, float]]:
                 elements = {"=Ra": max(0.5 * float(impedance.real[0]), 1e-3), "=La": 1.1 * lowest, "=Ca": 0.2 * slots}
                 starts.append({**elements, **own})
     return starts
+
+
+def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
+    """From the capacitance of the open-circuit sweep at its low end and the dip of its impedance; what is left is a small motor's frame.
+
+    A fit without the capacitor takes it for the frame, so all elements start anew.
+    """
+    if seen.frame_hz is None or seen.open_ohm is None or seen.frequency_hz is None or seen.short_ohm is None:
+        return []
+    whole = -1 / (2 * np.pi * seen.frame_hz[0] * seen.open_ohm.imag[0])
+    henry = seen.short_ohm.imag[0] / (2 * np.pi * seen.frequency_hz[0])
+    if whole <= 0 or henry <= 0:
+        return []
+    dip = int(np.argmin(np.abs(seen.open_ohm)))
+    starts = []
+    for share in SUPPRESSOR_SHARES:
+        capacitance = share * whole
+        esl = 1 / ((2 * np.pi * seen.frame_hz[dip]) ** 2 * capacitance)
+        half = 0.5 * min((1 - share) * whole, SMALL_FRAME_F)
+        # The capacitor raises the inductance that a sweep shows below their resonance.
+        own = henry / (1 + (2 * np.pi * seen.frequency_hz[0]) ** 2 * henry * capacitance)
+        frame = {"=Cf": half, "=Cr": half, "=Lr": 2e-6, "=Rr": 40.0}
+        part = {"capacitance_f": capacitance, "esr_ohm": max(0.5 * abs(seen.open_ohm[dip].real), 2e-3), "esl_h": float(np.clip(esl, 1e-9, 1e-7))}
+        starts += [{"=La": own, "=Ca": ca, **frame, **part} for ca in (2e-11, 2e-10)]
+    return starts
+
+
+def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
+    """The inductance at the low end of the short-circuit sweep, shared in several ways between winding and choke."""
+    if seen.frequency_hz is None or seen.short_ohm is None:
+        return []
+    henry = float(seen.short_ohm.imag[0] / (2 * np.pi * seen.frequency_hz[0]))
+    if henry <= 0:
+        return []
+    return [
+        {
+            "=Ra": max(float(seen.short_ohm.real[0]), 1e-3),
+            "=La": (1 - part) * henry,
+            "=Ca": farad,
+            "inductance_h": part * henry,
+            "share": 0.6,
+            "corner_hz": corner_hz,
+            "capacitance_f": 2e-12,
+            "resistance_ohm": 0.02,
+        }
+        for part in (0.25, 0.5, 0.75)
+        for farad in (2e-11, 1e-10)
+        for corner_hz in (5e6, 2e7)
+    ]

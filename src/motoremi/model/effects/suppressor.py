@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Node, Parallel, Scaled, Series
+from motoremi.model.effects import readings
 from motoremi.model.effects.effect import Effect
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
@@ -55,6 +56,7 @@ EFFECTS = (
         source="IEC 60384-14 (capacitors of class X and Y); values as in suppressor data sheets, unconfirmed for a given motor",
         change=_capacitor,
         starts=tuple({"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)),
+        reader=readings.suppressor_capacitor,
         places=("", "frame", "pair"),
         responds={"second-temperature": {"capacitance_f": 0.97}},
     ),
@@ -82,8 +84,10 @@ EFFECTS = (
         change=_choke,
         starts=tuple(
             {"inductance_h": x, "share": 0.8, "corner_hz": f, "capacitance_f": 2e-12, "resistance_ohm": 0.02, "-La": x}
-            for x in (1e-6, 4e-6) for f in (3e6, 2e7)
+            for x in (1e-6, 4e-6)
+            for f in (3e6, 2e7)
         ),
+        reader=readings.suppressor_choke,
         responds={"dc-bias": {"share": 0.8}, "second-temperature": {"resistance_ohm": 1.12}},
     ),
 )  # fmt: skip
