@@ -143,7 +143,7 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     fitted = motoremi("fit", tmp_path / "l")
     assert "not in these sweeps: Rr, Lr, Cr, Cf" in fitted.stdout
     assert motoremi("report", tmp_path / "l").returncode == 0
-    assert "do not determine Rr, Lr, Cr, Cf" in (tmp_path / "l" / "report" / "report.html").read_text()
+    assert "do not show Rr, Lr, Cr, Cf" in (tmp_path / "l" / "report" / "report.html").read_text()
 
     motor = next((DATA / "motor_1p5hp_dm_cc_by").glob("*.csv"))
     assert motoremi("import", tmp_path / "m", "--short", motor).returncode == 0

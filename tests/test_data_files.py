@@ -275,7 +275,7 @@ def test_file_cut_inside_the_last_number(tmp_path: Path, lost: int) -> None:
         (b"", "empty"),
         (b"\xef\xbb\xbf\r\n \n", "empty"),
         (bytes(range(256)) * 20, "binary"),
-        (b"PK\x03\x04\x14\0\0\0\x08\0", "binary"),
+        (b"PK\x03\x04\x14\0\0\0\x08\0", "ZIP archive"),
         (b"\x01\x02\x03\x04\x05\x06", "binary"),
         ("\n".join([HEAD, *rows()]).encode("utf-16"), "UTF-16"),
         ("\n".join(["# note: \u20ac\u2013", HEAD, *rows()]).encode("cp1252"), "UTF-8"),

@@ -286,7 +286,7 @@ def test_one_sweep_only_names_what_it_cannot_see():
     fit = me.fit(me.dc_motor(), [s for s in noisy(DAMPED, 1e-3, 1) if s.termination == "short"])
     assert {"Rr", "Lr", "Cr", "Cf"} == set(fit.unseen())
     assert any("no open sweep" in warning for warning in fit.warnings)
-    assert "not determined" in repr(fit)
+    assert "not in these sweeps: Rr, Lr, Cr, Cf" in repr(fit)
 
 
 def test_profile_tells_what_the_printed_table_leaves_open():

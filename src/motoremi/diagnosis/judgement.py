@@ -24,7 +24,7 @@ CLEAR_GAIN = 60.0
 # Of what was left, so much or less after a single effect: a rest of a different order, whatever a second one makes of it.
 NEARLY_ALL = 0.1
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
-RELAXING_TWICE = ({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr"}, {"dielectric-relaxation@Cf", "bearing-film"})
+RELAXING = frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Judgement:
     @property
     def distributed(self) -> bool:
         """Whether the likeliest model is of two relaxations along the path to the frame: so is any one layer whose resistance is distributed."""
-        return set(self.best.added) in RELAXING_TWICE
+        return len(self.best.added) == MOST_NAMES and set(self.best.added) <= RELAXING
 
     @property
     def described(self) -> bool:
@@ -130,7 +130,7 @@ class Judgement:
     def dominated(self) -> bool:
         """Whether one effect of the likeliest set describes nearly all by itself, and no other effect anything like as much."""
         singles = sorted((one for key, one in self.found.items() if len(key) == 1), key=lambda one: -one.score)
-        if not singles or singles[0].effect not in self.best.added:
+        if self.distributed or not singles or singles[0].effect not in self.best.added:
             return False
         first, others = singles[0], [self.found[()], *singles[1:]]
         nearly_all = first.fit.unexplained_percent["value"] <= NEARLY_ALL * self.base.unexplained_percent["value"]
