@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import shutil
 from pathlib import Path
 
 import pytest
 from conftest import simulated_sweeps
-from playwright.sync_api import Page, expect
-from workbench_browser import PATIENCE_MS, Watched, findings, keep, needs_chromium
+from playwright.sync_api import expect
+from workbench_browser import PATIENCE_MS, Watched, drop, findings, keep, needs_chromium
 from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
 from motoremi.data.csvfiles import impedance_csv
@@ -17,22 +16,11 @@ from motoremi.data.session import load, verify
 
 pytestmark = needs_chromium
 SWEEPS = simulated_sweeps(7, ("eddy-laminations",), repeats=2)[0]
-# As a browser hands over what was dragged from a folder.
-DROP = """(files) => {
-  const carried = new DataTransfer();
-  for (const [name, content] of files) carried.items.add(new File([Uint8Array.from(atob(content), (one) => one.charCodeAt(0))], name));
-  const event = (kind) => new DragEvent(kind, { dataTransfer: carried, bubbles: true, cancelable: true });
-  for (const kind of ["dragenter", "dragover", "drop"]) document.querySelector("main").dispatchEvent(event(kind));
-}"""
 
 
 def measured() -> dict[str, bytes]:
     """The files of one motor."""
     return {f"motor_{sweep.termination}_{number}.csv": impedance_csv(sweep).encode() for number, sweep in enumerate(SWEEPS)}
-
-
-def drop(page: Page, files: dict[str, bytes]) -> None:
-    page.evaluate(DROP, [[name, base64.b64encode(data).decode()] for name, data in files.items()])
 
 
 def refusals_only(watched: Watched) -> None:

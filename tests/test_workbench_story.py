@@ -10,7 +10,7 @@ import pypdfium2
 import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import Page, expect
-from workbench_browser import PATIENCE_MS, Watched, findings, keep, needs_chromium
+from workbench_browser import PATIENCE_MS, Watched, drop, findings, keep, needs_chromium
 from workbench_tools import bench_of, client_of, make_fitted_session, served
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
@@ -268,13 +268,23 @@ def test_a_finger_points_with_its_first_tap(browser, diagnosed, tmp_path):
         watched.close()
 
 
+def files_of(session: Path) -> dict[str, bytes]:
+    """The sweeps and spectra of a session as files that somebody saved."""
+    return {path.name: path.read_bytes() for folder in ("sweeps", "spectra") for path in sorted((session / folder).glob("*.csv"))}
+
+
 @needs_chromium
-def test_both_stories_by_clicks(browser, measured, tmp_path):
-    shutil.copytree(measured, tmp_path / "s")
+def test_both_stories_by_clicks_from_dropped_files(browser, measured, tmp_path):
     clicks = 0
-    with served(bench_of(tmp_path, tmp_path / "s")) as address:
+    with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address, viewport=DESKTOP)
         page = watched.page
+        watched.drawn("files")
+        drop(page, files_of(measured))
+        expect(page.locator("#files-read tbody tr")).to_have_count(len(files_of(measured)))
+        page.fill("#import-motor", "s")
+        page.select_option("#import-analyser", "4294a")
+        page.click("#make-session")
         watched.drawn("story")
 
         def on(text: str, becomes: str) -> None:
@@ -336,13 +346,28 @@ def fell(page: Page, unit: str) -> tuple[float, float]:
 
 
 @needs_chromium
-def test_both_stories_by_keys_alone(browser, measured, tmp_path):
-    shutil.copytree(measured, tmp_path / "s")
-    with served(bench_of(tmp_path, tmp_path / "s")) as address:
+def test_both_stories_by_keys_alone_from_chosen_files(browser, measured, tmp_path):
+    with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address, viewport=SMALL, color_scheme="dark")
         page = watched.page
+        # Playwright needs a while before it catches the dialog.
+        with page.expect_file_chooser() as asked:
+            watched.see("bench")
+            page.keyboard.press("0")
+            watched.drawn("files")
+            page.focus("#choose-files")
+            page.keyboard.press("Enter")
+        asked.value.set_files([{"name": name, "mimeType": "text/csv", "buffer": data} for name, data in files_of(measured).items()])
+        expect(page.locator("#files-read tbody tr")).to_have_count(len(files_of(measured)))
+        page.focus("#import-analyser")
+        page.keyboard.type("4294a")
+        page.focus("#import-motor")
+        page.keyboard.type("s")
+        page.keyboard.press("Enter")
         watched.drawn("story")
-        # The first stops of Tab: past header and views to what comes next.
+        # Reloaded, the first stop of Tab leads past header and views, to what comes next.
+        page.reload()
+        watched.drawn("story")
         page.keyboard.press("Tab")
         expect(page.locator(".skip")).to_be_focused()
         page.keyboard.press("Enter")

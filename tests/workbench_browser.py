@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import shutil
 from collections.abc import Iterator
@@ -33,6 +34,15 @@ PATIENCE_MS = 120_000
 AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
 RUN = "async () => (await axe.run()).violations.map((one) => `${one.id}: ${one.nodes.map((node) => node.html).join(' | ')}`)"
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: apt-get install chromium")
+
+
+# As a browser hands over what was dragged from a folder.
+DROP = """(files) => {
+  const carried = new DataTransfer();
+  for (const [name, content] of files) carried.items.add(new File([Uint8Array.from(atob(content), (one) => one.charCodeAt(0))], name));
+  const event = (kind) => new DragEvent(kind, { dataTransfer: carried, bubbles: true, cancelable: true });
+  for (const kind of ["dragenter", "dragover", "drop"]) document.querySelector("main").dispatchEvent(event(kind));
+}"""
 
 
 def findings(page: Page) -> list[str]:
@@ -93,3 +103,7 @@ class Watched:
         assert [url for url in self.asked if not url.startswith(self.base)] == []
         assert self.trouble == [], self.trouble
         self.context.close()
+
+
+def drop(page: Page, files: dict[str, bytes]) -> None:
+    page.evaluate(DROP, [[name, base64.b64encode(data).decode()] for name, data in files.items()])
