@@ -72,6 +72,10 @@ def test_scpi_queries_are_answered(bench: SimulatedBench, name: str) -> None:
     accepted(client, name, "INIT:CONT OFF", "INIT:CONT?", "INIT:CONT 1", "STAT:PRES")
     accepted(client, name, "FREQ:STAR 1 MHZ", "FREQ:STOP 3 MHZ")
     assert (float(client.query("FREQ:CENT?")), float(client.query("FREQ:SPAN?"))) == (2e6, 2e6)
+    for wrong in ("FREQ:SPAN -1e400", "FREQ:SPAN -2e6", "FREQ:CENT 1e400"):
+        client.write(wrong)
+        assert not client.query("SYST:ERR?").startswith("+0")
+    assert (float(client.query("FREQ:CENT?")), float(client.query("FREQ:SPAN?"))) == (2e6, 2e6)
     client.write("FREQ:CENT 10 MHZ;:FREQ:SPAN 4 MHZ")
     assert (float(client.query("FREQ:STAR?")), float(client.query("FREQ:STOP?"))) == (8e6, 12e6)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from motoremi.bench.simulated_device import SimulatedDevice, number_text
@@ -38,10 +39,11 @@ def band_commands(device: SimulatedDevice, center: str, span: str, start: str, s
 
     def move(argument: str, *, width: bool) -> None:
         text = number_text(argument)
-        if text is None:
+        value = math.nan if text is None else float(text)
+        if not math.isfinite(value) or (width and value < 0):
             device.error_response("execution_error")
             return
-        (first, last), value = edges(), float(text)
+        first, last = edges()
         limits = float(device.limits(start)[0]), float(device.limits(stop)[1])
         first, last = as_wide_as((first + last) / 2, value / 2, *limits) if width else about(value, (last - first) / 2, *limits)
         device.set_value(start, first)
