@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -11,8 +13,13 @@ from playwright.sync_api import expect
 from workbench_browser import PATIENCE_MS, Watched, drop, findings, keep, needs_chromium
 from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
+from motoremi.arrays import Progress
 from motoremi.data.csvfiles import impedance_csv
 from motoremi.data.session import load, verify
+from motoremi.diagnosis.diagnosis import Diagnosis
+from motoremi.interrupts import checkpoint
+from motoremi.workbench import desk
+from motoremi.workflow import Store, diagnose_session
 
 pytestmark = needs_chromium
 SWEEPS = simulated_sweeps(7, ("eddy-laminations",), repeats=2)[0]
@@ -189,8 +196,20 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_diagnosis_is_cancelled_and_leaves_the_session_as_it_was(browser, fitted):
-    before = contents(fitted)
+def test_a_diagnosis_is_cancelled_and_leaves_the_session_as_it_was(browser, fitted, monkeypatch):
+    before, cancelled = contents(fitted), threading.Event()
+
+    def long(store: Store, progress: Progress) -> Diagnosis:
+        """A diagnosis that lasts until it is cancelled, the first time: a quick one would be over before the page is looked at."""
+        progress("looking", 1, 10)
+        for _ in range(600):
+            if cancelled.is_set():
+                break
+            checkpoint()
+            time.sleep(0.1)
+        return diagnose_session(store, progress=progress)
+
+    monkeypatch.setattr(desk, "diagnose_session", long)
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address)
         page = watched.page
@@ -211,6 +230,7 @@ def test_a_diagnosis_is_cancelled_and_leaves_the_session_as_it_was(browser, fitt
         expect(page.locator("#trouble")).to_have_text("Cancelled: the session is as it was.Close")
         assert contents(fitted) == before
         # It can be done again, and to its end.
+        cancelled.set()
         page.click("#diagnose")
         expect(job).to_contain_text("diagnosing")
         expect(job).to_have_count(0, timeout=PATIENCE_MS)
