@@ -140,7 +140,7 @@ def told(fit: me.Fit) -> str:
     """The model in words, modes counted."""
     names = list(dict.fromkeys(fit.effects))
     modes = fit.effects.count(MODES)
-    return " + ".join(["the paper's circuit", *(f"{modes} modes" if name == MODES else name for name in names)])
+    return " + ".join(["the paper's circuit", *(f"{modes} mode{'s' if modes > 1 else ''}" if name == MODES else name for name in names)])
 
 
 def main() -> None:

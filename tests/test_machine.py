@@ -71,6 +71,7 @@ def test_the_accuracy_that_was_stated_ends_the_adding_of_modes():
     errors = [fit.rms_error_percent for fit in (first, *grown)]
     assert errors[-1] <= stated < min(errors[:-1])
     assert len(errors) < 3  # a third mode would leave nothing
+    assert not list(further(grown[-1], "winding-modes"))
 
 
 def test_modes_share_one_quality():

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import expect
-from workbench_browser import PATIENCE_MS, Watched, drop, findings, keep, needs_chromium
+from workbench_browser import PATIENCE_MS, Watched, choose_by_keys, drop, findings, keep, needs_chromium
 from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
 
 from motoremi.arrays import Progress
@@ -77,14 +77,7 @@ def test_files_are_chosen_by_keys(browser, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
-        # Playwright needs a while before it catches the dialog.
-        with page.expect_file_chooser() as asked:
-            watched.see("bench")
-            page.keyboard.press("0")
-            watched.drawn("files")
-            page.focus("#choose-files")
-            page.keyboard.press("Enter")
-        asked.value.set_files([{"name": name, "mimeType": "text/csv", "buffer": data} for name, data in measured().items()])
+        choose_by_keys(watched, measured())
         expect(page.locator("#files-read tbody tr")).to_have_count(4)
         page.focus("#import-motor")
         page.keyboard.type("By keys")

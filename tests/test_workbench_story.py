@@ -10,7 +10,7 @@ import pypdfium2
 import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import Page, expect
-from workbench_browser import PATIENCE_MS, Watched, drop, findings, keep, needs_chromium
+from workbench_browser import PATIENCE_MS, Watched, choose_by_keys, drop, findings, keep, needs_chromium
 from workbench_tools import bench_of, client_of, make_fitted_session, served
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
@@ -350,14 +350,7 @@ def test_both_stories_by_keys_alone_from_chosen_files(browser, measured, tmp_pat
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address, viewport=SMALL, color_scheme="dark")
         page = watched.page
-        # Playwright needs a while before it catches the dialog.
-        with page.expect_file_chooser() as asked:
-            watched.see("bench")
-            page.keyboard.press("0")
-            watched.drawn("files")
-            page.focus("#choose-files")
-            page.keyboard.press("Enter")
-        asked.value.set_files([{"name": name, "mimeType": "text/csv", "buffer": data} for name, data in files_of(measured).items()])
+        choose_by_keys(watched, files_of(measured))
         expect(page.locator("#files-read tbody tr")).to_have_count(len(files_of(measured)))
         page.focus("#import-analyser")
         page.keyboard.type("4294a")

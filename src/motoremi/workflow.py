@@ -181,7 +181,8 @@ def diagnosis_in(session: Session) -> JsonDict:
 def add_to_session(store: Store, effect: str, progress: Progress | None = None) -> tuple[Fit, Fit]:
     """Add an effect on top of the ladder; returns the model before and after.
 
-    What only describes (modes of a winding) is added again and again, while the evidence carries it, each a step of the ladder.
+    What only describes (modes of a winding) is added again and again, each a step of the ladder, while that lowers the error by more than
+    chance would.
     """
     added = find_effect(effect).effect  # a wrong name is told before anything is fitted
     steps = current_steps(store)

@@ -357,7 +357,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
 
 def _modes_hint(closest: Candidate) -> list[str]:
     """Where resonances are what is missing, they can be described without a cause."""
-    if not {"second-resonance", "field-coupling"} & set(closest.added):
+    if not any("inductance-resonance" in find_effect(name).effect.seen_as for name in closest.added):
         return []
     return ["resonances are missing; as seen from the terminals they can be described without a cause: motoremi add SESSION winding-modes"]
 

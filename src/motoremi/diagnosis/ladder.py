@@ -23,6 +23,8 @@ LEAST_GAIN = 4.0
 MOST_MORE = 15
 # So many that lower the error by too little may lead to one that does.
 PATIENCE = 2
+# What neighbouring errors have in common at most: some forty points are then worth one.
+MOST_SHARED = 0.95
 # A resistance is back at its DC value within this share: copper changes by 0.4 % per kelvin, contacts by a little more.
 AT_DC = 0.1
 
@@ -131,14 +133,14 @@ def further(fit: Fit, effect: str, progress: Progress | None = None) -> Iterator
     portion: list[Fit] = []
     best, enough = fit, fit.measurement.accuracy_percent or 0.0
     for number in range(MOST_MORE):
+        if best.rms_error_percent <= enough:
+            return
         if progress is not None:
             progress(f"one more of {effect}", number, MOST_MORE)
         fit = fit.add(effect)
         portion.append(fit)
         if _worth_more(fit, best) or fit.rms_error_percent <= enough:
             yield portion
-            if fit.rms_error_percent <= enough:
-                return
             portion, best = [], fit
         elif len(portion) > PATIENCE:
             return
@@ -155,8 +157,9 @@ def _independent(fit: Fit) -> float:
     values = 0.0
     for error in fit.errors().values():
         along = float(np.vdot(error[1:], error[:-1]).real / np.vdot(error, error).real)
-        shared = min(max(along, 0.0), 0.95)
+        shared = min(max(along, 0.0), MOST_SHARED)
         values += 2 * np.size(error) * (1 - shared) / (1 + shared)
+    # Of fewer the logarithm would reward a parameter.
     return max(values, 2.0)
 
 

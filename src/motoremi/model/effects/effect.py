@@ -130,22 +130,25 @@ class AddedEffect:
         BadInput
             If the motor has it already and it cannot occur twice, or has one beside which it has no meaning.
         """
-        for name in dict.fromkeys(motor.effects):
-            other = split_identifier(name)[0]
-            if other in self.effect.excludes:
-                raise BadInput(f"{self.identifier} and {name} describe the same thing: drop {name} first")
-        count = motor.effects.count(self.identifier)
-        if count and not self.effect.repeatable:
-            raise BadInput(f"{self.identifier} is in the model already; drop it first or add another effect")
-        label = self.identifier if not count else f"{self.identifier}#{count + 1}"
+        if obstacle := self._obstacle(motor):
+            raise BadInput(obstacle)
+        label = self.label_in(motor)
         parameters = {p.name: dataclasses.replace(p, name=f"{label}.{p.name}") for p in self.effect.parameters}
         changed = self.effect.change(motor, self.place, parameters)
         return dataclasses.replace(changed, effects=(*motor.effects, self.identifier))
 
     def fits(self, motor: Motor) -> bool:
         """Whether it can be added to a motor."""
-        names = {split_identifier(name)[0] for name in motor.effects}
-        return not names & set(self.effect.excludes) and (self.effect.repeatable or self.identifier not in motor.effects)
+        return not self._obstacle(motor)
+
+    def _obstacle(self, motor: Motor) -> str:
+        """Why it cannot be added to a motor; empty if it can."""
+        for name in motor.effects:
+            if split_identifier(name)[0] in self.effect.excludes:
+                return f"{self.identifier} and {name} describe the same thing: drop {name} first"
+        if self.identifier in motor.effects and not self.effect.repeatable:
+            return f"{self.identifier} is in the model already; drop it first or add another effect"
+        return ""
 
     def label_in(self, motor: Motor) -> str:
         """Prefix of its parameters once it has been added to `motor`."""

@@ -17,6 +17,8 @@ from motoremi.model.parameter import Parameter
 
 # Above this a cage, or a turn of thick copper, is a constant loss beside a smaller La: it has no shape of its own.
 CAGE_SEEN_BELOW_HZ = 20e3
+# A closed loop of solid metal on part of the flux, in the rotor or in the winding.
+LOOP = "s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))"
 
 
 def _common_mode(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -104,7 +106,7 @@ EFFECTS = (
         group="rotor",
         kin="winding-loss",
         title="a cage or other solid conductors in the rotor",
-        formula="s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))",
+        formula=LOOP,
         parameters=(
             Parameter("share", "", 0.02, 0.95, "0.3 - 0.9 of the flux of an induction machine; less with a wide air gap"),
             Parameter("corner_hz", "Hz", 5.0, 5e3, "resistance of the cage over its inductance: 330 Hz on a machine of 1.5 HP"),
@@ -127,7 +129,7 @@ EFFECTS = (
         group="winding",
         kin="winding-loss",
         title="a shorted turn or coil of the winding",
-        formula="s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))",
+        formula=LOOP,
         parameters=(
             Parameter("share", "", 1e-3, 0.5, "square of the coupling; about the share of turns that are shorted"),
             Parameter(

@@ -21,6 +21,10 @@ Reader: TypeAlias = Callable[[Seen], Sequence[Mapping[str, float]]]
 LEAST_SHARE = 0.01
 # Resonances of a mode that are looked at, how far beyond the sweep, and how many of them are tried.
 MODES_SOUGHT, MODES_BEYOND, MODES_TRIED = 90, 1.5, 6
+# Of the first mode, as machines have it; all others share what is found.
+MODE_QUALITIES = (2.0, 5.0, 15.0)
+# Where a search for a rotor's cage starts: a measured machine has 0.3 to 0.4.
+CAGE_SHARE = 0.3
 # How much of all capacitance is the suppressor's, and what a small motor's winding has to its frame.
 SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
 # Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
@@ -141,47 +145,45 @@ def winding_modes(seen: Seen) -> list[dict[str, float]]:
     """Where one more series branch across the terminals would take most off the relative error, the strongest first."""
     if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None:
         return []
-    s = 2j * np.pi * seen.frequency_hz
     # To first order, an admittance Y beside the model changes its impedance Z by -Z Y.
-    left = 1 - seen.model_ohm / seen.short_ohm
+    s, left = 2j * np.pi * seen.frequency_hz, 1 - seen.model_ohm / seen.short_ohm
+    resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_SOUGHT)
+    x = s / (2 * np.pi * resonances[:, None])
     found: list[tuple[float, dict[str, float]]] = []
     known = seen.parameters.get("winding-modes.quality")
-    for quality in (known,) if known else (2.0, 5.0, 15.0):
-        gains = []
-        resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_SOUGHT)
-        for resonance_hz in resonances:
-            x = s / (2 * np.pi * resonance_hz)
-            branch = -seen.model_ohm * s / (1 + x / quality + x**2)
-            strength = float(np.vdot(branch, branch).real)
-            size = float(np.vdot(branch, left).real) / strength
-            gains.append((size**2 * strength if size > 0 else 0.0, size))
-        gain = np.array([one for one, _ in gains])
-        peaks = [i for i in range(gain.size) if gain[i] > 0 and gain[i] >= gain[max(i - 1, 0)] and gain[i] >= gain[min(i + 1, gain.size - 1)]]
-        found += [(gain[i], {"capacitance_f": gains[i][1], "resonance_hz": float(resonances[i]), "quality": quality}) for i in peaks]
+    for quality in (known,) if known else MODE_QUALITIES:
+        branch = -seen.model_ohm * s / (1 + x / quality + x**2)
+        strength = np.sum(np.abs(branch) ** 2, axis=1)
+        size = np.maximum((branch.conj() @ left).real / strength, 0.0)
+        gain = size**2 * strength
+        around = np.pad(gain, 1)
+        peaks = np.flatnonzero((gain > 0) & (gain >= around[:-2]) & (gain >= around[2:]))
+        found += [(gain[i], {"capacitance_f": float(size[i]), "resonance_hz": float(resonances[i]), "quality": quality}) for i in peaks]
     found.sort(key=lambda pair: -pair[0])
     return [start for _, start in found[:MODES_TRIED]]
 
 
 def machine_winding(seen: Seen) -> list[dict[str, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, for cages and irons of several corners."""
-    if seen.frequency_hz is None or seen.short_ohm is None:
+    lowest = seen.lowest_inductance_h
+    if lowest is None or seen.frequency_hz is None or seen.short_ohm is None:
         return []
     frequency, impedance = seen.frequency_hz, seen.short_ohm
-    lowest = float(impedance.imag[0] / (2 * np.pi * frequency[0]))
     falling = np.flatnonzero((impedance.imag[1:] <= 0) & (impedance.imag[:-1] > 0))
-    if lowest <= 0 or not falling.size:
+    if not falling.size:
         return []
     resonance = float(frequency[falling[0] + 1])
+    # Iron and cage have begun to act at the low end already: a tenth of La, and half of the resistance there.
+    base = {"=Ra": max(0.5 * float(impedance.real[0]), 1e-3), "=La": 1.1 * lowest}
     starts = []
     for iron in (0.5 * resonance, 2 * resonance):
         for exponent in (0.5, 0.8):
-            remaining = 0.7 * lowest / abs(1 + (1j * resonance / iron) ** exponent)
+            remaining = (1 - CAGE_SHARE) * lowest / abs(1 + (1j * resonance / iron) ** exponent)
             # A line with a shorted far end resonates where it is a quarter of a wave long.
             slots = (np.pi / 2) ** 2 / ((2 * np.pi * resonance) ** 2 * remaining)
             for cage in (3 * frequency[0], 0.03 * resonance):
-                own = {"slots_f": slots, "path_ohm": 300.0, "iron_hz": iron, "exponent": exponent, "cage_share": 0.3, "cage_hz": float(cage)}
-                elements = {"=Ra": max(0.5 * float(impedance.real[0]), 1e-3), "=La": 1.1 * lowest, "=Ca": 0.2 * slots}
-                starts.append({**elements, **own})
+                own = {"slots_f": slots, "path_ohm": 300.0, "iron_hz": iron, "exponent": exponent, "cage_share": CAGE_SHARE, "cage_hz": float(cage)}
+                starts.append({**base, "=Ca": 0.2 * slots, **own})
     return starts
 
 
@@ -190,11 +192,11 @@ def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
 
     A fit without the capacitor takes it for the frame, so all elements start anew.
     """
-    if seen.frame_hz is None or seen.open_ohm is None or seen.frequency_hz is None or seen.short_ohm is None:
+    henry = seen.lowest_inductance_h
+    if henry is None or seen.frame_hz is None or seen.open_ohm is None or seen.frequency_hz is None:
         return []
     whole = -1 / (2 * np.pi * seen.frame_hz[0] * seen.open_ohm.imag[0])
-    henry = seen.short_ohm.imag[0] / (2 * np.pi * seen.frequency_hz[0])
-    if whole <= 0 or henry <= 0:
+    if whole <= 0:
         return []
     dip = int(np.argmin(np.abs(seen.open_ohm)))
     starts = []
@@ -212,10 +214,8 @@ def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
 
 def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
     """The inductance at the low end of the short-circuit sweep, shared in several ways between winding and choke."""
-    if seen.frequency_hz is None or seen.short_ohm is None:
-        return []
-    henry = float(seen.short_ohm.imag[0] / (2 * np.pi * seen.frequency_hz[0]))
-    if henry <= 0:
+    henry = seen.lowest_inductance_h
+    if henry is None or seen.short_ohm is None:
         return []
     return [
         {

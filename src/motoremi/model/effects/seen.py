@@ -36,6 +36,14 @@ class Seen:
     model_ohm: ComplexArray | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def lowest_inductance_h(self) -> float | None:
+        """The inductance that the short-circuit sweep shows at its low end; None where it shows none."""
+        if self.frequency_hz is None or self.short_ohm is None:
+            return None
+        henry = float(self.short_ohm.imag[0] / (2 * np.pi * self.frequency_hz[0]))
+        return henry if henry > 0 else None
+
     @cached_property
     def resonating(self) -> Rational | None:
         """The short-circuit sweep of a winding with two resonances."""

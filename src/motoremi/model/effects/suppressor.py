@@ -46,7 +46,7 @@ EFFECTS = (
         parameters=(
             Parameter("capacitance_f", "F", 0.4e-9, 10e-6, "1 nF to the frame, 10 nF - 1 uF across the terminals; varistors 0.5 - 5 nF"),
             Parameter("esr_ohm", "Ohm", 1e-3, 10.0, "10 mOhm - 1 Ohm of ceramic and film capacitors, more of varistors"),
-            Parameter("esl_h", "H", 0.3e-9, 200e-9, "1 nF a chip, 1 nH a millimetre of wire"),
+            Parameter("esl_h", "H", 0.3e-9, 200e-9, "1 nH a chip, 1 nH a millimetre of wire"),
         ),
         limit="capacitance_f -> 0",
         limit_values={"capacitance_f": 1e-24, "esr_ohm": 0.1, "esl_h": 1e-8},
