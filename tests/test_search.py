@@ -268,3 +268,10 @@ def test_what_is_kept_arrives_whatever_its_standing(trails):
 
 def test_no_models_no_race():
     assert race({}, SHORT_RACE) == {}
+
+
+def test_a_further_effect_needs_odds_of_twenty_to_one():
+    assert believe(models(none=-100.0, a=0.0, ab=np.log(15.0))).named == ("a",)
+    assert believe(models(none=-100.0, a=0.0, ab=np.log(25.0))).named == ("a", "b")
+    # What single effects have together counts against a pair.
+    assert believe(models(none=-100.0, a=0.0, b=np.log(0.9), cd=np.log(25.0))).named == ("a",)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 ComplexArray: TypeAlias = NDArray[np.complex128]
 BoolArray: TypeAlias = NDArray[np.bool_]
+IntArray: TypeAlias = NDArray[np.intp]
 JsonDict: TypeAlias = dict[str, Any]
 # What is being done, how much is done, and of how much.
 Progress: TypeAlias = Callable[[str, int, int], None]

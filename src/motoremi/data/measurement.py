@@ -79,10 +79,13 @@ class Measurement:
     @cached_property
     def floor_percent(self) -> float:
         """What noise and the analyser's specification together would leave."""
+        return self._rms_percent(0.5 * floor[noise.regular] ** 2 for floor, noise in zip(self.floors, self.noise, strict=True))
+
+    @cached_property
+    def floors(self) -> tuple[FloatArray, ...]:
+        """Of each sweep: |Z_model/Z_measured - 1| that noise and the analyser's specification would leave at each point, shape (n,)."""
         pairs = zip(self.sweeps, self.noise, strict=True)
-        return self._rms_percent(
-            (noise.variance + 0.5 * self.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm) ** 2)[noise.regular] for sweep, noise in pairs
-        )
+        return tuple(np.sqrt(2 * noise.variance + self.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm) ** 2) for sweep, noise in pairs)
 
     @property
     def good_enough_percent(self) -> float:

@@ -2,11 +2,13 @@
 
 White noise follows the law of a bridge: a relative part, an additive part in impedance (seen at low |Z|) and an additive part in
 admittance (seen at high |Z|), times a slow function of frequency. Beside it stand what is correlated along frequency, what drifts from
-repeat to repeat, and single points that stand out (a broadcast station, a bad contact), which count for little instead of being deleted.
+repeat to repeat, and single points that stand out (a broadcast station, a bad contact), among their repeats or of their neighbours, which
+count for little instead of being deleted.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -16,6 +18,7 @@ from scipy.optimize import nnls
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.data.repeats import contrasts, correlated_part, drift_of
+from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.interrupts import checkpoint
 
@@ -49,7 +52,7 @@ class Noise:
         Complex; how far each point may be off because the motor went on changing from the first point of a sweep to its last, one standard
         deviation of the real and of the imaginary part each.
     outliers : ndarray of bool, shape (n,), or None
-        Points that stand out. Their `sigma` is as large as they are far off.
+        Points that stand out, in their repeats or of their neighbours. Their `sigma` is as large as they are far off.
     """
 
     sigma: FloatArray
@@ -76,6 +79,16 @@ class Noise:
 def estimate_noise(sweep: RepeatedSweep) -> Noise:
     """Noise of the mean of a repeated sweep."""
     checkpoint()
+    noise = _estimated(sweep)
+    off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated))
+    if not off.any():
+        return noise
+    outliers = off > 0 if noise.outliers is None else (off > 0) | noise.outliers
+    return dataclasses.replace(noise, sigma=np.maximum(noise.sigma, off), outliers=outliers)
+
+
+def _estimated(sweep: RepeatedSweep) -> Noise:
+    """From what there is: repeats, what the user states, or scatter."""
     if sweep.repeats > 1:
         return _from_repeats(sweep)
     if sweep.sigma_relative is not None:

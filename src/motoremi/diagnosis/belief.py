@@ -19,7 +19,7 @@ from motoremi.fitting.result import Fit
 
 Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 
-# Nothing is named unless the odds against nothing are so good.
+# No effect is named, and no further one, unless the doubt of it is smaller: odds of 20 to 1.
 LEAST_DOUBT = 0.05
 # The likeliest members of a family together have so much of its posterior (as much as an answer that names a family is sure), and each at least
 # this share of the best one's.
@@ -85,14 +85,20 @@ def believe(found: Mapping[Key, M]) -> Belief:
     scores = np.array([model.score for model in found.values()])
     weights = np.exp(scores - scores.max())
     posterior = {key: float(weight) for key, weight in zip(found, weights / weights.sum(), strict=True)}
-    best = max(found, key=lambda key: found[key].score)
-    if not best or posterior[()] >= LEAST_DOUBT:
+    best = _smallest_undoubted(found, posterior)
+    if not best:
         return Belief((), {}, max(posterior[()], 0.5), posterior)
     families = {effect: _rivals(best, effect, posterior) for effect in found[best].added}
     # A set that holds the named one, with an idle effect more, does not contradict it.
     places = [{effect, *families[effect]} for effect in found[best].added]
     agreeing = sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
     return Belief(found[best].added, families, agreeing, posterior)
+
+
+def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) -> Key:
+    """The likeliest set of so many effects as are needed: of the smallest number that no larger one beats by 20 to 1."""
+    sets = sorted(found, key=lambda key: (len(key), -found[key].score))
+    return next(key for key in sets if sum(share for other, share in posterior.items() if len(other) <= len(key)) >= LEAST_DOUBT)
 
 
 def _rivals(best: Key, effect: str, posterior: Mapping[Key, float]) -> Key:
@@ -130,4 +136,4 @@ def stands(base: Fit, best: Fit) -> Standing:
         return "slight"
     if best is not base and left <= MOSTLY * base.unexplained_percent["value"]:
         return "mostly"
-    return "not"
+    return "slight" if best.within_specification else "not"

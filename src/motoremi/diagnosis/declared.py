@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, Analyser
-from motoremi.diagnosis.explore import Budget
-from motoremi.diagnosis.judgement import Judgement, judge
+from motoremi.diagnosis.judgement import GLANCE, Judgement, judge
 from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -19,8 +18,6 @@ from motoremi.progress import part
 # Log odds beyond which the data deny the declared analyser. In trials before this, wrong declarations were denied by 43 to 87 and true ones never;
 # but a network analyser's wide errors can also take up a part of what two effects leave.
 TAKEN = 20.0
-# The search under another analyser: one effect at most, since beside two the wide errors of a network analyser would describe anything.
-GLANCE = Budget(most_effects=1)
 # Other analysers that are searched under: the second where the likeliest for the bare circuit is not the likeliest with the missing effect.
 MOST_TRIED = 2
 
@@ -58,6 +55,7 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
     # The bare circuit and the likeliest model each say which analyser they would rather have.
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
+        # One effect at most: beside two the wide errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE)
         odds = other.best.score - first.best.score
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:

@@ -15,7 +15,7 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps
 from motoremi.diagnosis.following import next_measurement
-from motoremi.diagnosis.judgement import CLEAR_GAIN, Judgement, judge
+from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.validation import cross_validated
@@ -229,7 +229,7 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judg
         base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
     if quiet is fit.measurement:
         return None
-    found = judge(base, progress)
+    found = judge(base, progress, GLANCE)
     if not (found.stands and found.model.done):
         return None
     model = found.model.fit
@@ -250,7 +250,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     base, belief = judgement.base, judgement.belief
     named = () if judgement.accurate or not judgement.stands else judgement.named
     best = judgement.model if judgement.stands else judgement.closest
-    families = tuple((name, *belief.families[name])[:LARGEST_FAMILY] for name in named if belief.families[name])
+    families = tuple((name, *judgement.families[name])[:LARGEST_FAMILY] for name in named if judgement.families[name])
     verdict = _verdict(judgement, named, families, findings, left)
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
@@ -290,7 +290,7 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
         return "data" if about_data or serious & {"sweeps-disagree", "interference", "drift", "correlated-noise"} else "unexplained"
     if not named:
         return "instrument" if judgement.model.fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate else "adequate"
-    groups = [{find_effect(name).effect.group for name in (effect, *judgement.belief.families[effect])} for effect in named]
+    groups = [{find_effect(name).effect.group for name in (effect, *judgement.families[effect])} for effect in named]
     if all(group == {"instrument"} for group in groups):
         return "instrument"
     return "family" if families else "missing-effect"

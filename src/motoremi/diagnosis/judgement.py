@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,13 +17,18 @@ from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 
 BUDGET = Budget()
+# A search for one effect.
+GLANCE = Budget(most_effects=1)
 # What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
 # no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
 # a part of the motor of their size.
 HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
-# Of what was left, so much or less after a single effect: a rest of a different order, whatever a second one makes of it.
-NEARLY_ALL = 0.1
+# Of what was left, so much or less after a single effect: a rest of a different order, whatever a second one makes of it. Cables and cores whose
+# physics is known leave 4 to 12 % in the sweeps of them that we have.
+NEARLY_ALL = 0.125
+# Circuits that err less than so many times as much are about as good.
+ALIKE = 2.0
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
 RELAXING = frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film"})
 
@@ -37,16 +43,19 @@ class Judgement:
     found : dict
         Candidate of each set of effects.
     belief : Belief
+    none_named : bool
+        Whether the base is to stand without what could be added, since no such model stands and the base errs within the specification.
     """
 
     base: Fit
     found: Mapping[Key, Candidate]
     belief: Belief
+    none_named: bool = False
 
     @cached_property
     def best(self) -> Candidate:
-        """The likeliest model, without effects that only take strain off the analyser, and that by no clear odds."""
-        best = best_of(self.found.values())
+        """The likeliest model of as many effects as are needed, without those that only take strain off the analyser, and that by no clear odds."""
+        best = self.found[tuple(sorted(self.belief.named))] if self.belief.named else best_of(self.found.values())
         while len(best.added) > 1:
             fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
             under = max(fewer, key=lambda one: one.score, default=None)
@@ -58,7 +67,7 @@ class Judgement:
     @cached_property
     def named(self) -> Effects:
         """The effects that are believed: those of the likeliest model, if they matter."""
-        return self.best.added if self.belief.named and self._matters else ()
+        return self.best.added if self.belief.named and self._matters and not self.none_named else ()
 
     @property
     def _matters(self) -> bool:
@@ -127,14 +136,32 @@ class Judgement:
         return self.best.score - self.found[()].score
 
     @property
-    def dominated(self) -> bool:
-        """Whether one effect of the likeliest set describes nearly all by itself, and no other effect anything like as much."""
+    def of_singles(self) -> Judgement | None:
+        """The judgement without larger sets, where one effect of the likeliest set describes nearly all by itself; None elsewhere."""
+        singles = {key: one for key, one in self.found.items() if len(key) <= 1}
+        under = Judgement(self.base, singles, believe(singles))
+        left = under.model.fit.unexplained_percent["value"]
+        nearly_all = under.stands and left <= NEARLY_ALL * self.base.unexplained_percent["value"]
+        return under if nearly_all and not self.distributed and set(under.named) & set(self.best.added) else None
+
+    @cached_property
+    def families(self) -> Mapping[str, Key]:
+        """For each effect of the likeliest model, the others that would do in its place.
+
+        Where one effect describes most and not all, its law is not quite the motor's and likelihood ratios mean little: others whose circuit
+        errs about as much are not told from it.
+        """
+        if self.standing != "mostly" or len(self.model.added) != 1:
+            return self.belief.families
+        (effect,), limit = self.model.added, ALIKE * self.model.fit.rms_error_percent
         singles = sorted((one for key, one in self.found.items() if len(key) == 1), key=lambda one: -one.score)
-        if self.distributed or not singles or singles[0].effect not in self.best.added:
-            return False
-        first, others = singles[0], [self.found[()], *singles[1:]]
-        nearly_all = first.fit.unexplained_percent["value"] <= NEARLY_ALL * self.base.unexplained_percent["value"]
-        return nearly_all and first.score - max(one.score for one in others) > CLEAR_GAIN
+        near = [one.effect for one in singles if one.effect != effect and one.fit.rms_error_percent <= limit]
+        return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *near)))}
+
+    @property
+    def of_none(self) -> Judgement | None:
+        """The judgement that the base does, where what it leaves may be the analyser's; None elsewhere."""
+        return dataclasses.replace(self, none_named=True) if self.base.within_specification else None
 
     def rivals(self) -> list[Fit]:
         """The fits that these data cannot tell from the believed one, it first; empty where there are none."""
@@ -142,7 +169,7 @@ class Judgement:
         for effect in dict.fromkeys(self.model.added):
             rest = list(self.model.added)
             rest.remove(effect)
-            family = self.belief.families[effect]
+            family = self.families[effect]
             fits += [self.found[key].fit for name in family if (key := tuple(sorted((*rest, name)))) in self.found]
         return fits if len(fits) > 1 else []
 
@@ -184,8 +211,5 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) 
     board = MotorBoard(base)
     found = explore(board, board.start(), budget, progress)
     judgement = Judgement(base, found, believe(found))
-    if judgement.stands or not judgement.dominated:
-        return judgement
-    # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does nearly all is named.
-    singles = {key: one for key, one in found.items() if len(key) <= 1}
-    return Judgement(base, singles, believe(singles))
+    # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
+    return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement

@@ -61,7 +61,7 @@ class Fit:
     rms_error_percent, rms_error_db : float
         Of Z_model/Z_measured - 1 over all points, mean of repeats: the motor's circuit alone, nothing absorbed.
     corrected_error_percent : float
-        The same with the analyser's most likely error taken off, of which no more than its specification allows.
+        The same with the analyser's most likely error taken off, of which no more than its specification allows, and none where that does not help.
     analyser_sigma : float
         How far the analyser's errors had to go, in standard deviations of what is declared.
     noise_percent, floor_percent : float
@@ -150,6 +150,14 @@ class Fit:
         left = self.unexplained_percent
         nothing = self.marginal.nothing_left >= 0.5 and self.analyser_sigma <= BEYOND_SIGMA
         return bool(nothing or left["value"] <= self.measurement.good_enough_percent)
+
+    @cached_property
+    def within_specification(self) -> bool:
+        """Whether the circuit alone, nothing absorbed, errs at the points (rms) no more than their noise and the analyser's specification allow."""
+        errors = self.errors()
+        pairs = zip(self.measurement.sweeps, self.measurement.floors, strict=True)
+        ratios = [np.abs(errors[sweep.termination]) / floor for sweep, floor in pairs]
+        return bool(np.mean(np.concatenate(ratios) ** 2) <= 1.0)
 
     @cached_property
     def linearised(self) -> Linearised:
@@ -436,7 +444,9 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         chi2_reduced=(float(strict.objective(strict.vector(values))) + scatter) / (strict.degrees_of_freedom + 2 * (problem.size - strict.size)),
         rms_error_percent=_rms_percent(np.exp(-alone) - 1),
         rms_error_db=float(20 / np.log(10) * np.sqrt(np.mean(alone.real**2))),
-        corrected_error_percent=_rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1),
+        corrected_error_percent=min(
+            _rms_percent(np.exp(-alone) - 1), _rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1)
+        ),
         analyser_sigma=weighed.analyser_sigma(u),
         noise_percent=measurement.noise_percent,
         floor_percent=measurement.floor_percent,
