@@ -30,21 +30,21 @@ MOST_NAMES = 2
 SLIGHT_SHARE = 0.25
 # What is left of what was left before, for a named effect to be most of the truth.
 MOSTLY = 0.25
-# How often each kind of answer is true, beyond what the posterior knows. Estimates from the hard boards of the seeds 811 and 821 (247 cases), which
-# the rules were set by as well; boards of other seeds confirm or deny them (docs/explanation/evidence.md).
+# How often each kind of answer is true, beyond what the posterior knows. Estimates from the boards of docs/explanation/evidence.md: `adequate` was
+# true 190 times of 190, `unexplained` 47 of 50, with a serious finding each time that it was not. Boards of other seeds confirm or deny them.
 RELIABLE: Mapping[str, float] = {
-    "adequate": 0.97,
-    "adequate, with a serious finding": 0.9,
-    "adequate, a weak effect unnamed": 0.85,
+    "adequate": 0.98,
+    "adequate, with a serious finding": 0.96,
+    "adequate, a weak effect unnamed": 0.95,
     "one name": 0.98,
     "two names": 0.92,
     "family": 0.97,
     "mostly": 0.75,
     "slight": 0.85,
     "weak": 0.7,
-    "instrument": 0.93,
+    "instrument": 0.95,
     "data": 0.6,
-    "unexplained": 0.92,
+    "unexplained": 0.95,
     "with a serious finding": 0.8,
 }
 

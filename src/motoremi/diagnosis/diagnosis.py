@@ -297,11 +297,9 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
 
 
 def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
-    """How often such an answer is true: what the posterior says, times what goes wrong beyond it."""
-    if verdict in ("unexplained", "data"):
-        return RELIABLE[verdict]
+    """How often such an answer is true: what the posterior says of the names, times what goes wrong beyond it."""
     kinds: list[str] = [
-        verdict if verdict in ("adequate", "instrument") else "family" if families else "one name" if len(named) == 1 else "two names"
+        verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name" if len(named) == 1 else "two names"
     ]
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
@@ -311,8 +309,10 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("adequate, a weak effect unnamed")
     if any(finding.serious and finding.id != "not-compensated" for finding in findings):
         kinds.append("adequate, with a serious finding" if verdict == "adequate" else "with a serious finding")
-    reliable = min(RELIABLE[kind] for kind in kinds)
-    return reliable * (judgement.belief.probability if named or verdict == "adequate" else 1.0)
+    if verdict == "unexplained" and any(finding.serious for finding in findings):
+        kinds.append("with a serious finding")
+    # That nothing is missing is true as well where something is that no analyser would show: the posterior of none says too little of it.
+    return min(RELIABLE[kind] for kind in kinds) * (judgement.belief.probability if named else 1.0)
 
 
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:
