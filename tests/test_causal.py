@@ -70,12 +70,13 @@ def test_half_a_sweep_from_a_warmer_motor_is_not_causal(seed):
 
 
 def test_an_outlier_is_named_by_its_frequency():
+    """One near the end of a sweep, where it is not held against its neighbours before."""
     sweeps, _ = simulated_sweeps(4)
     spike = np.ones(FREQUENCY_HZ.size)
-    spike[200] = 1.02
+    spike[2] = 1.02
     check = checked(changed(sweeps, "open", lambda z: z * spike))
     assert not check.causal
-    assert any(abs(f / FREQUENCY_HZ[200] - 1) < 1e-6 for f in check.models["open"].outliers_hz)
+    assert any(abs(f / FREQUENCY_HZ[2] - 1) < 1e-6 for f in check.models["open"].outliers_hz)
 
 
 def test_the_check_is_plain_data():
