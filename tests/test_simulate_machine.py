@@ -27,17 +27,25 @@ WIDE = np.geomspace(100.0, 30e6, 201)
 # What the catalogue calls a size, where the network's is another.
 OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "shorted-turn": {"skin_hz": 1e12},
+    "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
+    **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }
+# What is hidden by other sizes than the catalogue's has tests of its own: conductors in test_simulate_ladders, the rest below.
+OTHER_SIZES = ("skin-effect", "proximity-effect", "field-coupling")
 
 
 def in_the_catalogue(motor: SimulatedMotor, termination: str) -> ComplexArray:
     """The same motor by the laws of the catalogue."""
     model, values = dc_motor(), dict(motor.elements)
     for effect in motor.effects:
-        sizes = dict(effect.sizes) | OTHERWISE.get(effect.name, {})
+        sizes = {**OTHERWISE.get(effect.name, {}), **effect.sizes}
         names = [effect.name]
         if effect.name == "common-mode-flux":
             sizes = {"share": 1 - sizes["share_lost"]}
+        if effect.name == "second-resonance":
+            sizes["resonance_hz"] = 1 / (2 * np.pi * np.sqrt(sizes["inductance_h"] * sizes.pop("capacitance_f")))
+        if effect.name == "temperature-drift":
+            sizes = {"capacitance_change": sizes["capacitance_rise"]}
         if effect.name == "winding-modes":
             names *= 3
             for label, mode in (("", "first"), ("#2", "second"), ("#3", "third")):

@@ -27,6 +27,7 @@ from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Fo
 from motoremi.fitting.starts import base_starts, seen
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 from motoremi.spread import one_blas_thread
 
@@ -85,6 +86,7 @@ def fit(
     measurement = sweeps if isinstance(sweeps, Measurement) else Measurement.of(sweeps, analyser)
     _check_informative(measurement)
     limits, fixed = checked_bounds(motor, bounds), checked_held(motor, held)
+    _check_passive(motor, limits, fixed)
     base = dc_motor()
     paper_names = {p.name for p in BASE_PARAMETERS}
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
@@ -113,6 +115,16 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
         if known[name].scale == "log" and value <= 0:
             raise BadInput(f"the held value of {name} must be above 0 {known[name].unit}, got {value:g}")
     return {name: float(value) for name, value in (held or {}).items()}
+
+
+def _check_passive(motor: Motor, bounds: Mapping[str, tuple[float, float]], held: Mapping[str, float]) -> None:
+    """Refuse values of an effect's parameters with which its law leaves its validity: a permeability below zero."""
+    known = {p.name: p for p in motor.parameters}
+    given = [(name, value) for name, pair in [*bounds.items(), *((n, (v,)) for n, v in held.items())] for value in pair if "." in name]
+    for name, value in given:
+        if active_at(motor, [{name: value}]) is not None:
+            p = known[name]
+            raise BadInput(f"{name} = {value:g} {p.unit}".rstrip() + f" makes the motor give energy away: keep it between {p.low:g} and {p.high:g}")
 
 
 def _check_informative(measurement: Measurement) -> None:

@@ -27,6 +27,8 @@ MODE_QUALITIES = (2.0, 5.0, 15.0)
 CAGE_SHARE = 0.3
 # How much of all capacitance is the suppressor's, and what a small motor's winding has to its frame.
 SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
+# A bare line: at least so many resonances, their distances alike within this share; points of the mean; next to nothing between its turns.
+LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
 # Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
@@ -185,6 +187,25 @@ def machine_winding(seen: Seen) -> list[dict[str, float]]:
                 own = {"slots_f": slots, "path_ohm": 300.0, "iron_hz": iron, "exponent": exponent, "cage_share": CAGE_SHARE, "cage_hz": float(cage)}
                 starts.append({**base, "=Ca": 0.2 * slots, **own})
     return starts
+
+
+def uniform_line(seen: Seen) -> list[dict[str, float]]:
+    """A line whose far end is shorted, from resonances at equal distances: Zc tanh(theta), of which |Z| is Zc in the geometric mean."""
+    if seen.frequency_hz is None or seen.short_ohm is None:
+        return []
+    frequency, reactance = seen.frequency_hz, seen.short_ohm.imag
+    crossings = frequency[:-1][np.diff(np.sign(reactance)) != 0]
+    apart = np.diff(crossings)
+    if apart.size < LINE_RESONANCES - 1 or np.ptp(apart) > LINE_UNEVEN * float(np.median(apart)):
+        return []
+    # From one resonance to the next the line grows by a quarter of a wave; beyond the last one the mean would be of a part of a wave.
+    delay_s = 1 / (4 * float(np.median(apart)))
+    whole = (frequency >= crossings[0]) & (frequency <= crossings[2 * ((crossings.size - 1) // 2)])
+    places = np.linspace(crossings[0], crossings[2 * ((crossings.size - 1) // 2)], LINE_POINTS)
+    wave_ohm = float(np.exp(np.mean(np.interp(places, frequency[whole], np.log(np.abs(seen.short_ohm[whole]))))))
+    loss_ohm = 2 * float(np.min(np.abs(seen.short_ohm[whole])))
+    line = {"=La": wave_ohm * delay_s, "=Cf": 2 * delay_s / wave_ohm, "share": 0.5}
+    return [{**line, "=Ra": ra * loss_ohm, "=Ca": LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
 
 
 def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:

@@ -226,6 +226,7 @@ EFFECTS = (
         change=_distributed,
         # Without the effect, what is spread across the winding was taken for a part of Ca.
         starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))),
+        reader=readings.uniform_line,
     ),
     Effect(
         name="field-coupling",
