@@ -29,6 +29,8 @@ CAGE_SHARE = 0.3
 SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
 # A bare line: at least so many resonances, their distances alike within this share; points of the mean; next to nothing between its turns.
 LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
+# Of a choke, what shows least: its turns' capacitance and its wire.
+CHOKE_REST = {"capacitance_f": 2e-12, "resistance_ohm": 0.02}
 # Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
@@ -234,11 +236,11 @@ def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
 
 
 def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
-    """The inductance at the low end of the short-circuit sweep, shared in several ways between winding and choke."""
+    """A rod in series with the winding; and the inductance at the low end of the sweep, shared in several ways between the two."""
     henry = seen.lowest_inductance_h
     if henry is None or seen.short_ohm is None:
         return []
-    return [
+    return _from(seen.choked, _choke) + [
         {
             "=Ra": max(float(seen.short_ohm.real[0]), 1e-3),
             "=La": (1 - part) * henry,
@@ -246,10 +248,33 @@ def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
             "inductance_h": part * henry,
             "share": 0.6,
             "corner_hz": corner_hz,
-            "capacitance_f": 2e-12,
-            "resistance_ohm": 0.02,
+            **CHOKE_REST,
         }
         for part in (0.25, 0.5, 0.75)
         for farad in (2e-11, 1e-10)
         for corner_hz in (5e6, 2e7)
     ]
+
+
+def _choke(short: Rational) -> dict[str, float]:
+    """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: of the poles, the real one is the rod's."""
+    denominator = short.denominator[::-1]
+    straight, rest = np.polydiv(short.numerator[::-1], denominator)
+    poles = np.roots(denominator)
+    real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
+    if real.size != 1 or paired.size != 1 or straight.size != 2:
+        return {"=La": np.nan}
+    (by_rod,), (by_winding,) = (np.polyval(rest, p) / np.polyval(np.polyder(denominator), p) for p in (real, paired))
+    corner = -real[0] * short.middle
+    ferrite, air = -by_rod * short.middle / corner**2, straight[0] / short.middle
+    capacitance = 1 / (2 * by_winding.real * short.middle)
+    inductance = 1 / (np.abs(paired[0] * short.middle) ** 2 * capacitance)
+    return {
+        "=Ra": float(-(by_winding * paired[0].conj()).real / by_winding.real * short.middle * inductance),
+        "=La": float(inductance),
+        "=Ca": float(capacitance),
+        "inductance_h": float(air + ferrite),
+        "share": float(ferrite / (air + ferrite)),
+        "corner_hz": float(corner / (2 * np.pi)),
+        **CHOKE_REST,
+    }
