@@ -77,6 +77,17 @@ def test_a_relaxing_core_is_read_off_the_short_sweep():
     assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "share": 0.4, "corner_hz": 3e6, "exponent": 1.0, "quality": 0.02}, rel=NEAR)
 
 
+def test_a_damped_core_is_read_off_the_short_sweep():
+    share, corner_hz, quality = 0.56, 1.6e6, 1.7
+    x = S / (2 * np.pi * corner_hz)
+    core = S * LA * (1 - share + share / (1 + x + (quality * x) ** 2))
+    reader = next(one.reader for one in catalogue() if one.name == "permeability-relaxation")
+    assert reader is not None
+    found = list(reader(seen(measured(winding(core), frame()))))[-1]
+    truth = {"=Ra": RA, "=La": LA, "=Ca": CA, "share": share, "corner_hz": corner_hz, "quality": quality}
+    assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
+
+
 def test_a_choke_is_read_off_the_short_sweep():
     rod = S * 7.6e-6 * 0.24 + beside(S * 7.6e-6 * 0.76, np.full_like(S, 2 * np.pi * 5e6 * 7.6e-6 * 0.76))
     found = read_start(measured(winding(S * LA) + rod, frame()), "suppressor-choke")

@@ -55,8 +55,8 @@ def coupled_winding(seen: Seen) -> list[dict[str, float]]:
 
 
 def relaxing_core(seen: Seen) -> list[dict[str, float]]:
-    """A share of La that relaxes with one time constant."""
-    return _from(seen.relaxing, _relaxing_core)
+    """A share of La that relaxes with one time constant, or resonates and is damped."""
+    return _from(seen.relaxing, _relaxing_core) + _from(seen.resonating, _damped_core)
 
 
 def film(seen: Seen) -> list[dict[str, float]]:
@@ -101,6 +101,19 @@ def _relaxing_core(short: Rational) -> dict[str, float]:
     """Ra + s La (1 - k s / (s + w)) beside Ca."""
     elements, missing, (a1, a0) = _beside_ca(short)
     return {**elements, "share": float(missing), "corner_hz": float(a0 / a1 * short.middle / (2 * np.pi)), **ONE_TIME_CONSTANT}
+
+
+def _damped_core(short: Rational) -> dict[str, float]:
+    """Ra + s La (1 - k + k / (1 + x + (Q x)^2)) beside Ca, x = s/w."""
+    elements, missing, (a2, a1, a0) = _beside_ca(short)
+    corner_hz = float(a0 / a1 * short.middle / (2 * np.pi))
+    return {
+        **elements,
+        "share": float(missing),
+        "corner_hz": corner_hz,
+        "exponent": ONE_TIME_CONSTANT["exponent"],
+        "quality": float(np.sqrt(a2 * a0) / a1),
+    }
 
 
 def _beside_ca(short: Rational) -> tuple[dict[str, float], float, np.ndarray]:
