@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks import real_cores
 from motoremi.diagnosis import dispersion as laws
 from motoremi.diagnosis.dispersion import fit_laws
 
@@ -67,3 +69,19 @@ def test_a_damped_resonance_describes_the_permeability():
     assert fits[0].rms_error_percent < 0.2
     # Its permeability rises before it falls, which neither relaxation nor diffusion does.
     assert min(fit.rms_error_percent for fit in fits[1:]) > 1.5
+
+
+def test_the_page_of_real_cores_tells_which_curves_are_not_at_hand(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(real_cores, "section", lambda curve, path: (f"| {curve.title} |", ["", f"## {curve.title}"]))
+    frequencies = [1e5, *(n * 1e6 for n in range(1, 11)), 2e8]
+    table = {"DLW32MH201XK2": {"cm": {"f": frequencies, "re": [1.0] * 12, "im": [f * 1e-6 for f in frequencies]}}}
+    (tmp_path / "hertz-cmc-curves.v1.json").write_text(json.dumps({"curves": table}))
+    text = "\n".join(real_cores.page(tmp_path))
+    # The one with an open licence comes with the repository.
+    assert "## An inductor of 204 uH" in text
+    assert "## A common-mode choke" in text
+    missing = capsys.readouterr().err.splitlines()
+    assert len(missing) == len(real_cores.CURVES) - 2
+    assert all("is not in" in line and "github.com" in line for line in missing)
+    choke = real_cores.sweep_of(real_cores.CURVES[-1], tmp_path / "hertz-cmc-curves.v1.json")
+    assert choke.impedance_ohm.tolist() == [1 + 1j * n for n in range(1, 11)]  # within the band that is used

@@ -21,6 +21,7 @@ from motoremi.model.parameter import Parameter
 # The paper's motor (table 1) with little copper, so that its own resistance covers nothing.
 MOTOR: Mapping[str, float] = {"Ra": 1e-3, "La": 12.1e-6, "Ca": 22e-12, "Rr": 0.04, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
 SIZES = 2 * np.pi * np.geomspace(40.0, 1e9, 60)
+AXIS = np.asarray(1j * SIZES, dtype=np.complex128)
 # From the frequency axis to the axis of real s.
 ANGLES = np.pi * np.array([0.5, 0.4, 0.25, 0.0])
 # Of |Z|: what rounding may leave of a loss-free part.
@@ -123,4 +124,4 @@ def _seen(motor: Motor, parameters: Sequence[Parameter], values: Sequence[float]
     own = dict(zip((p.name for p in parameters), values, strict=True))
     row = np.array([[MOTOR.get(p.name, own.get(p.short_name, 0.0)) for p in motor.parameters]])
     names = [p.name for p in motor.parameters]
-    return np.concatenate([_impedance(motor, t, names, 1j * SIZES, row)[0] for t in BOTH])
+    return np.concatenate([_impedance(motor, t, names, AXIS, row)[0] for t in BOTH])
