@@ -19,7 +19,6 @@ import numpy as np
 import motoremi as me
 from benchmarks.real_motor import largest_errors, parameter_table, told, within, write
 from motoremi.data.files import read_impedance
-from motoremi.model.effects import find_effect
 from motoremi.quantities import show_band
 
 IN_THE_REPOSITORY = Path(__file__).parents[1] / "tests" / "data" / "eth_4294A_inductor"
@@ -196,7 +195,8 @@ def section(curve: Curve, path: Path) -> tuple[str, list[str]]:
     for effect in curve.effects:
         steps.append(steps[-1].add(effect))
     diagnosis = me.diagnose(me.fit(me.dc_motor(), [sweep], analyser=curve.analyser))
-    first = diagnosis.candidates[0].effect if diagnosis.candidates else "none"
+    leading = diagnosis.candidates[0] if diagnosis.candidates else None
+    first = "none" if leading is None else f"{leading.effect}, {leading.fit.rms_error_percent:.3g} %"
     named = f"{diagnosis.verdict} ({', '.join(diagnosis.effects)})" if diagnosis.effects else diagnosis.verdict
     last = steps[-1]
     row = f"| {curve.title} | {steps[0].rms_error_percent:.3g} | {last.rms_error_percent:.3g} | {first} | {named} |"
@@ -215,21 +215,14 @@ def section(curve: Curve, path: Path) -> tuple[str, list[str]]:
         *parameter_table(last),
         largest_errors(last),
         "",
-        f"`motoremi diagnose` ({curve.analyser}): {named}, sure by {diagnosis.confidence:.2g}. {sentences(diagnosis.reasons)}",
-        *candidates(diagnosis),
+        f"`motoremi diagnose` ({curve.analyser}): {named}, sure by {diagnosis.confidence:.2g}; first candidate {first}. "
+        + sentences(diagnosis.reasons),
     ]
 
 
 def sentences(reasons: Sequence[str]) -> str:
     """What a diagnosis gives as reasons."""
     return " ".join(f"{reason[:1].upper()}{reason[1:]}." for reason in reasons)
-
-
-def candidates(diagnosis: me.Diagnosis) -> Iterator[str]:
-    """The first few effects that it considers, each with its error alone."""
-    if diagnosis.candidates:
-        alone = (f"{one.effect} {one.fit.rms_error_percent:.3g} % ({find_effect(one.effect).effect.title})" for one in diagnosis.candidates[:3])
-        yield f"Of single effects: {'; '.join(alone)}."
 
 
 def main() -> None:

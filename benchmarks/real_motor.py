@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -148,10 +149,14 @@ def largest_errors(fit: me.Fit) -> str:
 
 
 def told(fit: me.Fit) -> str:
-    """The model in words, modes counted."""
-    names = list(dict.fromkeys(fit.effects))
-    modes = fit.effects.count(MODES)
-    return " + ".join(["the paper's circuit", *(f"{modes} mode{'s' if modes > 1 else ''}" if name == MODES else name for name in names)])
+    """The model in words, modes and what else occurs twice counted."""
+    return " + ".join(["the paper's circuit", *(_counted(name, count) for name, count in Counter(fit.effects).items())])
+
+
+def _counted(name: str, count: int) -> str:
+    if name == MODES:
+        return f"{count} mode{'s' if count > 1 else ''}"
+    return name if count == 1 else f"{count} x {name}"
 
 
 def main() -> None:

@@ -12,7 +12,8 @@ from scipy.optimize import least_squares
 import motoremi as me
 from motoremi.blind.cases import Case
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.candidates import at_bounds, candidate, possible_effects
+from motoremi.diagnosis.candidates import at_bounds, possible_effects
+from motoremi.diagnosis.candidates import candidate as weighed
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.diagnosis.diagnosis import _closeness
 from motoremi.errors import BadInput
@@ -163,7 +164,7 @@ def test_parameter_pushed_against_its_bound_is_told(measure):
     assert at_bounds(right, ("insulation-leakage@Cf",)) == ()
     assert at_bounds(wrong, ("dielectric-relaxation@Cr",))
     # Where nothing is believed, the smaller error comes first, but not at the end of what physics allows.
-    pushed, free = candidate(wrong, fit), candidate(right, fit)
+    pushed, free = weighed(wrong, fit), weighed(right, fit)
     assert free.fit.rms_error_percent < pushed.fit.rms_error_percent
     assert _closeness(free) < _closeness(pushed)
     assert _closeness(dataclasses.replace(pushed, at_bound=())) < _closeness(dataclasses.replace(free, at_bound=("its parameter",)))
