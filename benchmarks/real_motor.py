@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -119,28 +120,43 @@ def section(sweep: me.ImpedanceSweep, part: Part) -> Iterator[str]:
     yield f"{reached}; with at most {part.most} parameters {within_most:.3g} % are left."
     last = next((fit for fit in steps if fit is enough), steps[-1])
     yield ""
-    yield f"Parameters of {told(last)}:"
+    yield from parameter_table(last)
+    seen, unseen = held_out(some, part)
+    yield f"Fitted to every other half-decade only, the same steps leave {seen:.3g} % there and {unseen:.3g} % in those left out."
+    yield largest_errors(last)
+
+
+def parameter_table(fit: me.Fit) -> Iterator[str]:
+    """Each parameter with its error bar and meaning, and what the data leave open."""
+    yield f"Parameters of {told(fit)}:"
     yield ""
     yield "| parameter | value | error bar | is |"
     yield "|---|---|---|---|"
-    reasons = {parameter.name: parameter.reason for parameter in last.motor.parameters}
-    for name, value, bar in last.rows():
+    reasons = {parameter.name: parameter.reason for parameter in fit.motor.parameters}
+    for name, value, bar in fit.rows():
         yield f"| {name} | {value} | {bar} | {reasons[name]} |"
-    loose = last.undetermined()
+    loose = fit.undetermined()
     yield ""
     yield f"Not determined: {', '.join(loose)}." if loose else "All of them are determined."
-    seen, unseen = held_out(some, part)
-    yield f"Fitted to every other half-decade only, the same steps leave {seen:.3g} % there and {unseen:.3g} % in those left out."
-    worst = np.argsort(-np.abs(last.errors()["short"]))[:4]
-    places = ", ".join(f"{show(float(some.frequency_hz[i]), 'Hz')} ({100 * abs(last.errors()['short'][i]):.2g} %)" for i in sorted(worst))
-    yield f"Largest errors: {places}."
+
+
+def largest_errors(fit: me.Fit) -> str:
+    """Where the circuit errs most, in words."""
+    errors = np.abs(fit.errors()["short"])
+    frequency_hz = fit.measurement.sweeps[0].frequency_hz
+    places = ", ".join(f"{show(float(frequency_hz[i]), 'Hz')} ({100 * errors[i]:.2g} %)" for i in sorted(np.argsort(-errors)[:4]))
+    return f"Largest errors: {places}."
 
 
 def told(fit: me.Fit) -> str:
-    """The model in words, modes counted."""
-    names = list(dict.fromkeys(fit.effects))
-    modes = fit.effects.count(MODES)
-    return " + ".join(["the paper's circuit", *(f"{modes} mode{'s' if modes > 1 else ''}" if name == MODES else name for name in names)])
+    """The model in words, modes and what else occurs twice counted."""
+    return " + ".join(["the paper's circuit", *(_counted(name, count) for name, count in Counter(fit.effects).items())])
+
+
+def _counted(name: str, count: int) -> str:
+    if name == MODES:
+        return f"{count} mode{'s' if count > 1 else ''}"
+    return name if count == 1 else f"{count} x {name}"
 
 
 def main() -> None:
@@ -148,11 +164,16 @@ def main() -> None:
     parser.add_argument("path", type=Path)
     parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
     arguments = parser.parse_args()
-    text = "\n".join(page(arguments.path)) + "\n"
-    if arguments.out is None:
+    write(page(arguments.path), arguments.out)
+
+
+def write(lines: Iterable[str], out: Path | None) -> None:
+    """A page to a file, or to standard output."""
+    text = "\n".join(lines) + "\n"
+    if out is None:
         print(text, end="")
     else:
-        arguments.out.write_text(text, encoding="utf-8")
+        out.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -77,6 +77,42 @@ def test_a_relaxing_core_is_read_off_the_short_sweep():
     assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "share": 0.4, "corner_hz": 3e6, "exponent": 1.0, "quality": 0.02}, rel=NEAR)
 
 
+def test_a_damped_core_is_read_off_the_short_sweep():
+    share, corner_hz, quality = 0.56, 1.6e6, 1.7
+    x = S / (2 * np.pi * corner_hz)
+    core = S * LA * (1 - share + share / (1 + x + (quality * x) ** 2))
+    reader = next(one.reader for one in catalogue() if one.name == "permeability-relaxation")
+    assert reader is not None
+    found = list(reader(seen(measured(winding(core), frame()))))[-1]
+    truth = {"=Ra": RA, "=La": LA, "=Ca": CA, "share": share, "corner_hz": corner_hz, "quality": quality}
+    assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
+
+
+def test_a_choke_is_read_off_the_short_sweep():
+    rod = S * 7.6e-6 * 0.24 + beside(S * 7.6e-6 * 0.76, np.full_like(S, 2 * np.pi * 5e6 * 7.6e-6 * 0.76))
+    found = read_start(measured(winding(S * LA) + rod, frame()), "suppressor-choke")
+    truth = {"=La": LA, "=Ca": CA, "inductance_h": 7.6e-6, "share": 0.76, "corner_hz": 5e6}
+    assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
+
+
+def test_a_line_is_read_off_its_resonances():
+    """Five metres of cable, its far end shorted, with the loss of 3 ohm; one half-wave more makes no difference to what it is."""
+    inductance, capacitance = 1.25e-6, 5e-10
+    for highest_hz in (1e8, 1.15e8):
+        frequency = np.linspace(1e7, highest_hz, 401)
+        series, shunt = 3.0 + 2j * np.pi * frequency * inductance, 2j * np.pi * frequency * capacitance
+        impedance = np.sqrt(series / shunt) * np.tanh(np.sqrt(series * shunt))
+        found = read_start(Measurement.of([me.ImpedanceSweep("short", frequency, impedance)]), "distributed-winding")
+        assert found["=La"] == pytest.approx(inductance, rel=NEAR)
+        assert found["share"] * found["=Cf"] == pytest.approx(capacitance, rel=NEAR)
+        assert found["=Ra"] == pytest.approx(3.0, rel=0.3)
+
+
+def test_resonances_that_are_not_evenly_spaced_are_no_line():
+    cells = sum(beside(S * 1e-7, 1 / (S * c), np.full_like(S, 900.0)) for c in (1e-8, 2e-10, 1e-9))
+    assert not read_start(measured(winding(S * LA) + cells, frame()), "distributed-winding")
+
+
 def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
     film = beside(np.full_like(S, 2e3), 1 / (S * 1.5e-10))
     found = read_start(measured(winding(S * LA), frame(film)), "bearing-film")

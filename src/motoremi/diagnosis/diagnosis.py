@@ -257,8 +257,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
-        # Nothing is believed, so what describes the data best comes first.
-        singles.sort(key=lambda one: one.fit.rms_error_percent)
+        singles.sort(key=_closeness)
         following = next_measurement(base, [one.fit for one in singles[:3]])
     else:
         singles.sort(key=lambda one: (-round(probabilities[one.effect], 6), -one.score))
@@ -281,6 +280,11 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
         validation=validation if named or verdict == "unexplained" else {},
         left_over=left,
     )
+
+
+def _closeness(one: Candidate) -> tuple[bool, float]:
+    """Where nothing is believed: what describes the data best comes first, and after it what needs a value at the end of what physics allows."""
+    return not one.plausible, one.fit.rms_error_percent
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:

@@ -100,6 +100,13 @@ def _leaking_cole_cole(s: ComplexArray, size: float, leak_hz: float, strength: f
     return result
 
 
+def _leaking_skewed(s: ComplexArray, size: float, leak_hz: float, strength: float, corner_hz: float, exponent: float, skew: float) -> ComplexArray:
+    """Havriliak and Negami (Polymer 8 (1967) 161): passive as long as neither the exponent nor its product with the skew exceeds 1."""
+    relaxing = size * (1 + strength / (1 + (s / (TWO_PI * corner_hz)) ** exponent) ** skew)
+    result: ComplexArray = relaxing + size * TWO_PI * leak_hz / s
+    return result
+
+
 def _leaking_debye(s: ComplexArray, size: float, leak_hz: float, strength: float, corner_hz: float) -> ComplexArray:
     return _leaking_cole_cole(s, size, leak_hz, strength, corner_hz, 1.0)
 
@@ -188,6 +195,12 @@ LEAKING_COLE_COLE = DispersiveLaw(
     _leaking_cole_cole,
     {"leak_hz": (1e4,), "strength": (0.3, 3.0), "corner_hz": "*span", "exponent": (0.8,)},
     ("capacitance-leakage", "capacitance-relaxation"),
+)
+LEAKING_HAVRILIAK_NEGAMI = DispersiveLaw(
+    "leakage and a Havriliak-Negami relaxation",
+    "C (1 + d / (1 + (s/w)^a)^b) + G/s",
+    _leaking_skewed,
+    {"leak_hz": (1e4,), "strength": (0.3, 3.0), "corner_hz": "*span", "exponent": (0.8,), "skew": (0.6,)},
 )
 LEAKING_DIFFUSION = DispersiveLaw(
     "leakage and diffusion", "(C + G/s) tanh(x)/x, x = sqrt(s/(pi f))", _leaking_diffusion, {"leak_hz": (1e4,), "corner_hz": "*span"}
@@ -310,6 +323,7 @@ _RANGES: Mapping[str, tuple[float, float]] = {
     "share": (1e-6, 1.0),
     "coupling": (1e-6, 1.0),
     "exponent": (0.2, 1.0),
+    "skew": (0.1, 1.0),
     "quality": (1e-3, 1e4),
     "tan_delta": (1e-7, 10.0),
     "layers": (1.0, 100.0),

@@ -27,7 +27,9 @@ from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Fo
 from motoremi.fitting.starts import base_starts, seen
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
+from motoremi.model.parameter import Parameter
 from motoremi.spread import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
@@ -85,6 +87,9 @@ def fit(
     measurement = sweeps if isinstance(sweeps, Measurement) else Measurement.of(sweeps, analyser)
     _check_informative(measurement)
     limits, fixed = checked_bounds(motor, bounds), checked_held(motor, held)
+    for p in motor.parameters:
+        for value in limits.get(p.name, ()):
+            _check_valid(p, value)
     base = dc_motor()
     paper_names = {p.name for p in BASE_PARAMETERS}
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
@@ -102,7 +107,8 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
     Raises
     ------
     BadInput
-        For an unknown parameter, a value that is not finite, or one that is not above 0 where only such are possible.
+        For an unknown parameter, a value that is not finite, one that is not above 0 where only such are possible, or one with which an
+        effect would give energy away.
     """
     known = {p.name: p for p in motor.parameters}
     for name, value in (held or {}).items():
@@ -112,7 +118,19 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
             raise BadInput(f"held value of {name} is not a finite number")
         if known[name].scale == "log" and value <= 0:
             raise BadInput(f"the held value of {name} must be above 0 {known[name].unit}, got {value:g}")
+        _check_valid(known[name], value)
     return {name: float(value) for name, value in (held or {}).items()}
+
+
+def _check_valid(parameter: Parameter, value: float) -> None:
+    """Refuse a value with which the law of an effect leaves its validity: a permeability below zero."""
+    effect = parameter.name.rpartition(".")[0].partition("#")[0]
+    # The analyser's errors are no part of a motor.
+    if not effect or find_effect(effect).effect.group == "instrument":
+        return
+    if active_at(add_effects(dc_motor(), [effect]), [{f"{effect}.{parameter.short_name}": value}]) is not None:
+        given = f"{parameter.name} = {value:g} {parameter.unit}".rstrip()
+        raise BadInput(f"{given} makes the motor give energy away: keep it between {parameter.low:g} and {parameter.high:g}")
 
 
 def _check_informative(measurement: Measurement) -> None:

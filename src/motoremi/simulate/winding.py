@@ -53,13 +53,25 @@ def _apply_laminations(network: Network, elements: Elements, sizes: Sizes) -> Ne
 
 
 def _draw_relaxation(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    return {"share": uniform(rng, 0.1, 0.6), "corner_hz": log_uniform(rng, 5e5, 1e7)}
+    """A core with one time constant, with many (Cole and Cole), or with a damped resonance (Lorentz)."""
+    sizes = {"share": uniform(rng, 0.1, 0.6), "corner_hz": log_uniform(rng, 5e5, 1e7)}
+    kind = rng.integers(3)
+    if kind == 1:
+        sizes["exponent"] = uniform(rng, 0.6, 0.8)
+    elif kind == 2:
+        sizes["quality"] = uniform(rng, 0.5, 2.0)
+    return sizes
 
 
 def _apply_relaxation(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    henry = sizes["share"] * elements["La"]
-    cell = Network().inductor("l", IN, OUT, henry).resistor("r", IN, OUT, 2 * np.pi * sizes["corner_hz"] * henry)
-    return behind(network, "La", cell, 1 - sizes["share"])
+    henry, omega = sizes["share"] * elements["La"], 2 * np.pi * sizes["corner_hz"]
+    if "exponent" in sizes:
+        core = ladders.spread_relaxation(henry, sizes["corner_hz"], sizes["exponent"])
+    else:
+        core = Network().inductor("l", IN, OUT, henry).resistor("r", IN, OUT, omega * henry)
+    if "quality" in sizes:
+        core = core.capacitor("c", IN, OUT, sizes["quality"] ** 2 / (omega**2 * henry))
+    return behind(network, "La", core, 1 - sizes["share"])
 
 
 def _draw_core_loss(rng: np.random.Generator, elements: Elements) -> dict[str, float]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from motoremi.errors import BadInput
 from motoremi.model.effects import connection, instrument, insulation, machine, own, suppressor, winding
 from motoremi.model.effects.effect import AddedEffect, Effect, split_identifier
+from motoremi.model.effects.validity import check_effect
 from motoremi.model.motor import Motor
 
 ENTRY_POINT_GROUP = "motoremi.effects"
@@ -37,6 +38,10 @@ def catalogue() -> tuple[Effect, ...]:
 def _join(known: list[Effect], effect: Effect, origin: str) -> None:
     if any(effect.name == other.name for other in known):
         raise BadInput(f"{origin} wants the name {effect.name}, which is taken")
+    try:
+        check_effect(effect, known)
+    except BadInput as error:
+        raise BadInput(f"{origin}: {error}") from error
     known.append(effect)
 
 

@@ -27,6 +27,10 @@ MODE_QUALITIES = (2.0, 5.0, 15.0)
 CAGE_SHARE = 0.3
 # How much of all capacitance is the suppressor's, and what a small motor's winding has to its frame.
 SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
+# A bare line: at least so many resonances, their distances alike within this share; points of the mean; next to nothing between its turns.
+LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
+# Of a choke, what shows least: its turns' capacitance and its wire.
+CHOKE_REST = {"capacitance_f": 2e-12, "resistance_ohm": 0.02}
 # Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
@@ -51,8 +55,8 @@ def coupled_winding(seen: Seen) -> list[dict[str, float]]:
 
 
 def relaxing_core(seen: Seen) -> list[dict[str, float]]:
-    """A share of La that relaxes with one time constant."""
-    return _from(seen.relaxing, _relaxing_core)
+    """A share of La that relaxes with one time constant, or resonates and is damped."""
+    return _from(seen.relaxing, _relaxing_core) + _from(seen.resonating, _damped_core)
 
 
 def film(seen: Seen) -> list[dict[str, float]]:
@@ -97,6 +101,19 @@ def _relaxing_core(short: Rational) -> dict[str, float]:
     """Ra + s La (1 - k s / (s + w)) beside Ca."""
     elements, missing, (a1, a0) = _beside_ca(short)
     return {**elements, "share": float(missing), "corner_hz": float(a0 / a1 * short.middle / (2 * np.pi)), **ONE_TIME_CONSTANT}
+
+
+def _damped_core(short: Rational) -> dict[str, float]:
+    """Ra + s La (1 - k + k / (1 + x + (Q x)^2)) beside Ca, x = s/w."""
+    elements, missing, (a2, a1, a0) = _beside_ca(short)
+    corner_hz = float(a0 / a1 * short.middle / (2 * np.pi))
+    return {
+        **elements,
+        "share": float(missing),
+        "corner_hz": corner_hz,
+        "exponent": ONE_TIME_CONSTANT["exponent"],
+        "quality": float(np.sqrt(a2 * a0) / a1),
+    }
 
 
 def _beside_ca(short: Rational) -> tuple[dict[str, float], float, np.ndarray]:
@@ -187,6 +204,25 @@ def machine_winding(seen: Seen) -> list[dict[str, float]]:
     return starts
 
 
+def uniform_line(seen: Seen) -> list[dict[str, float]]:
+    """A line whose far end is shorted, from resonances at equal distances: Zc tanh(theta), of which |Z| is Zc in the geometric mean."""
+    if seen.frequency_hz is None or seen.short_ohm is None:
+        return []
+    frequency, reactance = seen.frequency_hz, seen.short_ohm.imag
+    crossings = frequency[:-1][np.diff(np.sign(reactance)) != 0]
+    apart = np.diff(crossings)
+    if apart.size < LINE_RESONANCES - 1 or np.ptp(apart) > LINE_UNEVEN * float(np.median(apart)):
+        return []
+    # From one resonance to the next the line grows by a quarter of a wave; beyond the last one the mean would be of a part of a wave.
+    delay_s = 1 / (4 * float(np.median(apart)))
+    whole = (frequency >= crossings[0]) & (frequency <= crossings[2 * ((crossings.size - 1) // 2)])
+    places = np.linspace(crossings[0], crossings[2 * ((crossings.size - 1) // 2)], LINE_POINTS)
+    wave_ohm = float(np.exp(np.mean(np.interp(places, frequency[whole], np.log(np.abs(seen.short_ohm[whole]))))))
+    loss_ohm = 2 * float(np.min(np.abs(seen.short_ohm[whole])))
+    line = {"=La": wave_ohm * delay_s, "=Cf": 2 * delay_s / wave_ohm, "share": 0.5}
+    return [{**line, "=Ra": ra * loss_ohm, "=Ca": LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
+
+
 def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
     """From the capacitance of the open-circuit sweep at its low end and the dip of its impedance; what is left is a small motor's frame.
 
@@ -213,11 +249,11 @@ def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
 
 
 def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
-    """The inductance at the low end of the short-circuit sweep, shared in several ways between winding and choke."""
+    """A rod in series with the winding; and the inductance at the low end of the sweep, shared in several ways between the two."""
     henry = seen.lowest_inductance_h
     if henry is None or seen.short_ohm is None:
         return []
-    return [
+    return _from(seen.choked, _choke) + [
         {
             "=Ra": max(float(seen.short_ohm.real[0]), 1e-3),
             "=La": (1 - part) * henry,
@@ -225,10 +261,33 @@ def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
             "inductance_h": part * henry,
             "share": 0.6,
             "corner_hz": corner_hz,
-            "capacitance_f": 2e-12,
-            "resistance_ohm": 0.02,
+            **CHOKE_REST,
         }
         for part in (0.25, 0.5, 0.75)
         for farad in (2e-11, 1e-10)
         for corner_hz in (5e6, 2e7)
     ]
+
+
+def _choke(short: Rational) -> dict[str, float]:
+    """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: of the poles, the real one is the rod's."""
+    denominator = short.denominator[::-1]
+    straight, rest = np.polydiv(short.numerator[::-1], denominator)
+    poles = np.roots(denominator)
+    real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
+    if real.size != 1 or paired.size != 1 or straight.size != 2:
+        return {"=La": np.nan}
+    (by_rod,), (by_winding,) = (np.polyval(rest, p) / np.polyval(np.polyder(denominator), p) for p in (real, paired))
+    corner = -real[0] * short.middle
+    ferrite, air = -by_rod * short.middle / corner**2, straight[0] / short.middle
+    capacitance = 1 / (2 * by_winding.real * short.middle)
+    inductance = 1 / (np.abs(paired[0] * short.middle) ** 2 * capacitance)
+    return {
+        "=Ra": float(-(by_winding * paired[0].conj()).real / by_winding.real * short.middle * inductance),
+        "=La": float(inductance),
+        "=Ca": float(capacitance),
+        "inductance_h": float(air + ferrite),
+        "share": float(ferrite / (air + ferrite)),
+        "corner_hz": float(corner / (2 * np.pi)),
+        **CHOKE_REST,
+    }

@@ -55,6 +55,11 @@ class Seen:
         return self.short_rational((2, 3))
 
     @cached_property
+    def choked(self) -> Rational | None:
+        """That of a winding with a resonance, and an inductance with a corner in series."""
+        return self.short_rational((4, 3))
+
+    @cached_property
     def frame(self) -> Rational | None:
         """s times the difference of the sweeps, for a frame with one more time constant."""
         if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:

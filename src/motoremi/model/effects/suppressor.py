@@ -44,7 +44,7 @@ EFFECTS = (
         title="a suppressor capacitor across the terminals, from the terminal to the frame, or one from either terminal to the frame",
         formula="Z_across / (1 + Z_across / (esr_ohm + s * esl_h + 1 / (s * capacitance_f)))",
         parameters=(
-            Parameter("capacitance_f", "F", 0.4e-9, 10e-6, "1 nF to the frame, 10 nF - 1 uF across the terminals; varistors 0.5 - 5 nF"),
+            Parameter("capacitance_f", "F", 0.4e-9, 10e-6, "1 nF to the frame, 10 nF - 1 uF across the terminals; a varistor is one of 0.5 - 5 nF"),
             Parameter("esr_ohm", "Ohm", 1e-3, 10.0, "10 mOhm - 1 Ohm of ceramic and film capacitors, more of varistors"),
             Parameter("esl_h", "H", 0.3e-9, 200e-9, "1 nH a chip, 1 nH a millimetre of wire"),
         ),
@@ -52,7 +52,7 @@ EFFECTS = (
         limit_values={"capacitance_f": 1e-24, "esr_ohm": 0.1, "esl_h": 1e-8},
         signature="|Z| low over a wide band with a sharp series resonance at 1 - 50 MHz, inductive above",
         look_alikes=("second-resonance", "winding-modes", "terminal-capacitance"),
-        deciding="look: a disc or film capacitor at the brush holder; lift one of its legs and sweep again",
+        deciding="look: a disc or film capacitor, or a varistor, at the brush holder; lift one of its legs and sweep again",
         source="IEC 60384-14 (capacitors of class X and Y); values as in suppressor data sheets, unconfirmed for a given motor",
         change=_capacitor,
         starts=tuple({"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)),
@@ -80,7 +80,10 @@ EFFECTS = (
         signature="some uH more in both sweeps than the winding's, lossy above a few MHz, a broad parallel resonance at 10 - 100 MHz",
         look_alikes=("lead-inductance", "second-resonance", "permeability-relaxation"),
         deciding="look: a rod with a few turns at each brush; bridge it with a wire and sweep again",
-        source="ferrite makers' data on rod cores; ranges are estimates, unconfirmed for a given motor",
+        source=(
+            "share from the apparent permeability of rods, which their length over diameter limits: Payne, The Inductance of Ferrite Rod Antennas, "
+            "and the curves at bytemark.com/products/rodperm.htm; inductances and capacitances are estimates, unconfirmed for a given motor"
+        ),
         change=_choke,
         starts=tuple(
             {"inductance_h": x, "share": 0.8, "corner_hz": f, "capacitance_f": 2e-12, "resistance_ohm": 0.02, "-La": x}

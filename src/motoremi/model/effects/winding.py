@@ -135,7 +135,7 @@ EFFECTS = (
                 "Hz",
                 5e4,
                 1e9,
-                "MnZn 1 - 5 MHz, NiZn 10 - 300 MHz, bonded magnets to 1 GHz (textbook values)",
+                "MnZn ferrites 1 - 5 MHz, NiZn 5 - 300 MHz, powder and bonded material to 1 GHz",
             ),
             Parameter("exponent", "", 0.3, 1.0, "1 is one time constant (Debye), less is many (Cole-Cole)", special=1.0),
             Parameter("quality", "", 0.01, 10.0, "of a damped resonance (Lorentz) at corner_hz / quality; 0.01 is none", special=0.01),
@@ -145,7 +145,10 @@ EFFECTS = (
         signature="one step of L round the corner frequency, R as f^2 below it and flat above",
         look_alikes=("core-loss", "field-coupling", "eddy-laminations"),
         deciding="DC bias (moves permeability, not a shorted turn), rotor in and out",
-        source="Cole and Cole, J. Chem. Phys. 9 (1941) 341, for permeability; damped resonance: Nakamura, J. Appl. Phys. 88 (2000) 348",
+        source=(
+            "Cole and Cole, J. Chem. Phys. 9 (1941) 341, for permeability; damped resonance: Nakamura, J. Appl. Phys. 88 (2000) 348; corners: "
+            "Magnetochemistry 8 (2022) 60, doi 10.3390/magnetochemistry8060060, and the cores of docs/cores.md"
+        ),
         change=scale("La", materials.permeability_factor),
         starts=(
             *({"share": 0.03, "corner_hz": f, **readings.ONE_TIME_CONSTANT} for f in (3e5, 1e6, 4e6, 12e6)),
@@ -226,6 +229,7 @@ EFFECTS = (
         change=_distributed,
         # Without the effect, what is spread across the winding was taken for a part of Ca.
         starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))),
+        reader=readings.uniform_line,
     ),
     Effect(
         name="field-coupling",
