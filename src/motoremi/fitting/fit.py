@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -32,6 +32,10 @@ from motoremi.spread import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
+# A resonance takes so many points to tell.
+POINTS_EACH = 3
+# Steps of a look at one of several numbers of parts.
+GLANCE_STEPS = 12
 # What a start leaves of an element from which it takes more than there is.
 LEAST_LEFT = 0.1
 
@@ -178,8 +182,8 @@ def trail_to(
     motor = added.added_to(before.motor)
     names = {p.name for p in motor.parameters}
     fixed = {**before.held, **(held or {})}
-    scanned = any(not p.vary for p in added.effect.parameters)
-    if scanned and not any(name.startswith(f"{label}.") for name in fixed):
+    unvaried = {f"{label}.{p.name}": added.effect.tried.get(p.name, ()) for p in added.effect.parameters if not p.vary}
+    if any(not values for values in unvaried.values()) and not any(name in fixed for name in unvaried):
         fixed.update(_scanned_step(before, label))
     wider = scaled_ranges(added.effect, label, before.measurement)
     bounds = {name: b for name, b in {**wider, **before.bounds, **(limits or {})}.items() if name in names}
@@ -200,7 +204,33 @@ def trail_to(
         # An effect tells which resonance is the winding's: it fits beside the right one only.
         bases += [{**base, **exchanged(base)} for base in bases]
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return Trail(task, starts, len(bases), before.sizes)
+    parts = {
+        name: _as_told(name, fixed[name], before) if name in fixed else _chosen(task, starts, name, values) for name, values in unvaried.items() if values
+    }
+    return Trail(dataclasses.replace(task, held={**fixed, **parts}), starts, len(bases), before.sizes)
+
+
+def _as_told(name: str, value: float, before: Fit) -> float:
+    """A number of parts that these data can tell."""
+    most = most_parts(before.measurement)
+    if not value == round(value) or not 1 <= value <= most:
+        raise BadInput(f"{name} = {value:g}: hold a whole number from 1 to {most:g}; each adds a resonance, which takes {POINTS_EACH} points to tell")
+    return value
+
+
+def most_parts(measurement: Measurement) -> int:
+    """How many parts, with a resonance each, the points of a sweep can tell."""
+    return max(len(sweep.frequency_hz) for sweep in measurement.sweeps) // POINTS_EACH
+
+
+def _chosen(task: Task, starts: Sequence[Mapping[str, float]], name: str, values: Sequence[float]) -> float:
+    """The value of a parameter that does not vary from which a few steps lead lowest."""
+    found = {}
+    for value in values:
+        if value <= most_parts(task.measurement):
+            problem = dataclasses.replace(task, held={**task.held, name: value}).thinned(SEARCH_POINTS)
+            found[value] = float(polish(problem, problem.vectors(starts), iterations=GLANCE_STEPS, precision=ROUGH).objective.min())
+    return min(found, key=lambda value: found[value], default=values[0])
 
 
 @lru_cache(maxsize=4)
