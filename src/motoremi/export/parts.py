@@ -100,23 +100,22 @@ class Coils:
         Of one coil.
     coupling : float
         Of neighbours; to the power of the distance for others.
-    beside : Part
+    beside : Part or None
         Across one coil and its copper.
     """
 
     copper: Part
     henry: float
     coupling: float
-    beside: Part
+    beside: Part | None
 
     def admittance(self, s: ComplexArray, count: int) -> ComplexArray:
         """Of so many coils: currents from their voltages, shape (n, count, count)."""
         order = np.arange(count)
         linked = self.coupling ** np.abs(order[:, None] - order)
         own = self.copper.impedance(s)[:, None, None] * np.eye(count)
-        through = np.linalg.inv(own + s[:, None, None] * self.henry * linked)
-        admittance: ComplexArray = through + np.eye(count) / self.beside.impedance(s)[:, None, None]
-        return admittance
+        admittance: ComplexArray = np.linalg.inv(own + s[:, None, None] * self.henry * linked)
+        return admittance if self.beside is None else admittance + np.eye(count) / self.beside.impedance(s)[:, None, None]
 
     def lines(self, fresh: Fresh, nodes: Sequence[str]) -> Iterator[str]:
         """SPICE lines of the coils between neighbouring nodes."""
@@ -126,7 +125,8 @@ class Coils:
             names.append(name)
             yield from self.copper.lines(fresh, left, inner)
             yield f"{name} {inner} {right} {self.henry:.12e}"
-            yield from self.beside.lines(fresh, left, right)
+            if self.beside is not None:
+                yield from self.beside.lines(fresh, left, right)
         for (i, first), (j, second) in combinations(enumerate(names), 2):
             yield f"{fresh('K_coil')} {first} {second} {self.coupling ** (j - i):.12e}"
 

@@ -236,7 +236,8 @@ def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sec
     if not (isinstance(seen.flux, Leaf) and seen.flux.law is laws.inductor):
         raise BadInput("La is under a law of its core, which coupled coils of ideal parts cannot share: drop that effect, or winding-sections, for this export")
     count, coupling = round(builder.values[seen.number.name]), builder.values[seen.coupling.name]
-    copper, turns, spread = (builder.part(node).scaled(factor) for node, factor in ((seen.copper, 1 / count), (seen.turns, 1 / count), (seen.shunt, count)))
+    copper, spread = builder.part(seen.copper).scaled(1 / count), builder.part(seen.shunt).scaled(count)
+    turns = None if seen.turns is None else builder.part(seen.turns).scaled(1 / count)
     coils = Coils(copper, builder.values["La"] / float(linked_flux(count, coupling)[0]), coupling, turns)
     across, frame = (None if node is None else builder.part(node) for node in (seen.across, seen.load))
     return Realisation(outside, coils, frame, count, spread, across, builder.errors)

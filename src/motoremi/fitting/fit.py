@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -18,13 +18,27 @@ from motoremi.fitting.colony import Colony
 from motoremi.fitting.exchange import exchanged
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper import paper_colony
-from motoremi.fitting.polish import polish
+from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import THOROUGH, Trail, race
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
-from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Found, Solution, Task, arrived_on_all, climb, search_base
+from motoremi.fitting.search import (
+    FOLLOWED,
+    GENERATIONS,
+    PLAIN,
+    ROUGH,
+    SEARCH_POINTS,
+    Found,
+    Solution,
+    Task,
+    arrived_on_all,
+    climb,
+    relative_solution,
+    search_base,
+)
 from motoremi.fitting.starts import base_starts, seen
+from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.seen import Seen
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
@@ -205,7 +219,7 @@ def trail_to(
         bases += [{**base, **exchanged(base)} for base in bases]
     starts = [_started(base, start, label) for start in tried for base in bases]
     parts = {
-        name: _as_told(name, fixed[name], before) if name in fixed else _chosen(task, starts, name, values) for name, values in unvaried.items() if values
+        name: _as_told(name, fixed[name], before) if name in fixed else _chosen(task, starts, len(bases), name, values, before) for name, values in unvaried.items() if values
     }
     return Trail(dataclasses.replace(task, held={**fixed, **parts}), starts, len(bases), before.sizes)
 
@@ -223,14 +237,40 @@ def most_parts(measurement: Measurement) -> int:
     return max(len(sweep.frequency_hz) for sweep in measurement.sweeps) // POINTS_EACH
 
 
-def _chosen(task: Task, starts: Sequence[Mapping[str, float]], name: str, values: Sequence[float]) -> float:
-    """The value of a parameter that does not vary from which a few steps lead lowest."""
+def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name: str, values: Sequence[float], before: Fit) -> float:
+    """The value of a parameter that does not vary from which a few steps lead lowest.
+
+    Where a line misses by far, its resonances hide how many parts there are: each number is looked at with one mode beside it.
+    """
     found = {}
     for value in values:
-        if value <= most_parts(task.measurement):
-            problem = dataclasses.replace(task, held={**task.held, name: value}).thinned(SEARCH_POINTS)
-            found[value] = float(polish(problem, problem.vectors(starts), iterations=GLANCE_STEPS, precision=ROUGH).objective.min())
+        if value > most_parts(task.measurement):
+            continue
+        tried = dataclasses.replace(task, held={**task.held, name: value})
+        if before.motor.is_line and before.sizes.discrepancy >= PLAIN:
+            problem = tried.relative()
+            ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
+            ends = _least(*_with_mode(tried, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS)
+        else:
+            problem = tried.thinned(SEARCH_POINTS)
+            ends = polish(problem, problem.vectors(starts), iterations=GLANCE_STEPS, precision=ROUGH)
+        found[value] = float(ends.objective.min())
     return min(found, key=lambda value: found[value], default=values[0])
+
+
+def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Problem, list[dict[str, float]]]:
+    """The least relative error with one more mode, and where it may start."""
+    added = find_effect("winding-modes")
+    label, seen_now = added.label_in(task.motor), _seen_by(before)
+    assert added.effect.reader is not None
+    starts: list[dict[str, float]] = []
+    if seen_now.frequency_hz is not None:
+        names = [p.name for p in task.motor.parameters]
+        at = np.array([values.get(p.name, p.middle) for p in task.motor.parameters])
+        model = Tape(task.motor.circuit("short"), names).impedance(2j * np.pi * seen_now.frequency_hz, at)
+        starts = [_started(values, start, label) for start in added.effect.reader(dataclasses.replace(seen_now, model_ohm=model, parameters=values))]
+    motor = added.added_to(task.motor)
+    return dataclasses.replace(task, motor=motor).relative(), starts or [dict(values)]
 
 
 @lru_cache(maxsize=4)
@@ -260,7 +300,47 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
+    added = find_effect(effect).effect
+    if before.sizes.discrepancy >= PLAIN and (added.describes or (added.tried and before.motor.is_line)):
+        return _described(trail_to(before, effect, held, limits, near=before.parameters), before)
     return followed(trail_to(before, effect, held, limits), before, thorough)
+
+
+def _described(trail: Trail, before: Fit) -> Fit:
+    """What a model misses by far described one step further: from where it stands straight to the least relative error.
+
+    The detour by the likelihood, and by values that a smaller model gives away, leads from one description into another. With each step the
+    number of parts may change to a neighbouring one.
+    """
+    started = time.perf_counter()
+    task, starts = trail.task, trail.starts[:: trail.group]
+    ends = _least(task.relative(), starts, FOLLOWED)
+    for other in _neighbours(task):
+        near = _least(other.relative(), starts, 1)
+        if near.objective.min() < ends.objective.min():
+            task, ends = other, near
+    solution = relative_solution(task, ends, before.sizes)
+    result = summarise(task, Found(solution, before.history, dict(solution.values)), before.method, before.seed)
+    return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
+
+
+def _neighbours(task: Task) -> Iterator[Task]:
+    """The same with one number of parts next to that which the search has chosen."""
+    for name, value in task.held.items():
+        label, _, short = name.rpartition(".")
+        tried = find_effect(label.partition("#")[0]).effect.tried.get(short, ()) if label else ()
+        if value in tried:
+            at = tried.index(value)
+            for other in tried[max(at - 1, 0) : at + 2]:
+                if other != value and other <= most_parts(task.measurement):
+                    yield dataclasses.replace(task, held={**task.held, name: other})
+
+
+def _least(problem: Problem, starts: Sequence[Mapping[str, float]], followed: int, steps: int = 100) -> Polished:
+    """A few steps from each start, then to the end from those that are ahead."""
+    first = polish(problem, problem.vectors(starts), iterations=GLANCE_STEPS, precision=ROUGH)
+    ends = polish(problem, first.distinct(followed), iterations=steps, precision=ROUGH)
+    return dataclasses.replace(ends, evaluations=first.evaluations + ends.evaluations)
 
 
 @one_blas_thread

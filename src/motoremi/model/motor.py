@@ -61,7 +61,7 @@ class Motor:
     spread : Node, optional
         From the turns to the frame, all along the winding; what lies beside its copper (Ca) is then across its ends.
     coupled : tuple of Parameter, optional
-        Number of sections and coupling of neighbours, where the share of Cf lies along sections that are linked by their flux.
+        Number of sections and coupling of neighbours, where what is spread lies along sections that are linked by their flux.
     across : tuple of Node
         Parts from one end of the winding to the other that are no part of it.
     apart : tuple of Apart
@@ -96,11 +96,12 @@ class Motor:
         seen: Node
         if self.spread is not None:
             copper, *beside = winding.children
-            seen = self._line(copper, self.spread, (*beside, *self.across), frame if termination == "open" else None)
+            seen = self._distributed(copper, (), self.spread, (*beside, *self.across), frame if termination == "open" else None)
         elif (share := self.distribution) is not None:
             spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
             rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
-            seen = self._distributed(winding, spread, rest if termination == "open" else None)
+            copper, *turns = winding.children
+            seen = self._distributed(copper, turns, spread, self.across, rest if termination == "open" else None)
         else:
             whole = self._with_across(winding)
             seen = Series((whole, frame)) if termination == "open" else whole
@@ -118,17 +119,18 @@ class Motor:
         """All that lies between the ends of a winding that is not spread."""
         return self._with_across(self.winding)
 
-    def _distributed(self, winding: Node, spread: Node, frame: Node | None) -> Node:
-        """The winding with capacitance to the frame all along it."""
-        if self.coupled is None:
-            return self._line(winding, spread, self.across, frame)
-        branch, *beside = winding.children
-        return Sections(*branch.children, _together(beside), spread, *self.coupled, _together(self.across), frame)  # type: ignore[misc, arg-type]
+    @property
+    def is_line(self) -> bool:
+        """Whether the winding is spread along the frame."""
+        return self.spread is not None or self.distribution is not None
 
-    @staticmethod
-    def _line(series: Node, spread: Node, across: Sequence[Node], frame: Node | None) -> Node:
-        """A line toward the frame, with parts across its ends."""
+    def _distributed(self, copper: Node, turns: Sequence[Node], spread: Node, across: Sequence[Node], frame: Node | None) -> Node:
+        """Copper and core, with parts beside all of their turns, spread toward the frame; further parts across the ends."""
         bridge = _together(across)
+        if self.coupled is not None:
+            resistance, flux = copper.children
+            return Sections(resistance, flux, spread, *self.coupled, _together(turns), bridge, frame)
+        series = Parallel((copper, *turns)) if turns else copper
         if bridge is None:
             return Line(series, spread, frame)
         return Parallel((Line(series, spread), bridge)) if frame is None else Bridged(series, spread, bridge, frame)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,12 @@ from motoremi.arrays import ComplexArray
 from motoremi.model.circuit import Node, Passed, Slopes
 from motoremi.model.laws import Law, ValueAndSlopes
 from motoremi.model.parameter import Parameter
+
+
+# Places among the derivatives for a, b, c, y, k.
+_BY_FRAME, _BY_COUPLING = 3, 4
+# Less is none.
+LEAST_COUPLING = 1e-6
 
 
 def linked_flux(sections: Any, coupling: Any) -> tuple[Any, Any]:
@@ -33,16 +40,8 @@ def linked_flux(sections: Any, coupling: Any) -> tuple[Any, Any]:
 
 
 def _geometry(s: ComplexArray, sections: Any, coupling: Any) -> ValueAndSlopes:
-    """Hands the coupling and the number of sections, a whole one, to the node."""
-    return coupling, (np.rint(sections),)
-
-
-@dataclass(frozen=True)
-class _Driven:
-    """The chain with its ends driven alike or against each other: the admittance of either end, and its derivatives for a, b', c, y, k."""
-
-    admittance: ComplexArray
-    slopes: Sequence[ComplexArray]
+    """Hands the coupling, which the waves need to be some, and the number of sections, a whole one, to the node."""
+    return np.where(np.abs(coupling) < LEAST_COUPLING, LEAST_COUPLING, coupling), (np.rint(sections),)
 
 
 @dataclass(frozen=True)
@@ -51,24 +50,34 @@ class Sections(Node):
 
     Parameters
     ----------
-    copper, flux, turns, shunt : Node
-        Of the whole winding: in series with its flux, linked by it, beside both, and to the frame.
+    copper, flux, shunt : Node
+        Of the whole winding: in series with its flux, linked by it, and to the frame.
     number, coupling : Parameter
-    across, load : Node, optional
+    turns, across, load : Node, optional
+        Beside copper and flux of every section; beside all of them; at the far end.
     """
 
     copper: Node
     flux: Node
-    turns: Node
     shunt: Node
     number: Parameter
     coupling: Parameter
+    turns: Node | None = None
     across: Node | None = None
     load: Node | None = None
 
     @property
     def children(self) -> tuple[Node, ...]:
-        return (self.copper, self.flux, self.turns, self.shunt, *(part for part in (self.across, self.load) if part is not None))
+        return (self.copper, self.flux, self.shunt, *(part for part in self._others if part is not None))
+
+    @property
+    def _others(self) -> tuple[Node | None, ...]:
+        return (self.turns, self.across, self.load)
+
+    def _sorted(self, parts: Sequence[Any]) -> list[Any]:
+        """What belongs to turns, branch across and load of all that belongs to the children; None where there is none."""
+        rest = iter(parts[3:])
+        return [None if node is None else next(rest) for node in self._others]
 
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:
@@ -82,11 +91,11 @@ class Sections(Node):
         k, (n,) = given
         total, by_coupling = linked_flux(n, k)
         share = (1 - k**2) / total
-        chain = _Chain(parts[0] / n, parts[1] * share, n / parts[2], 1 / (n * parts[3]), k, n)
+        turns, across, closing = self._sorted(parts)
+        chain = _Chain(parts[0] / n, parts[1] * share, 0.0 if turns is None else n / turns, 1 / (n * parts[2]), k, n)
         alike, against = chain.driven(alike=True), chain.driven(alike=False)
-        rest = parts[4:]
-        bridge = 0.0 if self.across is None else 1 / rest[0]
-        load = None if self.load is None else 1 / rest[-1]
+        bridge = 0.0 if across is None else 1 / across
+        load = None if closing is None else 1 / closing
         even, odd = alike.admittance, against.admittance + 2 * bridge
         own = 0.5 * (even + odd)
         bottom = own if load is None else even * odd + own * load
@@ -102,7 +111,9 @@ class Sections(Node):
             by_even = (0.5 - impedance * (odd + 0.5 * load)) / bottom
             by_odd = (0.5 - impedance * (even + 0.5 * load)) / bottom
         by_a, by_flux, by_c, by_y, by_k = (by_even * e + by_odd * o for e, o in zip(alike.slopes, against.slopes, strict=True))
-        slopes = [by_a / chain.n, by_flux * share, -by_c * chain.c / parts[2], -by_y * chain.y / parts[3]]
+        slopes = [by_a / chain.n, by_flux * share, -by_y * chain.y / parts[2]]
+        if self.turns is not None:
+            slopes.append(-by_c * chain.c**2 / chain.n)
         if self.across is not None:
             slopes.append(-2 * by_odd * bridge**2)
         if load is not None:
@@ -110,14 +121,11 @@ class Sections(Node):
         return slopes, (np.zeros(1, dtype=np.complex128), by_k + by_flux * parts[1] * share_slope)
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        rest = list(children[4:])
-        across = rest.pop(0) if self.across is not None else None
-        load = rest.pop(0) if self.load is not None else None
-        return Sections(*children[:4], self.number, self.coupling, across, load)
+        return Sections(*children[:3], self.number, self.coupling, *self._sorted(children))
 
 
 class _Chain:
-    """The two waves of a chain; names as in the module's equation, with b' = b (1 - k^2) for the flux.
+    """The two waves of a chain; names as in the module's equation, with b for b (1 - k^2).
 
     Parameters
     ----------
@@ -128,73 +136,78 @@ class _Chain:
     def __init__(self, a: Any, b: Any, c: Any, y: Any, k: Any, n: Any) -> None:
         self.a, self.b, self.c, self.y, self.k, self.n = a, b, c, y, k, n
         self.loaded = 1 + c * a
-        q, q_slope = (1 - k) ** 2, -2 * (1 - k)
-        r = a * q + b
-        middle = q + c * r + a * k * y
-        root = np.sqrt(middle**2 - 4 * k * self.loaded * y * r)
+        self.q = (1 - k) ** 2
+        self.r = a * self.q + b
+        middle = self.q + c * self.r + a * k * y
+        root = np.sqrt(middle**2 - 4 * k * self.loaded * y * self.r)
         # Of the two signs the one that does not cancel.
-        root = np.where((middle.conj() * root).real < 0, -root, root)
-        slow, fast = 2 * y * r / (middle + root), (middle + root) / (2 * k * self.loaded)
-        self.waves = (slow, fast)
-        # Derivatives of the equation for a, b', c, y, k at each wave, over the derivative for v.
-        self.wave_slopes = tuple(
-            tuple(
-                -slope / width
-                for slope in (
-                    k * c * v**2 - (c * q + k * y) * v + y * q,
-                    y - c * v,
-                    (k * a * v - r) * v,
-                    r - a * k * v,
-                    self.loaded * v**2 - (q_slope * self.loaded + a * y) * v + y * a * q_slope,
-                )
-            )
-            for v, width in ((slow, -root), (fast, root))
-        )
+        self.root = root = np.where((middle.conj() * root).real < 0, -root, root)
+        self.waves = (2 * y * self.r / (middle + root), (middle + root) / (2 * k * self.loaded))
         # Of each wave the whole current over that through the copper, times q - k v; that of the second by the sum of the roots.
-        bent = k * self.loaded * slow
+        bent = k * self.loaded * self.waves[0]
         self.currents = (middle - a * k * y - bent, bent - a * k * y)
-        slow_slopes = self.wave_slopes[0]
-        bents = (
-            k * (c * slow + self.loaded * slow_slopes[0]),
-            k * self.loaded * slow_slopes[1],
-            k * (a * slow + self.loaded * slow_slopes[2]),
-            k * self.loaded * slow_slopes[3],
-            self.loaded * (slow + k * slow_slopes[4]),
-        )
-        products = (k * y, 0.0, 0.0, a * k, a * y)
-        plain = (c * q, c, r, 0.0, q_slope * self.loaded)
-        self.current_slopes = (
-            tuple(one - bend for one, bend in zip(plain, bents, strict=True)),
-            tuple(bend - one for one, bend in zip(products, bents, strict=True)),
-        )
+
+    @cached_property
+    def slopes(self) -> tuple[tuple[Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]:
+        """Derivatives of both waves, and of both currents, for a, b, c, y, k."""
+        a, c, y, k, q, r, loaded = self.a, self.c, self.y, self.k, self.q, self.r, self.loaded
+        q_slope = -2 * (1 - k)
+        waves = []
+        for v, width in zip(self.waves, (-self.root, self.root), strict=True):
+            inverse = -1 / width
+            by_coupling = loaded * v**2 - (q_slope * loaded + a * y) * v + y * a * q_slope
+            waves.append([part * inverse for part in (k * c * v**2 - (c * q + k * y) * v + y * q, y - c * v, (k * a * v - r) * v, r - a * k * v, by_coupling)])
+        v, (by_a, by_b, by_c, by_y, by_k) = self.waves[0], waves[0]
+        scale = k * loaded
+        bent = (k * c * v + scale * by_a, scale * by_b, k * a * v + scale * by_c, scale * by_y, loaded * v + scale * by_k)
+        first = [one - bend for one, bend in zip((c * q, c, r, 0.0, q_slope * loaded), bent, strict=True)]
+        second = [bend - one for one, bend in zip((k * y, 0.0, 0.0, a * k, a * y), bent, strict=True)]
+        return (waves[0], waves[1]), (first, second)
 
     def driven(self, alike: bool) -> _Driven:
         """Both ends at the same voltage, or at opposite ones."""
-        ratios, ratio_slopes = zip(*(self._ratio(v, alike) for v in self.waves), strict=True)
-        k = self.k
-        ends = [(1 - k) + (1 + k) * t for t in ratios]
-        h1, h2 = self.currents
-        (t1, t2), (e1, e2) = ratios, ends
-        top, bottom = e2 * h1 - e1 * h2, e2 * h1 * t1 - e1 * h2 * t2
-        admittance = 0.5 * self.y * top / bottom
-        slopes = []
-        for index in range(5):
-            d1, d2 = (slope * wave[index] for slope, wave in zip(ratio_slopes, self.wave_slopes, strict=True))
-            g1, g2 = (current[index] for current in self.current_slopes)
-            f1, f2 = ((1 + k) * d + ((t - 1) if index == 4 else 0.0) for d, t in ((d1, t1), (d2, t2)))
-            top_slope = f2 * h1 + e2 * g1 - f1 * h2 - e1 * g2
-            bottom_slope = (f2 * h1 + e2 * g1) * t1 + e2 * h1 * d1 - (f1 * h2 + e1 * g2) * t2 - e1 * h2 * d2
-            slope = admittance * (top_slope / top - bottom_slope / bottom)
-            slopes.append(slope + admittance / self.y if index == 3 else slope)
-        return _Driven(admittance, slopes)
+        return _Driven(self, alike)
 
-    def _ratio(self, v: ComplexArray, alike: bool) -> tuple[ComplexArray, ComplexArray]:
-        """tanh(theta/2) times tanh(n theta/2), or over it, and its derivative for v = 4 sinh(theta/2)^2."""
-        sinh = np.sqrt(0.25 * v)
-        cosh = np.sqrt(1 + 0.25 * v)
-        half, whole = sinh / cosh, np.tanh(self.n * np.arcsinh(sinh))
-        by_half, by_whole = 0.5 * (1 - half**2), 0.5 * self.n * (1 - whole**2)
-        turn = 1 / (4 * sinh * cosh)
-        if alike:
-            return half / whole, turn * (by_half - half / whole * by_whole) / whole
-        return half * whole, turn * (by_half * whole + half * by_whole)
+
+class _Driven:
+    """The admittance of either end, and its derivatives for a, b, c, y, k."""
+
+    def __init__(self, chain: _Chain, alike: bool) -> None:
+        self.chain, self.alike, k = chain, alike, chain.k
+        self.sinh = [np.sqrt(0.25 * v) for v in chain.waves]
+        self.cosh = [np.sqrt(1 + 0.25 * v) for v in chain.waves]
+        self.half = [sinh / cosh for sinh, cosh in zip(self.sinh, self.cosh, strict=True)]
+        self.whole = [np.tanh(chain.n * np.arcsinh(sinh)) for sinh in self.sinh]
+        # tanh(theta/2) times tanh(n theta/2), or over it, of v = 4 sinh(theta/2)^2.
+        self.ratios = [half / whole if alike else half * whole for half, whole in zip(self.half, self.whole, strict=True)]
+        self.ends = [(1 - k) + (1 + k) * t for t in self.ratios]
+        (h1, h2), (t1, t2), (e1, e2) = chain.currents, self.ratios, self.ends
+        self.top, self.bottom = e2 * h1 - e1 * h2, e2 * h1 * t1 - e1 * h2 * t2
+        self.admittance = 0.5 * chain.y * self.top / self.bottom
+
+    def _turns(self) -> list[ComplexArray]:
+        """Derivatives of the ratios for v."""
+        found = []
+        for sinh, cosh, half, whole in zip(self.sinh, self.cosh, self.half, self.whole, strict=True):
+            by_half, by_whole = 0.5 * (1 - half**2), 0.5 * self.chain.n * (1 - whole**2)
+            turn = (by_half - half / whole * by_whole) / whole if self.alike else by_half * whole + half * by_whole
+            found.append(turn / (4 * sinh * cosh))
+        return found
+
+    @property
+    def slopes(self) -> list[ComplexArray]:
+        """Of the admittance."""
+        k, (h1, h2), (t1, t2), (e1, e2) = self.chain.k, self.chain.currents, self.ratios, self.ends
+        turn1, turn2 = self._turns()
+        (waves1, waves2), (currents1, currents2) = self.chain.slopes
+        by_top, by_bottom = self.admittance / self.top, -self.admittance / self.bottom
+        slopes = []
+        for index, (v1, v2, g1, g2) in enumerate(zip(waves1, waves2, currents1, currents2, strict=True)):
+            d1, d2 = turn1 * v1, turn2 * v2
+            f1, f2 = (1 + k) * d1, (1 + k) * d2
+            if index == _BY_COUPLING:
+                f1, f2 = f1 + t1 - 1, f2 + t2 - 1
+            first, second = f2 * h1 + e2 * g1, f1 * h2 + e1 * g2
+            slope = by_top * (first - second) + by_bottom * (first * t1 + e2 * h1 * d1 - second * t2 - e1 * h2 * d2)
+            slopes.append(slope + self.admittance / self.chain.y if index == _BY_FRAME else slope)
+        return slopes

@@ -99,7 +99,7 @@ EFFECTS = (
         reader=readings.machine_winding,
         responds={"dc-bias": {"cage_share": 1.1}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1, "cage_hz": 1.12}},
         below_hz=CAGE_SEEN_BELOW_HZ,
-        excludes=("distributed-winding", "winding-sections"),
+        excludes=("distributed-winding",),
     ),
     Effect(
         name="rotor-cage",

@@ -222,7 +222,7 @@ EFFECTS = (
         look_alikes=("second-resonance", "terminal-capacitance"),
         deciding="swap the terminals; ground the far end as a third termination",
         source="uniform line (textbook); on motors: Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142",
-        excludes=("machine-winding", "winding-sections"),
+        excludes=("machine-winding",),
         change=_distributed,
         # Without the effect, what is spread across the winding was taken for a part of Ca.
         starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))),
