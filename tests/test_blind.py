@@ -89,7 +89,13 @@ def test_every_effect_of_motor_and_analyser_can_be_hidden():
     kinds = catalogue_kinds()
     assert set(identifiers()) == set(HIDDEN_EFFECTS) - set(OUTSIDE_EFFECTS)
     # From 150 kHz upwards these do not show, or are never named as a cause.
-    assert set(identifiers()) - {*kinds["one"], *kinds["instrument"]} == {"rotor-cage", "shorted-turn", "machine-winding", "winding-modes"}
+    assert set(identifiers()) - {*kinds["one"], *kinds["instrument"]} == {
+        "rotor-cage",
+        "shorted-turn",
+        "machine-winding",
+        "winding-modes",
+        "winding-sections",
+    }
 
 
 def test_seal(tmp_path):

@@ -36,6 +36,8 @@ TOGETHER = [
     ("terminal-capacitance", "second-resonance", "second-resonance"),
     ("machine-winding", "winding-modes", "suppressor-choke", "suppressor-capacitor@pair"),
     ("distributed-winding", "winding-modes"),
+    ("distributed-winding", "suppressor-capacitor"),
+    ("winding-sections", "winding-modes", "suppressor-capacitor"),
 ]
 
 

@@ -156,7 +156,7 @@ def test_formula_text_equals_the_code(identifier):
         **TABLE_1, **start, "s": s, "f": frequency, "pi": np.pi, "sqrt": np.sqrt, "tanh": np.tanh, "exp": np.exp, "atan": np.arctan,
         "I0": lambda x: iv(0, x), "I1": lambda x: iv(1, x), "mu0": 1.0, "sigma_copper": COPPER_MU_SIGMA,
     }  # fmt: skip
-    termination = "short" if identifier in ("distributed-winding", "machine-winding") else "open"
+    termination = "short" if identifier in ("distributed-winding", "machine-winding", "winding-sections") else "open"
     if termination == "short":
         runner = tape(motor, "short")
     got = runner.impedance(s, values_of(motor, **{f"{identifier}.{k}": v for k, v in start.items()}))
@@ -200,6 +200,14 @@ def test_formula_text_equals_the_code(identifier):
         expected = base_z + evaluate_formula(text, names)
     elif effect.name in ("distributed-winding", "machine-winding"):
         expected = evaluate_formula(text, names)
+    elif effect.name == "winding-sections":
+        # The far end is joined to the frame: its node is left out.
+        order = np.arange(int(start["sections"]))
+        matrices = {
+            "T": start["coupling"] ** np.abs(order[:, None] - order), "A": np.eye(order.size) - np.eye(order.size, k=1), "I": np.eye(order.size),
+            "W": np.diag(np.where(order == 0, 0.5, 1.0)), "inv": np.linalg.inv, "sum": np.sum,
+        }  # fmt: skip
+        expected = np.array([evaluate_formula(text, {**names, **matrices, "s": one}) for one in s])
     elif effect.name == "ground-strap-inductance":
         frame = base_z - tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
         expected = base_z - frame + evaluate_formula(text, {**names, "Z_frame": frame})

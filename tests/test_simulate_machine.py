@@ -69,6 +69,9 @@ ALONE = [(name,) for name in HIDDEN_EFFECTS if name in identifiers() and name no
         *ALONE,
         ("machine-winding", "winding-modes", "suppressor-choke"),
         ("distributed-winding", "winding-modes"),
+        ("distributed-winding", "suppressor-capacitor"),
+        ("winding-sections",),
+        ("winding-sections", "suppressor-capacitor", "lead-inductance"),
         ("common-mode-flux", "core-loss", "suppressor-capacitor@pair"),
     ],
 )
@@ -141,7 +144,7 @@ def test_every_effect_can_be_had_on_the_bench_in_a_band_that_shows_it(effect: st
         assert effect in (*(hidden.name for hidden in bench.motor.effects), *ANALYSER_FAULTS)
     sweep = demo._procedure(effect).sweep
     assert sweep is not None
-    assert sweep.start == (100.0 if effect in ("rotor-cage", "shorted-turn", "machine-winding") else 150e3)
+    assert sweep.start == (100.0 if effect in ("rotor-cage", "shorted-turn", "machine-winding", "winding-sections") else 150e3)
 
 
 def test_the_demo_of_nothing_measures_the_usual_band() -> None:

@@ -35,6 +35,7 @@ ATTACHED: Mapping[str, tuple[str, ...]] = {
     "rotor-cage": ("La",),
     "shorted-turn": ("La",),
     "machine-winding": ("Ra", "La", "Ca", "Cf"),
+    "winding-sections": ("Ra", "La", "Ca", "Cf"),
     "frame-eddy": ("Lr",),
 }
 

@@ -39,6 +39,7 @@ STRENGTH: Mapping[str, Mapping[str, float]] = {
     "machine-winding": {"slots_f": 1, "cage_share": 1, "iron_hz": -1},
     "frame-eddy": {"share": 1},
     "common-mode-flux": {"share_lost": 1},
+    "winding-sections": {"share": 1},
     "winding-modes": {"first_capacitance_f": 1, "second_capacitance_f": 1, "third_capacitance_f": 1},
     "suppressor-capacitor": {"capacitance_f": 1},
     "suppressor-choke": {"inductance_h": 1, "resistance_ohm": 1},

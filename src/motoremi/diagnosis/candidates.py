@@ -128,9 +128,15 @@ def prior_of_values(fit: Fit, added: Sequence[str]) -> float:
             gained += _simplest_form(fit, index, parameter, variances)
         if parameter.usual is not None and (label in labels or "." not in parameter.name):
             gained += _usual_size(fit, index, parameter, variances)
-    scanned = sum(not parameter.vary for name in added for parameter in find_effect(name).effect.parameters)
-    # What was found by a scan over all frequencies could have been at any of them.
-    return gained - float(scanned * np.log(np.unique(fit.problem.observed.frequency_hz).size))
+    effects = [find_effect(name).effect for name in added]
+    # What was found by a scan could have been at any of its places: all frequencies, or the values that are tried.
+    scanned = [
+        len(effect.tried.get(p.name, ())) or np.unique(fit.problem.observed.frequency_hz).size
+        for effect in effects
+        for p in effect.parameters
+        if not p.vary
+    ]
+    return gained - float(np.sum(np.log(scanned)))
 
 
 def _simplest_form(fit: Fit, index: int, parameter: Parameter, variances: FloatArray) -> float:

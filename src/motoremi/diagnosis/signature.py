@@ -128,7 +128,7 @@ def _size(start: Mapping[str, float], own: list[Parameter], problem: Problem) ->
     values = {}
     for parameter in own:
         if not parameter.vary:
-            values[parameter.name] = middle
+            values[parameter.name] = start.get(parameter.short_name) or middle
         else:
             values[parameter.name] = start.get(parameter.short_name, parameter.middle) or parameter.sigma or parameter.middle
     return values

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations, pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -85,6 +86,49 @@ class InParallel(Part):
     def lines(self, fresh: Fresh, a: str, b: str) -> Iterator[str]:
         for member in self.members:
             yield from member.lines(fresh, a, b)
+
+
+@dataclass(frozen=True)
+class Coils:
+    """Equal coils in series, each with resistance before it and a part beside both, whose flux links the others.
+
+    Parameters
+    ----------
+    copper : Part
+        Of one coil.
+    henry : float
+        Of one coil.
+    coupling : float
+        Of neighbours; to the power of the distance for others.
+    beside : Part or None
+        Across one coil and its copper.
+    """
+
+    copper: Part
+    henry: float
+    coupling: float
+    beside: Part | None
+
+    def admittance(self, s: ComplexArray, count: int) -> ComplexArray:
+        """Of so many coils: currents from their voltages, shape (n, count, count)."""
+        order = np.arange(count)
+        linked = self.coupling ** np.abs(order[:, None] - order)
+        own = self.copper.impedance(s)[:, None, None] * np.eye(count)
+        admittance: ComplexArray = np.linalg.inv(own + s[:, None, None] * self.henry * linked)
+        return admittance if self.beside is None else admittance + np.eye(count) / self.beside.impedance(s)[:, None, None]
+
+    def lines(self, fresh: Fresh, nodes: Sequence[str]) -> Iterator[str]:
+        """SPICE lines of the coils between neighbouring nodes."""
+        names = []
+        for left, right in pairwise(nodes):
+            inner, name = fresh("n"), fresh("L_coil")
+            names.append(name)
+            yield from self.copper.lines(fresh, left, inner)
+            yield f"{name} {inner} {right} {self.henry:.12e}"
+            if self.beside is not None:
+                yield from self.beside.lines(fresh, left, right)
+        for (i, first), (j, second) in combinations(enumerate(names), 2):
+            yield f"{fresh('K_coil')} {first} {second} {self.coupling ** (j - i):.12e}"
 
 
 def resonant_loop(name: str, inductance: float, resonance_rad: float, damping_rad: float) -> Part:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,10 +11,11 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.errors import BadInput
 from motoremi.export.ladders import ladder_of
-from motoremi.export.parts import Element, InParallel, InSeries, Part, resonant_loop
+from motoremi.export.parts import Coils, Element, InParallel, InSeries, Part, resonant_loop
 from motoremi.model import laws
 from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Shunted, Tape, walk
 from motoremi.model.motor import Motor
+from motoremi.model.sections import Sections, linked_flux
 
 # Ladders are fitted beyond the measured span, so that a transient does not meet the end of the fit right behind it.
 _MARGIN = 3.0
@@ -31,7 +33,7 @@ class Realisation:
     ----------
     outside : tuple of (str, Part)
         From the terminal inwards: `series` parts (leads) and `shunt` parts to the frame.
-    winding : Part
+    winding : Part or Coils
         Between the terminal and the far end; of one section where it is distributed.
     frame : Part or None
         Between the far end and the frame; None where no sweep saw it.
@@ -46,7 +48,7 @@ class Realisation:
     """
 
     outside: tuple[tuple[str, Part], ...]
-    winding: Part
+    winding: Part | Coils
     frame: Part | None
     sections: int = 1
     spread: Part | None = None
@@ -67,10 +69,13 @@ class Realisation:
         return seen
 
     def _through_winding(self, s: ComplexArray, load: ComplexArray | None) -> ComplexArray:
-        series = self.winding.impedance(s)
-        if self.spread is None:
-            return series if load is None else series + load
-        own, through = self._ends(s, series, 1 / self.spread.impedance(s))
+        if isinstance(self.winding, Coils):
+            own, through = self._coupled_ends(s, self.winding)
+        else:
+            series = self.winding.impedance(s)
+            if self.spread is None:
+                return series if load is None else series + load
+            own, through = self._ends(s, series, 1 / self.spread.impedance(s))
         if self.across is not None:
             bridge = 1 / self.across.impedance(s)
             own, through = own + bridge, through + bridge
@@ -86,6 +91,20 @@ class Realisation:
             shared = through / (2 * own)
             own, through = own - through * shared, through * shared
         return own, through
+
+    def _coupled_ends(self, s: ComplexArray, coils: Coils) -> tuple[ComplexArray, ComplexArray]:
+        """The same of coils that link each other's flux: the admittance of all nodes, those inside eliminated."""
+        assert self.spread is not None
+        count = self.sections
+        drop = np.eye(count, count + 1) - np.eye(count, count + 1, 1)
+        halves = np.concatenate([[0.5], np.ones(count - 1), [0.5]])
+        whole = drop.T @ coils.admittance(s, count) @ drop + np.diag(halves) / self.spread.impedance(s)[:, None, None]
+        ends, inside = [0, count], np.arange(1, count)
+        seen = whole[:, ends][:, :, ends]
+        if count > 1:
+            cross = whole[:, inside][:, :, ends]
+            seen = seen - whole[:, ends][:, :, inside] @ np.linalg.solve(whole[:, inside][:, :, inside], cross)
+        return seen[:, 0, 0], -seen[:, 0, 1]
 
 
 class _Builder:
@@ -184,10 +203,13 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
         )
     builder = _Builder(values, span_hz)
     outside = tuple(_outside(builder, attachment.wrap(_PLACEHOLDER)) for attachment in reversed(motor.attachments))
-    line, across = _line_of(_bare(motor).circuit("open" if with_frame else "short"))
+    seen = _bare(motor).circuit("open" if with_frame else "short")
+    if isinstance(seen, Sections):
+        return _coupled(builder, outside, seen)
+    line, across = _line_of(seen)
     frame = builder.part(motor.frame if line is None or line.load is None else line.load) if with_frame else None
     if line is None:
-        return Realisation(outside, builder.part(motor.winding), frame, ladder_errors=builder.errors)
+        return Realisation(outside, builder.part(motor.between), frame, ladder_errors=builder.errors)
     winding, spread = builder.part(line.series), builder.part(line.shunt)
     bridge = None if across is None else builder.part(across)
     terminations = ("short", "open") if frame is not None else ("short",)
@@ -202,6 +224,26 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
         sections *= 2
 
 
+def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sections) -> Realisation:
+    """A winding of coils that link each other's flux.
+
+    Raises
+    ------
+    BadInput
+        If La is under a law of its core: coils with a ladder each do not link as their flux does.
+    """
+    if not (isinstance(seen.flux, Leaf) and seen.flux.law is laws.inductor):
+        raise BadInput(
+            "La is under a law of its core, which coupled coils of ideal parts cannot share: drop that effect, or winding-sections, for this export"
+        )
+    count, coupling = round(builder.values[seen.number.name]), builder.values[seen.coupling.name]
+    copper, spread = builder.part(seen.copper).scaled(1 / count), builder.part(seen.shunt).scaled(count)
+    turns = None if seen.turns is None else builder.part(seen.turns).scaled(1 / count)
+    coils = Coils(copper, builder.values["La"] / float(linked_flux(count, coupling)[0]), coupling, turns)
+    across, frame = (None if node is None else builder.part(node) for node in (seen.across, seen.load))
+    return Realisation(outside, coils, frame, count, spread, across, builder.errors)
+
+
 def deviation(got: ComplexArray, wanted: ComplexArray) -> tuple[float, float]:
     """Largest error of magnitude in dB and of phase in degrees."""
     ratio = got / wanted
@@ -213,7 +255,7 @@ _PLACEHOLDER = Leaf("motor", laws.resistor, ())
 
 def _bare(motor: Motor) -> Motor:
     """The motor without what is attached to it."""
-    return Motor(motor.winding, motor.frame, motor.distribution, motor.spread)
+    return dataclasses.replace(motor, apart=(), attachments=())
 
 
 def _line_of(seen: Node) -> tuple[Line | None, Node | None]:

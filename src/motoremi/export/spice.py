@@ -11,6 +11,7 @@ import numpy as np
 
 from motoremi import __version__
 from motoremi.errors import BadInput
+from motoremi.export.parts import Coils
 from motoremi.export.realise import Realisation, deviation, impedance_of, realise
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import add_effects, find_effect
@@ -94,8 +95,11 @@ def subcircuit(network: Realisation) -> Iterator[str]:
             yield from part.lines(fresh, here, inner)
             here = inner
     nodes = [here, *(fresh("n") for _ in range(network.sections - 1)), "far_end"]
-    for left, right in pairwise(nodes):
-        yield from network.winding.lines(fresh, left, right)
+    if isinstance(network.winding, Coils):
+        yield from network.winding.lines(fresh, nodes)
+    else:
+        for left, right in pairwise(nodes):
+            yield from network.winding.lines(fresh, left, right)
     if network.spread is not None:
         for node in nodes:
             at_end = node in (nodes[0], nodes[-1])

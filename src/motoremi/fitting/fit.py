@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -18,13 +18,27 @@ from motoremi.fitting.colony import Colony
 from motoremi.fitting.exchange import exchanged
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper import paper_colony
-from motoremi.fitting.polish import polish
+from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import THOROUGH, Trail, race
 from motoremi.fitting.result import METHODS, Fit, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
-from motoremi.fitting.search import GENERATIONS, PLAIN, ROUGH, SEARCH_POINTS, Found, Solution, Task, arrived_on_all, climb, search_base
+from motoremi.fitting.search import (
+    FOLLOWED,
+    GENERATIONS,
+    PLAIN,
+    ROUGH,
+    SEARCH_POINTS,
+    Found,
+    Solution,
+    Task,
+    arrived_on_all,
+    climb,
+    relative_solution,
+    search_base,
+)
 from motoremi.fitting.starts import base_starts, seen
+from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.seen import Seen
 from motoremi.model.effects.validity import active_at
@@ -34,6 +48,10 @@ from motoremi.spread import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
+# A resonance takes so many points to tell.
+POINTS_EACH = 3
+# Steps of a look at one of several numbers of parts.
+GLANCE_STEPS = 12
 # What a start leaves of an element from which it takes more than there is.
 LEAST_LEFT = 0.1
 
@@ -196,8 +214,8 @@ def trail_to(
     motor = added.added_to(before.motor)
     names = {p.name for p in motor.parameters}
     fixed = {**before.held, **(held or {})}
-    scanned = any(not p.vary for p in added.effect.parameters)
-    if scanned and not any(name.startswith(f"{label}.") for name in fixed):
+    unvaried = {f"{label}.{p.name}": added.effect.tried.get(p.name, ()) for p in added.effect.parameters if not p.vary}
+    if any(not values for values in unvaried.values()) and not any(name in fixed for name in unvaried):
         fixed.update(_scanned_step(before, label))
     wider = scaled_ranges(added.effect, label, before.measurement)
     bounds = {name: b for name, b in {**wider, **before.bounds, **(limits or {})}.items() if name in names}
@@ -218,7 +236,65 @@ def trail_to(
         # An effect tells which resonance is the winding's: it fits beside the right one only.
         bases += [{**base, **exchanged(base)} for base in bases]
     starts = [_started(base, start, label) for start in tried for base in bases]
-    return Trail(task, starts, len(bases), before.sizes)
+    parts = {
+        name: _as_told(name, fixed[name], before) if name in fixed else _chosen(task, starts, len(bases), name, values, before)
+        for name, values in unvaried.items()
+        if values
+    }
+    return Trail(dataclasses.replace(task, held={**fixed, **parts}), starts, len(bases), before.sizes)
+
+
+def _as_told(name: str, value: float, before: Fit) -> float:
+    """A number of parts that these data can tell."""
+    most = most_parts(before.measurement)
+    if not value == round(value) or not 1 <= value <= most:
+        raise BadInput(
+            f"{name} = {value:g}: hold a whole number from 1 to {most:g}; each adds a resonance, which takes {POINTS_EACH} points to tell"
+        )
+    return value
+
+
+def most_parts(measurement: Measurement) -> int:
+    """How many parts, with a resonance each, the points of a sweep can tell."""
+    return max(len(sweep.frequency_hz) for sweep in measurement.sweeps) // POINTS_EACH
+
+
+def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name: str, values: Sequence[float], before: Fit) -> float:
+    """The value of a parameter that does not vary from which a few steps lead lowest.
+
+    Where a line misses by far, its resonances hide how many parts there are: each number is looked at with one mode beside it.
+    """
+    found = {}
+    for value in values:
+        if value > most_parts(task.measurement):
+            continue
+        tried = dataclasses.replace(task, held={**task.held, name: value})
+        if before.motor.is_line and before.sizes.discrepancy >= PLAIN:
+            problem = tried.relative()
+            ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
+            ends = _least(*_with_mode(tried, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS)
+        else:
+            problem = tried.thinned(SEARCH_POINTS)
+            ends = polish(problem, problem.vectors(starts), iterations=GLANCE_STEPS, precision=ROUGH)
+        found[value] = float(ends.objective.min())
+    return min(found, key=lambda value: found[value], default=values[0])
+
+
+def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Problem, list[dict[str, float]]]:
+    """The least relative error with one more mode, and where it may start."""
+    added = find_effect("winding-modes")
+    label, seen_now = added.label_in(task.motor), _seen_by(before)
+    assert added.effect.reader is not None
+    starts: list[dict[str, float]] = []
+    if seen_now.frequency_hz is not None:
+        names = [p.name for p in task.motor.parameters]
+        at = np.array([values.get(p.name, p.middle) for p in task.motor.parameters])
+        model = Tape(task.motor.circuit("short"), names).impedance(2j * np.pi * seen_now.frequency_hz, at)
+        starts = [
+            _started(values, start, label) for start in added.effect.reader(dataclasses.replace(seen_now, model_ohm=model, parameters=values))
+        ]
+    motor = added.added_to(task.motor)
+    return dataclasses.replace(task, motor=motor).relative(), starts or [dict(values)]
 
 
 @lru_cache(maxsize=4)
@@ -248,7 +324,47 @@ def refit_with(
     thorough: bool = True,
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
+    added = find_effect(effect).effect
+    if before.sizes.discrepancy >= PLAIN and (added.describes or (added.tried and before.motor.is_line)):
+        return _described(trail_to(before, effect, held, limits, near=before.parameters), before)
     return followed(trail_to(before, effect, held, limits), before, thorough)
+
+
+def _described(trail: Trail, before: Fit) -> Fit:
+    """What a model misses by far described one step further: from where it stands straight to the least relative error.
+
+    The detour by the likelihood, and by values that a smaller model gives away, leads from one description into another. With each step the
+    number of parts may change to a neighbouring one.
+    """
+    started = time.perf_counter()
+    task, starts = trail.task, trail.starts[:: trail.group]
+    ends = _least(task.relative(), starts, FOLLOWED)
+    for other in _neighbours(task):
+        near = _least(other.relative(), starts, 1)
+        if near.objective.min() < ends.objective.min():
+            task, ends = other, near
+    solution = relative_solution(task, ends, before.sizes)
+    result = summarise(task, Found(solution, before.history, dict(solution.values)), before.method, before.seed)
+    return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
+
+
+def _neighbours(task: Task) -> Iterator[Task]:
+    """The same with one number of parts next to that which the search has chosen."""
+    for name, value in task.held.items():
+        label, _, short = name.rpartition(".")
+        tried = find_effect(label.partition("#")[0]).effect.tried.get(short, ()) if label else ()
+        if value in tried:
+            at = tried.index(value)
+            for other in tried[max(at - 1, 0) : at + 2]:
+                if other != value and other <= most_parts(task.measurement):
+                    yield dataclasses.replace(task, held={**task.held, name: other})
+
+
+def _least(problem: Problem, starts: Sequence[Mapping[str, float]], followed: int, steps: int = 100) -> Polished:
+    """A few steps from each start, then to the end from those that are ahead."""
+    first = polish(problem, problem.vectors(starts), iterations=GLANCE_STEPS, precision=ROUGH)
+    ends = polish(problem, first.distinct(followed), iterations=steps, precision=ROUGH)
+    return dataclasses.replace(ends, evaluations=first.evaluations + ends.evaluations)
 
 
 @one_blas_thread

@@ -210,15 +210,35 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     logarithmic, problem = task.thinned(None), task.relative()
     near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
     ends = polish(problem, near.distinct(3), iterations=100, precision=ROUGH)
-    values = problem.named(ends.u[ends.best])
-    converged = bool(ends.converged[ends.best])
-    likelihood = task.likelihood(None, solution.sizes)
+    return _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
+
+
+def relative_solution(task: Task, ends: Polished, sizes: Sizes) -> Solution:
+    """The circuit of the least relative error as a solution; the likelihood's where that errs by little.
+
+    Parameters
+    ----------
+    ends : Polished
+        Of the relative error over all points.
+    sizes : Sizes
+        To begin with: those of a model that leaves more.
+    """
+    problem = task.relative()
+    likelihood = task.likelihood(None, sizes)
+    found = marginal(likelihood, likelihood.vector(problem.named(ends.u[ends.best])))
+    if found.likeliest.discrepancy < PLAIN:
+        return arrived_on_all(task, [problem.named(ends.u[ends.best])])
+    return _relative(task, problem, ends, found.likeliest, found, 0)
+
+
+def _relative(task: Task, problem: Problem, ends: Polished, sizes: Sizes, found: Marginal, evaluations: int) -> Solution:
+    likelihood = task.likelihood(None, sizes)
     return Solution(
-        likelihood.named(likelihood.vector(values)),
-        solution.sizes,
-        rough(solution.marginal, float(ends.objective[ends.best]) * problem.size / task.measurement.points, problem.size, len(problem.unknowns)),
-        converged,
-        solution.evaluations + ends.evaluations,
+        likelihood.named(likelihood.vector(problem.named(ends.u[ends.best]))),
+        sizes,
+        rough(found, float(ends.objective[ends.best]) * problem.size / task.measurement.points, problem.size, len(problem.unknowns)),
+        bool(ends.converged[ends.best]),
+        evaluations + ends.evaluations,
     )
 
 

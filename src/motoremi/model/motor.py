@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias
@@ -13,6 +13,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, is_element, replace_element, replace_leaf, walk
 from motoremi.model.laws import Law
 from motoremi.model.parameter import Parameter
+from motoremi.model.sections import Sections
 
 Terminations: TypeAlias = tuple[Literal["short", "open"], ...]
 BOTH: Terminations = ("short", "open")
@@ -59,6 +60,10 @@ class Motor:
         Share of Cf that is spread along the winding.
     spread : Node, optional
         From the turns to the frame, all along the winding; what lies beside its copper (Ca) is then across its ends.
+    coupled : tuple of Parameter, optional
+        Number of sections and coupling of neighbours, where what is spread lies along sections that are linked by their flux.
+    across : tuple of Node
+        Parts from one end of the winding to the other that are no part of it.
     apart : tuple of Apart
         Elements that differ in the open-circuit sweep.
     attachments : tuple of Attachment
@@ -71,6 +76,8 @@ class Motor:
     frame: Node
     distribution: Parameter | None = None
     spread: Node | None = None
+    coupled: tuple[Parameter, Parameter] | None = None
+    across: tuple[Node, ...] = ()
     apart: tuple[Apart, ...] = ()
     attachments: tuple[Attachment, ...] = ()
     effects: tuple[str, ...] = ()
@@ -88,26 +95,45 @@ class Motor:
                 winding = replace_leaf(winding, apart.element, lambda leaf, apart=apart: Scaled(leaf, apart.law, apart.parameters))  # type: ignore[misc]
         seen: Node
         if self.spread is not None:
-            seen = self._machine(winding, self.spread, frame if termination == "open" else None)
+            copper, *beside = winding.children
+            seen = self._distributed(copper, (), self.spread, (*beside, *self.across), frame if termination == "open" else None)
         elif (share := self.distribution) is not None:
             spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
             rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
-            seen = Line(winding, spread, rest if termination == "open" else None)
+            copper, *turns = winding.children
+            seen = self._distributed(copper, turns, spread, self.across, rest if termination == "open" else None)
         else:
-            seen = Series((winding, frame)) if termination == "open" else winding
+            whole = self._with_across(winding)
+            seen = Series((whole, frame)) if termination == "open" else whole
         for attachment in self.attachments:
             if ("short" if termination == "short" else "open") in attachment.terminations:
                 seen = attachment.wrap(seen)
         return seen
 
-    @staticmethod
-    def _machine(winding: Node, spread: Node, frame: Node | None) -> Node:
-        """Copper and core as a line toward the frame, with all that lies beside them across its ends."""
-        copper, *beside = winding.children
-        across = Parallel(tuple(beside)) if len(beside) > 1 else beside[0]
-        if frame is None:
-            return Parallel((Line(copper, spread), across))
-        return Bridged(copper, spread, across, frame)
+    def _with_across(self, winding: Node) -> Node:
+        """A winding with what lies from end to end of it."""
+        return Parallel((*winding.children, *self.across)) if self.across else winding
+
+    @property
+    def between(self) -> Node:
+        """All that lies between the ends of a winding that is not spread."""
+        return self._with_across(self.winding)
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the winding is spread along the frame."""
+        return self.spread is not None or self.distribution is not None
+
+    def _distributed(self, copper: Node, turns: Sequence[Node], spread: Node, across: Sequence[Node], frame: Node | None) -> Node:
+        """Copper and core, with parts beside all of their turns, spread toward the frame; further parts across the ends."""
+        bridge = _together(across)
+        if self.coupled is not None:
+            resistance, flux = copper.children
+            return Sections(resistance, flux, spread, *self.coupled, _together(turns), bridge, frame)
+        series = Parallel((copper, *turns)) if turns else copper
+        if bridge is None:
+            return Line(series, spread, frame)
+        return Parallel((Line(series, spread), bridge)) if frame is None else Bridged(series, spread, bridge, frame)
 
     def _insulation(self, name: str) -> Node:
         """The element with everything that effects have made of it (dielectric loss and the like)."""
@@ -144,6 +170,10 @@ class Motor:
         """The motor with one more part across its winding, beside Ca."""
         return dataclasses.replace(self, winding=Parallel((*self.winding.children, branch)))
 
+    def with_across(self, branch: Node) -> Motor:
+        """The motor with a part from one end of its winding to the other, which is no part of the winding."""
+        return dataclasses.replace(self, across=(*self.across, branch))
+
     def with_first_turns(self, cell: Node) -> Motor:
         """The motor with a part in series at the winding's terminal: lumped even where the winding is not, inside all that is attached."""
         first = Attachment(lambda seen: Series((seen, cell)))
@@ -151,6 +181,11 @@ class Motor:
 
     def __repr__(self) -> str:
         return f"Motor(effects={list(self.effects)})"
+
+
+def _together(parts: Sequence[Node]) -> Node | None:
+    """Parts side by side; None for none."""
+    return Parallel(tuple(parts)) if len(parts) > 1 else parts[0] if parts else None
 
 
 def dc_motor() -> Motor:

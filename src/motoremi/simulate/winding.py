@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -127,6 +128,33 @@ def _apply_distributed(network: Network, elements: Elements, sizes: Sizes) -> Ne
     return rest.with_item("Cf", lumped).plus(*line)
 
 
+def _draw_sections(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return {"share": log_uniform(rng, 0.1, 0.6), "sections": float(rng.integers(4, 11)), "coupling": uniform(rng, 0.2, 0.7)}
+
+
+def _apply_sections(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    """Coils in series, each with its share of copper and capacitance; the flux of one links the others the less the further they are."""
+    count, coupling = int(sizes["sections"]), sizes["coupling"]
+    order = range(count)
+    # Of all self and mutual inductances the sum is La.
+    henry = elements["La"] / sum(coupling ** abs(i - j) for i in order for j in order)
+    nodes = ["X", *(f"coil{number}" for number in range(1, count)), "Y"]
+    rest = dataclasses.replace(network, items=tuple(item for item in network.items if item.name not in ("Ra", "La", "Ca")))
+    rest = rest.with_item("Cf", network.item("Cf").scaled(1 / (1 - sizes["share"])))
+    for number, (left, right) in enumerate(pairwise(nodes)):
+        rest = (
+            rest.resistor(f"Ra{number}", left, f"in{number}", elements["Ra"] / count)
+            .inductor(f"La{number}", f"in{number}", right, henry)
+            .capacitor(f"Ca{number}", left, right, elements["Ca"] * count)
+        )
+    for number, node in enumerate(nodes):
+        at_end = node in ("X", "Y")
+        rest = rest.capacitor(f"slot{number}", node, "G", sizes["share"] * elements["Cf"] / count * (0.5 if at_end else 1.0))
+    for first, second in combinations(order, 2):
+        rest = rest.couple(f"La{first}", f"La{second}", coupling ** (second - first))
+    return rest
+
+
 def _draw_second(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
     henry, frequency = elements["La"] * log_uniform(rng, 0.02, 0.1), log_uniform(rng, 3e6, 2e7)
     return {
@@ -157,7 +185,21 @@ BESIDE_EFFECTS = (
     EffectKind("core-loss", _draw_core_loss, _apply_core_loss),
     EffectKind("brush-contact", _draw_brush, _apply_brush),
 )
+# Whatever makes an element of the winding another, or spreads it otherwise: sections are made of the plain ones.
+_OTHER_ACCOUNTS = (
+    "distributed-winding",
+    "machine-winding",
+    *(kind.name for kind in (*MATERIAL_EFFECTS, *BESIDE_EFFECTS)),
+    "rotor-cage",
+    "shorted-turn",
+    "winding-modes",
+    "common-mode-flux",
+    "outside-tapped-winding",
+    "outside-rotor-coupling",
+    *(f"{name}@{place}" for name in ("dielectric-loss", "dielectric-relaxation", "insulation-leakage") for place in ("Ca", "Cf")),
+)
 TURN_EFFECTS = (
     EffectKind("distributed-winding", _draw_distributed, _apply_distributed),
+    EffectKind("winding-sections", _draw_sections, _apply_sections, excludes=_OTHER_ACCOUNTS),
     EffectKind("second-resonance", _draw_second, _apply_second),
 )

@@ -10,7 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from motoremi.errors import BadInput
-from motoremi.model.effects import connection, instrument, insulation, machine, own, suppressor, winding
+from motoremi.model.effects import connection, instrument, insulation, machine, own, sections, suppressor, winding
 from motoremi.model.effects.effect import AddedEffect, Effect, split_identifier
 from motoremi.model.effects.validity import check_effect
 from motoremi.model.motor import Motor
@@ -23,7 +23,15 @@ __all__ = ["AddedEffect", "Effect", "add_effects", "catalogue", "catalogue_sha25
 @lru_cache(maxsize=1)
 def catalogue() -> tuple[Effect, ...]:
     """All known effects: those of the contract in its order, then those of installed packages, then the user's own files."""
-    known = [*winding.EFFECTS, *machine.EFFECTS, *insulation.EFFECTS, *connection.EFFECTS, *suppressor.EFFECTS, *instrument.EFFECTS]
+    known = [
+        *winding.EFFECTS,
+        *machine.EFFECTS,
+        *sections.EFFECTS,
+        *insulation.EFFECTS,
+        *connection.EFFECTS,
+        *suppressor.EFFECTS,
+        *instrument.EFFECTS,
+    ]
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         effect = entry.load()
         if not isinstance(effect, Effect):

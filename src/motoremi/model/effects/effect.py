@@ -62,6 +62,8 @@ class Effect:
         True for what tells how a motor behaves and not why: the search names it no cause, a person can add it.
     below_hz : float
         The search looks for it only where the sweeps begin below this: elsewhere nothing of it shows.
+    tried : mapping
+        Of a parameter that does not vary: the values among which the search chooses; none for a frequency, which is scanned.
     excludes : tuple of str
         Effects beside which it has no meaning.
     kin : str
@@ -89,6 +91,7 @@ class Effect:
     seen_as: tuple[str, ...] = ()
     describes: bool = False
     below_hz: float = math.inf
+    tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
 
     @property

@@ -20,11 +20,15 @@ Reader: TypeAlias = Callable[[Seen], Sequence[Mapping[str, float]]]
 # Where the rational fit finds a resistance below zero, such a share of the effect's own is tried.
 LEAST_SHARE = 0.01
 # Resonances of a mode that are looked at, how far beyond the sweep, and how many of them are tried.
-MODES_SOUGHT, MODES_BEYOND, MODES_TRIED = 90, 1.5, 6
+MODES_SOUGHT, MODES_BEYOND, MODES_TRIED = 90, 1.5, 10
 # Of the first mode, as machines have it; all others share what is found.
 MODE_QUALITIES = (2.0, 5.0, 15.0)
 # Where a search for a rotor's cage starts: a measured machine has 0.3 to 0.4.
 CAGE_SHARE = 0.3
+# Of a line that is there already, sections need no start; of one that is not: how much of the capacitance at the first resonance is to the frame,
+# how much of that acts there (a quarter of a wave), how much of Cf it is at most, and how the sections are linked.
+LINES = frozenset({"machine-winding.slots_f", "distributed-winding.share"})
+SPREAD_PARTS, ACTING, MOST_SPREAD, LINKS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02, 0.3, 0.6, 0.85)
 # How much of all capacitance is the suppressor's, and what a small motor's winding has to its frame.
 SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
 # A bare line: at least so many resonances, their distances alike within this share; points of the mean; next to nothing between its turns.
@@ -221,6 +225,26 @@ def uniform_line(seen: Seen) -> list[dict[str, float]]:
     loss_ohm = 2 * float(np.min(np.abs(seen.short_ohm[whole])))
     line = {"=La": wave_ohm * delay_s, "=Cf": 2 * delay_s / wave_ohm, "share": 0.5}
     return [{**line, "=Ra": ra * loss_ohm, "=Ca": LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
+
+
+def winding_sections(seen: Seen) -> list[dict[str, float]]:
+    """From the inductance at the lowest frequencies and the first parallel resonance, its capacitance shared in several ways."""
+    lowest = seen.lowest_inductance_h
+    if lowest is None or seen.frequency_hz is None or seen.short_ohm is None or seen.parameters.keys() & LINES:
+        return []
+    falling = np.flatnonzero((seen.short_ohm.imag[1:] <= 0) & (seen.short_ohm.imag[:-1] > 0))
+    if not falling.size:
+        return []
+    resonance = float(seen.frequency_hz[falling[0] + 1])
+    whole = 1 / ((2 * np.pi * resonance) ** 2 * lowest)
+    ohm = max(float(seen.short_ohm.real[0]), 1e-3)
+    starts = []
+    for part in SPREAD_PARTS:
+        slots = part * whole / ACTING
+        farad = max(seen.parameters.get("Cf", 2 * slots), slots / MOST_SPREAD)
+        base = {"=Ra": ohm, "=La": lowest, "=Ca": (1 - part) * whole, "=Cf": farad, "share": slots / farad, "sections": 8.0}
+        starts += [{**base, "coupling": coupling} for coupling in LINKS]
+    return starts
 
 
 def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:

@@ -21,7 +21,7 @@ def _capacitor(motor: Motor, place: str, parameters: Mapping[str, Parameter]) ->
         )
     )
     if not place:
-        return motor.with_branch(branch)
+        return motor.with_across(branch)
     shunted = motor.attached(lambda node: Parallel((node, branch)))
     if place == "frame":
         return shunted

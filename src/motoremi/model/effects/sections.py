@@ -1,0 +1,61 @@
+"""A winding in sections that are linked by their flux: the family whose ends are the lumped circuit and the line."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from motoremi.model.effects import readings
+from motoremi.model.effects.effect import Effect
+from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
+
+# In the band of conducted emission alone La's value at low frequency, against which linked flux shows, is not seen.
+SECTIONS_SEEN_BELOW_HZ = 20e3
+
+
+def _sections(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    # What is spread already is cut into sections; else a share of Cf is.
+    share = None if motor.spread is not None else motor.distribution or parameters["share"]
+    return dataclasses.replace(motor, distribution=share, coupled=(parameters["sections"], parameters["coupling"]))
+
+
+EFFECTS = (
+    Effect(
+        name="winding-sections",
+        group="winding",
+        kin="winding-resonance",
+        title="a winding in sections: flux that links neighbours, capacitance to the frame, between turns and between sections",
+        formula=("inv(Y)[0, 0], Y = A.T @ (inv(Ra / n * I + s * La / sum(T) * T) + n * s * Ca * I) @ A + share * s * Cf / n * W, n = sections"),
+        parameters=(
+            Parameter("share", "", 0.002, 0.999, "share of Cf that is not at the far end; none of its own in a line that is cut into sections"),
+            Parameter("sections", "", 1.0, 128.0, "coils in series; 1 is the lumped circuit, many are a line", vary=False),
+            Parameter(
+                "coupling",
+                "",
+                -0.9,
+                0.98,
+                "of neighbours, to the power of their distance for others: coils of one slot 0.9; opposed poles below 0",
+                "linear",
+            ),
+        ),
+        limit="sections -> 1, share -> 0",
+        limit_values={"share": 1e-12, "sections": 1.0, "coupling": 0.3},
+        signature="a row of resonances that crowd less than a line's: linked flux leaves the higher ones less inductance",
+        look_alikes=("distributed-winding", "machine-winding", "second-resonance"),
+        deciding="count the coils; sweep from well below the first resonance to several beyond it, once with the far end open",
+        source=(
+            "sections with mutual inductance: Abetti and Maginniss, AIEE Trans. 72 (1953) 495 (not read again: unconfirmed); "
+            "that coupling is a power of distance is an assumption"
+        ),
+        change=_sections,
+        starts=tuple(
+            {"share": k, "sections": 8.0, "coupling": c, "*Ca": rest}
+            for k, rest in ((0.02, 1.0), (0.08, 0.8), (0.25, 0.5), (0.8, 0.3))
+            for c in (0.02, 0.5)
+        ),
+        tried={"sections": (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 16.0, 24.0)},
+        reader=readings.winding_sections,
+        below_hz=SECTIONS_SEEN_BELOW_HZ,
+    ),
+)

@@ -1,0 +1,217 @@
+"""A winding as a chain of equal sections whose flux links their neighbours.
+
+Section i carries J_i through copper and core and c U_i through the capacitance of its turns; its voltage is U_i = a J_i + b sum_j k^|i-j| J_j,
+with a the copper's share, b the core's and k the coupling of neighbours. Every node has y to the frame, the two ends half of it. The inverse
+of the matrix k^|i-j| is tridiagonal, so along the chain everything is a sum of two waves z^i with v = z + 1/z - 2 from
+
+    k (1 + c a) v^2 - (q + c r + a k y) v + y r = 0,  q = (1 - k)^2, r = a q + b (1 - k^2),
+
+whatever the number of sections; both ends driven alike, and driven against each other, give the two-port.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray
+from motoremi.model.circuit import Node, Passed, Slopes
+from motoremi.model.laws import Law, ValueAndSlopes
+from motoremi.model.parameter import Parameter
+
+# Places among the derivatives for a, b, c, y, k.
+_BY_FRAME, _BY_COUPLING = 3, 4
+# Less is none.
+LEAST_COUPLING = 1e-6
+
+
+def linked_flux(sections: Any, coupling: Any) -> tuple[Any, Any]:
+    """Sum of k^|i-j| over all pairs of sections, and its derivative for k: what shares one inductance out among them."""
+    n, k = sections, coupling
+    left, power = 1 - k, k**n
+    total = n * (1 + k) / left - 2 * k * (1 - power) / left**2
+    slope = (2 * n - 2 * (1 - power) + 2 * n * power) / left**2 - 4 * k * (1 - power) / left**3
+    return total, slope
+
+
+def _geometry(s: ComplexArray, sections: Any, coupling: Any) -> ValueAndSlopes:
+    """Hands the coupling, which the waves need to be some, and the number of sections, a whole one, to the node."""
+    return np.where(np.abs(coupling) < LEAST_COUPLING, LEAST_COUPLING, coupling), (np.rint(sections),)
+
+
+@dataclass(frozen=True)
+class Sections(Node):
+    """A chain of coupled sections, its far end closed by `load` or shorted, with a branch `across` from end to end.
+
+    Parameters
+    ----------
+    copper, flux, shunt : Node
+        Of the whole winding: in series with its flux, linked by it, and to the frame.
+    number, coupling : Parameter
+    turns, across, load : Node, optional
+        Beside copper and flux of every section; beside all of them; at the far end.
+    """
+
+    copper: Node
+    flux: Node
+    shunt: Node
+    number: Parameter
+    coupling: Parameter
+    turns: Node | None = None
+    across: Node | None = None
+    load: Node | None = None
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.copper, self.flux, self.shunt, *(part for part in self._others if part is not None))
+
+    @property
+    def _others(self) -> tuple[Node | None, ...]:
+        return (self.turns, self.across, self.load)
+
+    def _sorted(self, parts: Sequence[Any]) -> list[Any]:
+        """What belongs to turns, branch across and load of all that belongs to the children; None where there is none."""
+        rest = iter(parts[3:])
+        return [None if node is None else next(rest) for node in self._others]
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        return (self.number, self.coupling)
+
+    @property
+    def own_law(self) -> Law | None:
+        return _geometry
+
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        k, (n,) = given
+        total, by_coupling = linked_flux(n, k)
+        share = (1 - k**2) / total
+        turns, across, closing = self._sorted(parts)
+        chain = _Chain(parts[0] / n, parts[1] * share, 0.0 if turns is None else n / turns, 1 / (n * parts[2]), k, n)
+        alike, against = chain.driven(alike=True), chain.driven(alike=False)
+        bridge = 0.0 if across is None else 1 / across
+        load = None if closing is None else 1 / closing
+        even, odd = alike.admittance, against.admittance + 2 * bridge
+        own = 0.5 * (even + odd)
+        bottom = own if load is None else even * odd + own * load
+        impedance = 1 / bottom if load is None else (own + load) / bottom
+        kept = (chain, alike, against, even, odd, bridge, load, bottom, share, -(2 * k + share * by_coupling) / total)
+        return impedance, kept
+
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        chain, alike, against, even, odd, bridge, load, bottom, share, share_slope = kept
+        if load is None:
+            by_even = by_odd = -0.5 * impedance**2
+        else:
+            by_even = (0.5 - impedance * (odd + 0.5 * load)) / bottom
+            by_odd = (0.5 - impedance * (even + 0.5 * load)) / bottom
+        by_a, by_flux, by_c, by_y, by_k = (by_even * e + by_odd * o for e, o in zip(alike.slopes, against.slopes, strict=True))
+        slopes = [by_a / chain.n, by_flux * share, -by_y * chain.y / parts[2]]
+        if self.turns is not None:
+            slopes.append(-by_c * chain.c**2 / chain.n)
+        if self.across is not None:
+            slopes.append(-2 * by_odd * bridge**2)
+        if load is not None:
+            slopes.append((0.5 * (odd - even) * load / bottom) ** 2)
+        return slopes, (np.zeros(1, dtype=np.complex128), by_k + by_flux * parts[1] * share_slope)
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return Sections(*children[:3], self.number, self.coupling, *self._sorted(children))
+
+
+class _Chain:
+    """The two waves of a chain; names as in the module's equation, with b for b (1 - k^2).
+
+    Parameters
+    ----------
+    a, b, c, y, k, n
+        Per section, broadcast against each other.
+    """
+
+    def __init__(self, a: Any, b: Any, c: Any, y: Any, k: Any, n: Any) -> None:
+        self.a, self.b, self.c, self.y, self.k, self.n = a, b, c, y, k, n
+        self.loaded = 1 + c * a
+        self.q = (1 - k) ** 2
+        self.r = a * self.q + b
+        middle = self.q + c * self.r + a * k * y
+        root = np.sqrt(middle**2 - 4 * k * self.loaded * y * self.r)
+        # Of the two signs the one that does not cancel.
+        self.root = root = np.where((middle.conj() * root).real < 0, -root, root)
+        self.waves = (2 * y * self.r / (middle + root), (middle + root) / (2 * k * self.loaded))
+        # Of each wave the whole current over that through the copper, times q - k v; that of the second by the sum of the roots.
+        bent = k * self.loaded * self.waves[0]
+        self.currents = (middle - a * k * y - bent, bent - a * k * y)
+
+    @cached_property
+    def slopes(self) -> tuple[tuple[Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]:
+        """Derivatives of both waves, and of both currents, for a, b, c, y, k."""
+        a, c, y, k, q, r, loaded = self.a, self.c, self.y, self.k, self.q, self.r, self.loaded
+        q_slope = -2 * (1 - k)
+        waves = []
+        for v, width in zip(self.waves, (-self.root, self.root), strict=True):
+            inverse = -1 / width
+            by_coupling = loaded * v**2 - (q_slope * loaded + a * y) * v + y * a * q_slope
+            waves.append(
+                [
+                    part * inverse
+                    for part in (k * c * v**2 - (c * q + k * y) * v + y * q, y - c * v, (k * a * v - r) * v, r - a * k * v, by_coupling)
+                ]
+            )
+        v, (by_a, by_b, by_c, by_y, by_k) = self.waves[0], waves[0]
+        scale = k * loaded
+        bent = (k * c * v + scale * by_a, scale * by_b, k * a * v + scale * by_c, scale * by_y, loaded * v + scale * by_k)
+        first = [one - bend for one, bend in zip((c * q, c, r, 0.0, q_slope * loaded), bent, strict=True)]
+        second = [bend - one for one, bend in zip((k * y, 0.0, 0.0, a * k, a * y), bent, strict=True)]
+        return (waves[0], waves[1]), (first, second)
+
+    def driven(self, alike: bool) -> _Driven:
+        """Both ends at the same voltage, or at opposite ones."""
+        return _Driven(self, alike)
+
+
+class _Driven:
+    """The admittance of either end, and its derivatives for a, b, c, y, k."""
+
+    def __init__(self, chain: _Chain, alike: bool) -> None:
+        self.chain, self.alike, k = chain, alike, chain.k
+        self.sinh = [np.sqrt(0.25 * v) for v in chain.waves]
+        self.cosh = [np.sqrt(1 + 0.25 * v) for v in chain.waves]
+        self.half = [sinh / cosh for sinh, cosh in zip(self.sinh, self.cosh, strict=True)]
+        self.whole = [np.tanh(chain.n * np.arcsinh(sinh)) for sinh in self.sinh]
+        # tanh(theta/2) times tanh(n theta/2), or over it, of v = 4 sinh(theta/2)^2.
+        self.ratios = [half / whole if alike else half * whole for half, whole in zip(self.half, self.whole, strict=True)]
+        self.ends = [(1 - k) + (1 + k) * t for t in self.ratios]
+        (h1, h2), (t1, t2), (e1, e2) = chain.currents, self.ratios, self.ends
+        self.top, self.bottom = e2 * h1 - e1 * h2, e2 * h1 * t1 - e1 * h2 * t2
+        self.admittance = 0.5 * chain.y * self.top / self.bottom
+
+    def _turns(self) -> list[ComplexArray]:
+        """Derivatives of the ratios for v."""
+        found = []
+        for sinh, cosh, half, whole in zip(self.sinh, self.cosh, self.half, self.whole, strict=True):
+            by_half, by_whole = 0.5 * (1 - half**2), 0.5 * self.chain.n * (1 - whole**2)
+            turn = (by_half - half / whole * by_whole) / whole if self.alike else by_half * whole + half * by_whole
+            found.append(turn / (4 * sinh * cosh))
+        return found
+
+    @property
+    def slopes(self) -> list[ComplexArray]:
+        """Of the admittance."""
+        k, (h1, h2), (t1, t2), (e1, e2) = self.chain.k, self.chain.currents, self.ratios, self.ends
+        turn1, turn2 = self._turns()
+        (waves1, waves2), (currents1, currents2) = self.chain.slopes
+        by_top, by_bottom = self.admittance / self.top, -self.admittance / self.bottom
+        slopes = []
+        for index, (v1, v2, g1, g2) in enumerate(zip(waves1, waves2, currents1, currents2, strict=True)):
+            d1, d2 = turn1 * v1, turn2 * v2
+            f1, f2 = (1 + k) * d1, (1 + k) * d2
+            if index == _BY_COUPLING:
+                f1, f2 = f1 + t1 - 1, f2 + t2 - 1
+            first, second = f2 * h1 + e2 * g1, f1 * h2 + e1 * g2
+            slope = by_top * (first - second) + by_bottom * (first * t1 + e2 * h1 * d1 - second * t2 - e1 * h2 * d2)
+            slopes.append(slope + self.admittance / self.chain.y if index == _BY_FRAME else slope)
+        return slopes
