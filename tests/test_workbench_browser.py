@@ -8,10 +8,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import expect
 from workbench_browser import PATIENCE_MS, VIEWS, Watched, keep, needs_chromium
-from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
+from workbench_tools import ATTACKS, bench_of, make_session, served
 
 from motoremi.data.session import load, reopen
 from motoremi.data.spectrum import Spectrum
@@ -116,11 +115,6 @@ def test_the_story_by_clicks(browser, tmp_path):
         watched.close()
     stories = [path for path in tmp_path.iterdir() if path.name.startswith("motoremi-run")]
     assert load(stories[0]).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("browser") / "fitted")
 
 
 def test_the_story_by_keys(browser, fitted):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from workbench_tools import bench_of, client_of, make_fitted_session, until
+from workbench_tools import bench_of, client_of, until
 
 from motoremi.data.session import load
 from motoremi.errors import BadInput
@@ -23,17 +22,6 @@ from motoremi.workbench.jobs import Jobs
 from motoremi.workbench.thinning import CELLS, seen
 from motoremi.workbench.thinning import WHOLE as LONGEST_WHOLE
 from motoremi.workflow import add_to_session, opened
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("jobs") / "s")
-
-
-@pytest.fixture
-def fitted(made, tmp_path) -> Path:
-    shutil.copytree(made, tmp_path / "s")
-    return tmp_path / "s"
 
 
 def contents(folder: Path) -> dict[str, bytes]:

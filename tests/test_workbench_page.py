@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 from workbench_browser import Watched, needs_chromium
-from workbench_tools import bench_of, make_fitted_session, make_session, served
+from workbench_tools import bench_of, make_session, served
 
 from motoremi.data.session import load
 from motoremi.workbench.doorway import doorway
@@ -45,18 +44,6 @@ def test_a_wrong_key_and_a_missing_page_are_pages(browser, tmp_path):
         page.click("a")
         page.wait_for_selector("main[data-view=files]")
         page.close()
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("page") / "fitted")
-
-
-@pytest.fixture
-def fitted(made, tmp_path) -> Path:
-    """A session of one's own, fitted and diagnosed."""
-    shutil.copytree(made, tmp_path / "fitted")
-    return tmp_path / "fitted"
 
 
 def test_reload_and_back_keep_session_and_view(browser, fitted):

@@ -108,14 +108,14 @@ def test_what_is_dropped_can_be_put_back(at, copied, of, effect):
     added = at("/add", of=of, effect=effect)
     standing = at(story)["standing"]
     assert at("/drop", of=of)["after"] == added["before"]
-    assert at(story)["redo"] == effect
+    assert [one["added"] for one in at(story)["dropped"]] == [effect]
     assert at("/redo", of=of)["after"]["error"] == pytest.approx(added["after"]["error"], rel=1e-9)
-    assert (at(story)["standing"], at(story)["redo"]) == (standing, "")
+    assert (at(story)["standing"], at(story)["dropped"]) == (standing, [])
     # What somebody else does in between is not undone by it.
     at("/drop", of=of)
     other = "core-loss" if of == "impedance" else "lisn-deviation"
     at("/add", of=of, effect=other)
-    assert at(story)["redo"] == ""
+    assert at(story)["dropped"] == []
     assert at(story)["in_model"] == [other]
 
 

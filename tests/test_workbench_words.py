@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 from workbench_browser import Watched, needs_chromium
-from workbench_tools import bench_of, client_of, make_fitted_session, make_session, served
+from workbench_tools import bench_of, client_of, make_session, served
 
 from motoremi.data.session import reopen
 from motoremi.diagnosis.compare import Tolerance
@@ -16,11 +15,6 @@ from motoremi.workbench.desk import Desk
 from motoremi.workflow import compare_session, opened
 
 pytestmark = needs_chromium
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("words") / "fitted")
 
 
 @pytest.fixture(scope="module")

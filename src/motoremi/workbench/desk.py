@@ -5,20 +5,22 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
-from motoremi.data.paths import SESSION, inside
+from motoremi.data.paths import inside
 from motoremi.data.session import Session, load
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.element import Inspection, inspect
+from motoremi.diagnosis.ladder import further
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.source import SourceDesk
+from motoremi.workbench.stamps import Stamp, stamp_of
 from motoremi.workflow import (
     Store,
     compare_session,
@@ -30,8 +32,11 @@ from motoremi.workflow import (
     save_ladder,
 )
 
+if TYPE_CHECKING:
+    from motoremi.report.parts import Choice
+
 LADDER = "analysis/ladder.json"
-Stamp: TypeAlias = tuple[int, int] | None
+FileStamp: TypeAlias = tuple[int, int] | None
 Made = TypeVar("Made")
 
 
@@ -51,8 +56,8 @@ class Desk(Ladder[Fit]):
         super().__init__()
         self.path = path
         self.source = SourceDesk(self)
-        self._stamp: Stamp = None
-        self._ladder_stamp: Stamp = None
+        self._stamp: Stamp | None = None
+        self._ladder_stamp: FileStamp = None
         self._session: Session | None = None
         self._measurement: Measurement | None = None
         # Models by what is stored of them.
@@ -89,8 +94,16 @@ class Desk(Ladder[Fit]):
         """Hold the model that stands against the measurement, by this tolerance from now on."""
         self.change(lambda store: compare_session(store, tolerance))
 
-    def report(self, progress: Progress | None = None) -> list[str]:
+    def report(self, progress: Progress | None = None, profile: Path | None = None, choice: Choice | None = None) -> list[str]:
         """Write the report; returns the names of its files.
+
+        Parameters
+        ----------
+        progress : callable, optional
+        profile : Path, optional
+            The laboratory that signs, in place of the one that is kept with the session.
+        choice : Choice, optional
+            Which form and sections.
 
         Raises
         ------
@@ -98,7 +111,7 @@ class Desk(Ladder[Fit]):
             If an analysis in the folder is none of this software.
         """
         try:
-            files = self.work(lambda store: report_session(store, progress=progress))
+            files = self.work(lambda store: report_session(store, profile, choice, progress))
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(f"a stored analysis cannot be read ({type(error).__name__}: {error}): diagnose or predict this session again") from error
         return [file.name for file in files]
@@ -183,6 +196,9 @@ class Desk(Ladder[Fit]):
         find_effect(effect)
         return before.add(effect)
 
+    def _further(self, after: Fit, effect: str, progress: Progress | None) -> list[Fit]:
+        return [fit for portion in further(after, effect, progress) for fit in portion]
+
     def _store(self, steps: Sequence[Fit]) -> None:
         kept = sum(one is other for one, other in zip(steps, self._steps, strict=False))
         with opened(self.path) as store:
@@ -198,7 +214,7 @@ class Desk(Ladder[Fit]):
             raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
 
     def _refresh(self) -> None:
-        stamp = self.file_stamp(SESSION)
+        stamp = stamp_of(self.path)
         if stamp == self._stamp and self._session is not None:
             return
         ladder_stamp = self.file_stamp(LADDER)
@@ -213,7 +229,7 @@ class Desk(Ladder[Fit]):
         self._steps = tuple(self._known.values())
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
-    def file_stamp(self, name: str) -> Stamp:
+    def file_stamp(self, name: str) -> FileStamp:
         """Changes with a file of the session; None where there is none."""
         try:
             found = inside(self.path, name).stat()
