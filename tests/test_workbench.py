@@ -14,11 +14,14 @@ import httpx
 import numpy as np
 import pytest
 from conftest import simulated_sweeps
+from laboratory_cases import PROFILE, profile
 from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.text import clean_value
+from motoremi.workbench.app import Workbench
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
@@ -137,9 +140,75 @@ def test_pages_are_told_what_the_command_line_changes(fitted):
         with opened(fitted) as store:
             add_to_session(store, "eddy-laminations")
         assert next(data for kind, data in events if kind == "changed") == {"session": workbench.shelf.first}
+        file = next((fitted / "sweeps").glob("*.csv"))
+        file.write_bytes(file.read_bytes() + b"1,2,3\n")
+        assert next(data for kind, data in events if kind == "changed") == {"session": workbench.shelf.first}
         make_session(fitted.parent / "new")
         listed = next(data for kind, data in events if kind == "sessions" and len(data["sessions"]) == 2)
         assert listed["sessions"][0]["name"] == "new"
+
+
+def test_two_tabs_that_add_at_once_add_one(fitted):
+    """Both show the same ladder and click at the same moment: one is told, and nothing is added twice or lost."""
+    workbench = bench_of(fitted.parent, fitted)
+    base, both, answers = f"/api/sessions/{workbench.shelf.first}", threading.Barrier(2), []
+    shown = client_of(workbench).get(f"{base}/story").json()["standing"]
+
+    def click(effect: str) -> None:
+        client = client_of(workbench)
+        both.wait()
+        answers.append(client.post(f"{base}/add", json={"effect": effect, "standing": shown}).json())
+
+    threads = [threading.Thread(target=click, args=(effect,)) for effect in ("eddy-laminations", "core-loss")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    (done,), (refused,) = ([one for one in answers if ("error" in one) is wrong] for wrong in (False, True))
+    assert "going on in this session" in refused["error"] or "was changed since this page showed it" in refused["error"]
+    assert [step["fit"]["effects"] for step in load(fitted).ladder] == [[], done["after"]["effects"]]
+    assert not verify(fitted)
+
+
+def test_a_file_that_changed_on_disk_is_told_not_hidden(at, fitted):
+    file = next((fitted / "sweeps").glob("*.csv"))
+    kept = file.read_bytes()
+    assert at("/curves")["sweeps"]
+    file.write_bytes(kept.replace(b"1", b"2", 5))
+    for path in ("", "/curves", "/story", "/fails"):
+        assert "changed" in at(path)["error"], path
+    file.write_bytes(kept)
+    assert at("/curves")["sweeps"]
+
+
+def test_a_folder_that_vanishes_is_one_sentence(at, fitted):
+    away = fitted.rename(fitted.parent / "away")
+    for path, body in (("/story", {}), ("/curves", {}), ("/add", {"effect": "core-loss"}), ("/fit", {}), ("/report", {})):
+        assert "no such session folder" in at(path, **body)["error"], path
+    away.rename(fitted)
+    assert at("/story")["ladder"]
+
+
+def test_form_sections_and_laboratory_of_the_report(fitted, tmp_path):
+    lab = profile(tmp_path / "lab", 'logo = "logo.svg"\n' + PROFILE)
+    shelf = Shelf(fitted.parent, [fitted])
+    unsigned, signed = (client_of(Workbench(shelf, profile=own)) for own in (None, lab))
+    address = f"/api/sessions/{shelf.first}/report"
+    assert unsigned.get(address).json()["laboratory"] == ""
+    for wrong, says in (
+        ({"form": "medium"}, "no form"),
+        ({"sections": "fit"}, "list of names"),
+        ({"sections": ["x"]}, "no section"),
+        ({"form": "short", "sections": ["fit"]}, "own sections"),
+    ):
+        assert says in unsigned.post(address, json=wrong).json()["error"]
+    assert unsigned.get(address).json()["files"] == []
+    assert signed.get(address).json()["laboratory"] == "EMC Laboratory North"
+    assert set(signed.post(address, json={"form": "short"}).json()["files"]) == {"short.html", "short.pdf"}
+    # The session keeps who signs.
+    assert unsigned.get(address).json()["laboratory"] == "EMC Laboratory North"
+    assert "report.html" in unsigned.post(address, json={"sections": ["fit"]}).json()["files"]
+    assert "this report leaves out" in (fitted / "report" / "report.html").read_text()
 
 
 def test_a_session_that_somebody_writes_is_left_alone(at, fitted):

@@ -143,6 +143,9 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         # Short, open and the spectrum: magnitude, phase and change of each sweep, the level.
         expect(page.locator(".plots canvas")).to_have_count(7)
         expect(page.locator("figcaption").first).to_contain_text("second")
+        # Told apart without colour.
+        dashes = page.locator("figcaption").first.locator("line").evaluate_all("(all) => all.map((one) => one.getAttribute('stroke-dasharray'))")
+        assert len(set(dashes)) == len(dashes) == 2
         keep(page, "together")
         page.reload()
         watched.drawn("together")

@@ -88,6 +88,26 @@ def test_the_list_names_motor_date_and_state(browser, fitted):
         make_session(fitted.parent / "later", motor="Later motor")
         expect(choice.locator("option").first).to_contain_text("Later motor")
         assert choice.input_value() == watched.page.evaluate("new URLSearchParams(location.search).get('session')")
+        # Two of one motor, made within a minute, differ by their folders.
+        make_session(fitted.parent / "once-more", motor="Later motor")
+        expect(choice.locator("option")).to_have_count(3)
+        told = choice.locator("option").all_inner_texts()
+        assert len(set(told)) == 3
+        assert {text.rpartition(" ")[2] for text in told if "Later motor" in text} in ({"later", "once-more"}, {"complete"})
+        # A folder that vanishes is told where its curves are still seen; nothing is lost when it comes back.
+        watched.see("story")
+        away = fitted.rename(fitted.parent.parent / "away")
+        expect(watched.page.locator("#trouble")).to_contain_text("The folder of this session has gone")
+        away.rename(fitted)
+        expect(choice.locator("option")).to_have_count(3)
+        watched.page.click("#trouble button")
+        watched.page.click("[data-effect='skin-effect']")
+        expect(watched.page.locator(".ladder .step-name")).to_have_count(2)
+        # A file that changed on disk too.
+        file = next((fitted / "sweeps").glob("*.csv"))
+        file.write_bytes(file.read_bytes() + b"1,2,3\n")
+        expect(watched.page.locator("#trouble")).to_contain_text("changed")
+        watched.trouble.clear()
         watched.close()
 
 

@@ -62,7 +62,7 @@ class Server(uvicorn.Server):
         config = uvicorn.Config(
             app,
             http=Deadlined,
-            log_level="error",
+            log_level="critical",
             access_log=False,
             lifespan="off",
             ws="none",

@@ -33,6 +33,8 @@ Of: TypeAlias = Literal["impedance", "emission"]
 # What a curve is to its reader: the page chooses how it looks.
 Role: TypeAlias = Literal["measured", "model", "preview", "floor", "tolerance", "fails"]
 Curves: TypeAlias = Mapping[Role, tuple[str, FloatArray]]
+# Verdicts that leave the motor unexplained.
+UNEXPLAINED = ("unexplained", "data")
 ENTRY = ("title", "group", "formula", "signature", "deciding", "source")
 
 
@@ -276,7 +278,7 @@ def story(desk: Desk, of: str, state: str, band_hz: Band | None = None) -> JsonD
         "fit": chosen.fit_text,
     }
     coming = _next(chosen, stored, explained, state)
-    return {**told, "next": coming, "stages": _stages(chosen, stored is not None, explained, coming)}
+    return {**told, "next": coming, "stages": _stages(chosen, stored, explained, coming)}
 
 
 def panels(desk: Desk, of: str, band_hz: Band | None) -> JsonDict:
@@ -373,15 +375,16 @@ def _is_report(document: JsonDict) -> bool:
     return bool(document["kind"] == "file" and str(document.get("file", "")).startswith("report/"))
 
 
-def _stages(chosen: Side, diagnosed: bool, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
+def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
     """The steps of the story: which are done, and where more is to be seen of each."""
-    fitted, of = bool(chosen.ladder.steps), chosen.of
+    fitted, of, diagnosed = bool(chosen.ladder.steps), chosen.of, stored is not None
     told = (
         ("Measured", chosen.measured, "session" if of == "impedance" else "emission"),
         ("Fitted", fitted, "session" if of == "impedance" else "emission"),
         ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
         ("What is missing", diagnosed and explained is not None, "next" if of == "impedance" else ""),
-        ("Explained", bool(explained), ""),
+        # That nothing was named to be added is no explanation.
+        ("Explained", bool(explained) and stored is not None and stored["verdict"] not in UNEXPLAINED, ""),
         ("Report", coming["do"] == "go" and coming["view"] == "report", "report"),
     )
     return [{"title": title, "done": done, "view": view} for title, done, view in told]

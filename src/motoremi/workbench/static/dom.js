@@ -19,8 +19,12 @@ export function svg(tag, attributes = {}, ...children) {
   return element;
 }
 
+// A value and its unit stay in one line.
+const BRIEF = 24;
+export const brief = (cell) => (typeof cell === "string" && cell.length < BRIEF ? "brief" : null);
+
 export function table(head, rows, attributes = {}) {
-  const cells = (kind, row) => row.map((cell) => (cell instanceof HTMLTableCellElement ? cell : h(kind, {}, cell)));
+  const cells = (kind, row) => row.map((cell) => (cell instanceof HTMLTableCellElement ? cell : h(kind, { class: brief(cell) }, cell)));
   return h("div", { class: "scroll" },
     h("table", attributes,
       h("thead", {}, h("tr", {}, head.map((cell) => h("th", { scope: "col" }, cell)))),

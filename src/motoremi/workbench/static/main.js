@@ -141,7 +141,9 @@ async function refreshSessions() {
 function list(sessions) {
   page.sessions = sessions;
   const choice = element("session-choice");
-  choice.replaceChildren(...sessions.map((one) => h("option", { value: one.id, title: one.name }, [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "))));
+  const told = sessions.map((one) => [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "));
+  // Where two say the same, their folders tell them apart.
+  choice.replaceChildren(...sessions.map((one, index) => h("option", { value: one.id, title: one.name }, told.indexOf(told[index]) === told.lastIndexOf(told[index]) ? told[index] : `${told[index]} · ${one.name}`)));
   if (!sessions.length) choice.append(h("option", { value: "" }, "none yet"));
   choice.value = page.session;
 }

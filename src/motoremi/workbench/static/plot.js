@@ -1,7 +1,7 @@
 // A sweep over log frequency: drag to zoom, a cursor with units, two marks, and all of it by keyboard.
 
 import { besideCursor } from "./beside.js";
-import { button, h } from "./dom.js";
+import { button, h, svg } from "./dom.js";
 import { savePicture, saveTable } from "./picture.js";
 import { angleTicks, linearTicks, logTicks, tickLabels } from "./ticks.js";
 import { show } from "./units.js";
@@ -56,7 +56,8 @@ export class Plots {
     const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--soft"), width: 1 }, font: "12px system-ui, sans-serif" };
     return {
       ...sizeOf(frame), legend: { show: false }, focus: { alpha: 1 },
-      cursor: { sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
+      // A line across would look like a limit.
+      cursor: { y: false, sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
       scales: {
         x: { distr: 3, time: false, range: (plot, low, high) => [low, high] },
         y: { distr: frame.log ? 3 : 1, range: (plot, low, high) => this.held(frame, plot, (frame.log ? logRange : padded)(low, high)) },
@@ -69,7 +70,7 @@ export class Plots {
       bands: frame.series.flatMap((one, index) => (one.band ? [{ series: [index + 1, index + 2], fill: color("--band") }] : [])),
       axes: [
         { ...axis, size: frame.bare.frequency ? 10 : 32, ...ticked(axis, logTicks, "Hz", (plot) => plot.width / 70, frame.bare.frequency) },
-        { ...axis, size: frame.holder.clientWidth < NARROW ? 60 : 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
+        { ...axis, size: frame.holder.clientWidth < NARROW ? 67 : 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
       ],
       hooks: {
         setCursor: [(plot) => this.moved(plot)],
@@ -118,13 +119,24 @@ export class Plots {
     const { A, B } = this.marks;
     if (A) lines.push(`A ${show(A, "Hz", 6)}: ${this.valuesAt(A)}`);
     if (B) lines.push(`B ${show(B, "Hz", 6)}: ${this.valuesAt(B)}`);
-    if (A && B) lines.push(`B - A: ${show(B - A, "Hz", 5)}, ratio ${show(B / A, "", 5)}`);
+    if (A && B) lines.push(`B - A: ${show(B - A, "Hz", 5)}, ratio ${show(B / A, "", 5)}; ${this.changeFrom(A, B)}`);
     this.readout.textContent = lines.join("\n");
   }
 
+  // The plots that are read together.
+  read() {
+    return this.plots.filter((frame) => !this.panel || frame.panel === this.panel);
+  }
+
   valuesAt(hertz) {
-    return this.plots.filter((frame) => !this.panel || frame.panel === this.panel).flatMap((frame) => {
-      return valuesOf(frame, nearest(frame.x, hertz));
+    return this.read().flatMap((frame) => valuesOf(frame, nearest(frame.x, hertz))).join(", ");
+  }
+
+  // How much the curves change between two frequencies.
+  changeFrom(low, high) {
+    return this.read().flatMap((frame) => {
+      const [from, to] = [low, high].map((hertz) => nearest(frame.x, hertz));
+      return frame.series.filter((one) => one.label && one.values[from] != null && one.values[to] != null && one.values[to] !== one.values[from]).map((one) => `${one.label} ${show(one.values[to] - one.values[from], frame.unit, frame.digits)}`);
     }).join(", ");
   }
 
@@ -309,7 +321,9 @@ export function leaveAll() {
 }
 
 export function legend(one) {
-  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? (one.dash[0] < 4 ? "dotted" : "dashes") : "line"} c${one.color.slice(1)}` }, one.label);
+  // Drawn as the curve is: sessions that are compared differ in their dashes alone for who sees no colours.
+  const dashes = one.points ? "0 7" : (one.dash ?? []).join(" ");
+  return h("span", { class: `legend c${one.color.slice(1)}` }, svg("svg", { viewBox: "0 0 26 6", "aria-hidden": "true" }, svg("line", { x1: 2, y1: 3, x2: 25, y2: 3, "stroke-width": one.points ? 4 : 2.5, "stroke-dasharray": dashes, "stroke-linecap": one.points ? "round" : "butt" })), one.label);
 }
 
 const valuesOf = (frame, index) => frame.series.filter((one) => one.label && one.values[index] != null).map((one) => `${one.label} ${show(one.values[index], frame.unit, frame.digits)}`);

@@ -1,7 +1,7 @@
 // Where the model fails: error per band, and the spans that hold most of it; a click zooms there.
 
 import { get, post, sessionPath, within } from "../api.js";
-import { card, h, table } from "../dom.js";
+import { brief, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
 import { percent, share, show } from "../units.js";
@@ -26,18 +26,18 @@ export const fails = {
     const row = (entry, cells) => {
       const act = () => zoom(entry);
       return h("tr", { class: "choice", tabindex: 0, onclick: act, onkeydown: (event) => { if (event.key === "Enter") act(); } },
-        cells.map((cell) => (cell instanceof HTMLElement ? h("td", {}, cell) : h("td", {}, cell))));
+        cells.map((cell) => h("td", { class: brief(cell) }, cell)));
     };
     const verdict = (text) => h("span", { class: text === "pass" ? "good" : "bad" }, text === "pass" ? "PASS" : "FAIL");
     const columns = h("div", { class: "columns" });
     where.append(
-      h("div", { class: "columns" },
-        card("Where it fails most", h("p", { class: "note" }, "A click shows the span in the plot below."),
+      h("div", { class: "columns wide-columns" },
+        card("Where it fails most", told.where.length > 0 && h("p", { class: "note" }, "A click shows the span in the plot below."),
           told.where.length
             ? table(["sweep", "span", term("share", "share of the squared error"), term("rms error")], told.where.map((one) => row(one, [one.sweep, one.band, share(one.share), percent(one.rms_error_percent)])), { id: "where" })
             : h("p", { class: "good" }, "Nowhere beyond the measurement's uncertainty.")),
         card("Error per band", h("p", {}, verdict(told.verdict), ` within the `, term("tolerance"), ` of ${tolerance(told.tolerance)} at every point`),
-          table(["sweep", "band", "rms", "largest", "dB", "degrees", "verdict"], told.bands.map((one) => row(one, [one.sweep, one.band, percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3), verdict(one.verdict)])), { id: "bands" }),
+          table(["sweep", "band", "verdict", "rms", "largest", "dB", "degrees"], told.bands.map((one) => row(one, [one.sweep, one.band, verdict(one.verdict), percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3)])), { id: "bands" }),
           judge(told, page))),
       columns);
     for (const sweep of curves.sweeps) {

@@ -4,6 +4,7 @@ import { get, sessionPath, within } from "../api.js";
 import { card, h } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
+import { symbols } from "../units.js";
 
 const KINDS = {
   H: ["inductance", "loss tangent", "H", ""], F: ["capacitance", "loss tangent", "F", ""], Ohm: ["resistance", "reactance", "Ω", "Ω"],
@@ -28,13 +29,13 @@ export const inspect = {
     const columns = h("div", { class: "columns" });
     where.append(columns);
     for (const sweep of told.sweeps) {
-      const box = card(`${told.element} as the ${sweep.sweep}-circuit sweep wants it`, h("p", {}, sweep.reading));
+      const box = card(`${told.element} as the ${sweep.sweep}-circuit sweep wants it`, h("p", {}, symbols(sweep.reading)));
       columns.append(box);
       const frames = ({ sweeps, unit }) => framesOf(sweeps.find((one) => one.sweep === sweep.sweep), unit);
       const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, `/inspect?element=${encodeURIComponent(told.element)}`), span))));
       new Plots(box).draw(frames(told), sweep.points > sweep.frequency_hz.length && more);
     }
-    where.append(card("In words", h("pre", { class: "text", tabindex: 0, "aria-label": "The inspection in words" }, told.lines.join("\n"))));
+    where.append(card("In words", h("pre", { class: "text", tabindex: 0, "aria-label": "The inspection in words" }, symbols(told.lines.join("\n")))));
   },
 };
 

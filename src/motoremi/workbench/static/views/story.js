@@ -55,6 +55,7 @@ function build(place, where) {
   place.next = h("button", { type: "button", class: "main", id: "next-step", onclick: () => goOn(place) });
   place.outcome = h("p", { id: "outcome", role: "status", class: "large" });
   part("floor", "p", { class: "note" });
+  part("doubt", "p", { class: "bad" });
   place.drop = button("Drop", () => act(place, "drop"), { id: "drop", title: "Take out the effect that was added last (D)" });
   place.redo = button("Redo", () => act(place, "redo"), { id: "redo" });
   part("sides", "div", { role: "group", "aria-label": "Story of" });
@@ -68,7 +69,7 @@ function build(place, where) {
   part("list", "section", { "aria-label": "Effects" });
   place.where = h("div", { class: "story" },
     h("div", { class: "now" }, place.stages, place.next),
-    h("div", { class: "result" }, place.outcome, place.floor, place.drop, place.redo, place.sides),
+    h("div", { class: "result" }, place.outcome, place.floor, place.doubt, place.drop, place.redo, place.sides),
     place.curves, h("div", { class: "beside" }, place.steps, place.hint, place.list));
   where.append(place.where);
 }
@@ -85,8 +86,8 @@ function render(place) {
   turnOff(place.redo, !told.dropped.length);
   place.redo.title = told.dropped.length ? `Put back ${told.dropped[0].added} (R)` : "Nothing was dropped last (R)";
   const { ladder, dropped } = told;
-  place.steps.replaceChildren(top ? ladderDrawing(ladder, dropped, { base: BASES[told.of], floorName: FLOORS[told.of], write, back: (count) => act(place, "drop", { count }), again: (count) => act(place, "redo", { count }) }) : h("p", { class: "note" }, "The ladder begins with the first fit."),
-    ...(top?.converged === false ? [h("p", { class: "bad" }, "The fit did not converge: do not use its values.")] : []));
+  place.steps.replaceChildren(top ? ladderDrawing(ladder, dropped, { base: BASES[told.of], floorName: FLOORS[told.of], write, back: (count) => act(place, "drop", { count }), again: (count) => act(place, "redo", { count }) }) : h("p", { class: "note" }, "The ladder begins with the first fit."));
+  place.doubt.textContent = top?.converged === false ? "The fit did not converge: do not use its values." : "";
   // The last step and the floor are what one looks for.
   place.steps.scrollTop = place.steps.scrollHeight;
   drawCurves(place);
@@ -128,6 +129,7 @@ function drawCurves(place) {
   }
   place.plots.ask = told.panels.some((panel) => panel.points > panel.frequency_hz.length) && ((span) => fillIn(place, span));
   drawLegend(place);
+  place.foot.hidden = !told.panels.length;
   if (!told.panels.length) place.legend.textContent = "Nothing is measured yet that a model could explain.";
 }
 
@@ -208,7 +210,7 @@ function drawList(place) {
     const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${addable(place, one.effect) ? (inModel ? "add another" : "add") : "in the model:"} ${one.effect}`, onclick: () => clicked(place, one.effect), onfocus: (event) => event.target.matches(":focus-visible") && point(place, one.effect) }, one.effect);
     const cells = [[name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect] ?? one.family)]];
     if (told.diagnosis) cells.push([one.probability === undefined ? "-" : chance(one.probability)], [one.delta_bic === undefined ? "-" : lag(one.delta_bic)]);
-    cells.push([error === undefined ? "-" : written(told, error), one.plausible === false && h("div", { class: "bad" }, term("plausible", "out of range"))]);
+    cells.push([error === undefined ? "-" : written(told, error), one.plausible === false && h("div", { class: inModel ? "note" : "bad" }, term("plausible", "out of range"))]);
     return h("tr", { class: "choice", "aria-current": String(one.effect === place.pointed), onpointerenter: (event) => event.pointerType === "mouse" && point(place, one.effect), onclick: (event) => event.target.closest("button, dfn") || clicked(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
   };
   const head = [term("effect"), ...(told.diagnosis ? [term("probability"), term("delta BIC", "Δ BIC")] : []), term("candidate", "error with it")];
@@ -220,9 +222,10 @@ function verdict(place) {
   if (told.sealed) return h("p", { class: "note" }, "This motor is sealed: there is no ranking until you have given your answer (view Challenge). You can try effects by hand.");
   const again = h("div", { class: "row" }, told.next.do !== "diagnose" && button(found ? "Diagnose again" : "Find what is missing", () => act(place, "diagnose"), { id: "diagnose" }), button("Fit again", () => act(place, "fit"), { id: "fit" }));
   if (!found) return again;
+  const added = found.effects.length > 0 && found.effects.every((one) => told.in_model.includes(one));
   return h("div", { id: "verdict" },
-    h("p", { class: found.mood }, `${found.sentence}; `, term("confidence"), ` ${share(found.confidence)}`),
-    !told.current && h("p", { class: "note" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since.`),
+    h("p", { class: added ? "good" : found.mood }, added ? `Was missing, is in the model now: ${found.effects.join(", ")}; ` : `${found.sentence}; `, term("confidence"), ` ${share(found.confidence)}`),
+    !told.current && h("p", { class: "note" }, `This ranking is of the model ${found.base.effects.length ? `with ${found.base.effects.join(" + ")}` : "without any effect"}; the ladder has moved since.`),
     found.findings.filter((one) => one.serious).map(finding),
     h("details", { id: "why", open: place.why, ontoggle: (event) => { place.why = event.target.open; } }, h("summary", {}, "Why, and what else was seen"),
       found.reasons.map((text) => h("p", {}, text)),

@@ -1,7 +1,7 @@
 // Several sessions side by side: overlays, and the same tables as their report has; each against the first.
 
 import { get, within } from "../api.js";
-import { button, card, h, table } from "../dom.js";
+import { brief, button, card, h, table } from "../dom.js";
 import { save } from "../exports.js";
 import { Plots } from "../plot.js";
 import { symbols } from "../units.js";
@@ -52,7 +52,7 @@ export const together = {
 function drawn({ title, columns, rows, marked }, id) {
   const mood = { PASS: "good", FAIL: "bad" };
   const box = table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
-    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: mood[cell] }, symbols(cell)))))), { id });
+    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: [mood[cell], brief(cell)].filter(Boolean).join(" ") }, symbols(cell)))))), { id });
   // Wider than a telephone: it can be scrolled by keys.
   for (const [name, value] of Object.entries({ tabindex: 0, role: "region", "aria-label": title })) box.setAttribute(name, value);
   return box;
