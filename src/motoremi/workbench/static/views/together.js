@@ -49,13 +49,10 @@ export const together = {
   },
 };
 
-function drawn({ title, columns, rows, marked }, id) {
+function drawn({ columns, rows, marked }, id) {
   const mood = { PASS: "good", FAIL: "bad" };
-  const box = table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
+  return table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
     row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: [mood[cell], brief(cell)].filter(Boolean).join(" ") }, symbols(cell)))))), { id });
-  // Wider than a telephone: it can be scrolled by keys.
-  for (const [name, value] of Object.entries({ tabindex: 0, role: "region", "aria-label": title })) box.setAttribute(name, value);
-  return box;
 }
 
 // Every session has its own look, whatever else it holds.
