@@ -108,6 +108,16 @@ def test_a_fit_and_a_report_are_cancelled_too(fitted, what):
     assert contents(fitted) == before
 
 
+def test_an_inspection_is_made_once(fitted, monkeypatch):
+    desk, made = Desk(fitted), []
+    monkeypatch.setattr(desk_module, "inspect", lambda fit, element: made.append((fit.effects, element)) or object())
+    assert desk.inspection("La") is desk.inspection("La")
+    desk.inspection("Ca")
+    desk.add("core-loss")
+    desk.inspection("Ca")
+    assert made == [((), "La"), ((), "Ca"), (("core-loss",), "Ca")]
+
+
 def test_adding_takes_as_many_as_the_command_and_can_be_cancelled(fitted, monkeypatch):
     """Of modes of a winding; what is counted here is what is stored, so one fit stands for each mode."""
     desk, told = Desk(fitted), []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
@@ -62,6 +63,8 @@ class Desk(Ladder[Fit]):
         self._measurement: Measurement | None = None
         # Models by what is stored of them.
         self._known: dict[str, Fit] = {}
+        self._inspecting = threading.Lock()
+        self._inspected: tuple[tuple[str, str], Inspection] | None = None
         self._steps: tuple[Fit, ...] = ()
 
     @property
@@ -186,8 +189,12 @@ class Desk(Ladder[Fit]):
         return compare(step, None if stored is None else _tolerance(stored))
 
     def inspection(self, element: str) -> Inspection:
-        """What an element would have to be."""
-        return inspect(self.top, element)
+        """What an element would have to be; the last one is kept, for a page that zooms."""
+        with self._inspecting:
+            key = self.standing, element
+            if self._inspected is None or self._inspected[0] != key:
+                self._inspected = key, inspect(self.top, element)
+            return self._inspected[1]
 
     def _signed(self) -> list[object]:
         return [[*step.effects, step.objective] for step in self.steps]

@@ -28,6 +28,8 @@ export class Plots {
       button("Zoom in", () => this.zoom(0.5), { title: "+" }), button("Zoom out", () => this.zoom(2), { title: "-" }), button("Show all", () => this.all(), { title: "0" }),
       button("Mark A", () => this.mark("A"), { title: "A" }), button("Mark B", () => this.mark("B"), { title: "B" }),
       button("Save picture", () => savePicture(this), { title: "What is shown, as PNG" }), button("Save data", () => saveTable(this), { title: "What is shown, as CSV" }));
+    // What the cursor says is part of its text: focus finds it again by its number.
+    this.host.dataset.plots = live.size;
     where.append(this.tools, this.host, this.readout);
     live.add(this);
     this.watch = new ResizeObserver(() => this.resize());
