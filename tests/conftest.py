@@ -79,6 +79,14 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
+@pytest.fixture
+def fitted(tmp_path: Path) -> Path:
+    """A session of one's own for the tests of the workbench, fitted and diagnosed."""
+    from workbench_tools import make_fitted_session
+
+    return make_fitted_session(tmp_path / "fitted")
+
+
 @pytest.fixture(scope="module")
 def browser():
     """One browser for the tests of a file; only those that need one import its program."""

@@ -20,7 +20,7 @@ from motoremi.data.session import load
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.together import together
-from motoremi.report.words import described, findings_of, in_words, mood_of, place_of
+from motoremi.report.words import described, findings_of, in_words, lag, mood_of, number, place_of
 from motoremi.workbench.views import diagnosis as shown_on_the_page
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
@@ -71,6 +71,16 @@ def test_every_verdict_has_words(verdict: str) -> None:
     assert ("skin-effect and core-loss" in in_words(named)) == (verdict not in ("data", "unexplained", "adequate"))
     assert "{" not in in_words(nothing)
     assert mood_of(verdict) == {"adequate": "good", "data": "bad", "unexplained": "bad"}.get(verdict, "plain")
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [(70760.0, "70.76 × 10³"), (7076.4, "7076"), (1.0049, "1.005"), (0.0, "0"), (1.32e8, "132 × 10⁶"), (2.79e-6, "2.79 × 10⁻⁶"), (None, "-")],
+)
+def test_numbers_are_written_as_engineers_write_them(value: float | None, told: str) -> None:
+    assert number(value, 4) == told
+    assert lag(1.32e8) == "> 1000"
+    assert lag(12.34) == "12.3"
 
 
 def test_how_well_a_circuit_describes_a_motor() -> None:

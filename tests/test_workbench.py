@@ -14,11 +14,14 @@ import httpx
 import numpy as np
 import pytest
 from conftest import simulated_sweeps
+from laboratory_cases import PROFILE, profile
 from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.text import clean_value
+from motoremi.workbench.app import Workbench
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
@@ -28,26 +31,10 @@ MOTOREMI = Path(sys.executable).with_name("motoremi")
 RUN = {"procedure": "impedance_only", "bench": "simulated", "motor": "M1", "operator": "me", "seed": 7, "hides": "eddy-laminations", "ask": False}
 
 
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("fitted") / "s")
-
-
 @pytest.fixture
-def copied(fitted, tmp_path) -> Path:
-    """A session of one's own, fitted and diagnosed."""
-    for file in fitted.rglob("*"):
-        if file.is_file():
-            target = tmp_path / "s" / file.relative_to(fitted)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(file.read_bytes())
-    return tmp_path / "s"
-
-
-@pytest.fixture
-def at(copied):
+def at(fitted):
     """Asks for something of the one session."""
-    workbench = bench_of(copied.parent, copied)
+    workbench = bench_of(fitted.parent, fitted)
     client = client_of(workbench)
     base = f"/api/sessions/{workbench.shelf.first}"
 
@@ -60,8 +47,8 @@ def at(copied):
     return ask
 
 
-def test_curves_are_the_models(at, copied):
-    told, top = at("/curves"), Desk(copied).top
+def test_curves_are_the_models(at, fitted):
+    told, top = at("/curves"), Desk(fitted).top
     sweep = told["sweeps"][0]
     measured = np.array(sweep["real"]) + 1j * np.array(sweep["imag"])
     model = np.array(sweep["model_real"]) + 1j * np.array(sweep["model_imag"])
@@ -71,32 +58,32 @@ def test_curves_are_the_models(at, copied):
     assert np.allclose(sweep["error_percent"], 100 * np.abs(model / measured - 1), atol=2e-4)
 
 
-def test_adding_is_what_the_command_does(at, copied, tmp_path, fitted):
+def test_adding_is_what_the_command_does(at, fitted):
     told = at("/add", effect="eddy-laminations")
     assert told["after"]["error"] < 0.1 * told["before"]["error"]
-    assert load(copied).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
+    assert load(fitted).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
     assert at("/drop")["after"]["effects"] == []
-    with opened(copied) as store:
+    with opened(fitted) as store:
         _, by_command = add_to_session(store, "eddy-laminations")
     assert by_command.rms_error_percent == pytest.approx(told["after"]["error"], rel=1e-9)
-    assert not verify(copied)
+    assert not verify(fitted)
 
 
-def test_what_others_change_is_seen(at, copied):
+def test_what_others_change_is_seen(at, fitted):
     assert len(at("")["ladder"]) == 1
-    with opened(copied) as store:
+    with opened(fitted) as store:
         add_to_session(store, "eddy-laminations")
     assert [step["added"] for step in at("")["ladder"]] == ["", "eddy-laminations"]
-    with opened(copied) as store:
+    with opened(fitted) as store:
         drop_from_session(store)
     assert len(at("/story")["ladder"]) == 1
 
 
 @pytest.mark.parametrize(("path", "body"), [("/add", {"effect": "core-loss"}), ("/drop", {}), ("/fit", {}), ("/diagnose", {})])
-def test_a_ladder_that_moved_is_left_alone(at, copied, path, body):
+def test_a_ladder_that_moved_is_left_alone(at, fitted, path, body):
     shown = at("")["standing"]
     assert at("/story")["standing"] == shown
-    with opened(copied) as store:
+    with opened(fitted) as store:
         add_to_session(store, "eddy-laminations")
     before = [step["added"] for step in at("")["ladder"]]
     told = at(path, standing=shown, **body)
@@ -145,22 +132,88 @@ def test_a_session_that_is_being_measured_is_no_interrupted_one(tmp_path):
     assert (told["state"], told["resumable"]) == ("interrupted", True)
 
 
-def test_pages_are_told_what_the_command_line_changes(copied):
-    workbench = bench_of(copied.parent, copied)
+def test_pages_are_told_what_the_command_line_changes(fitted):
+    workbench = bench_of(fitted.parent, fitted)
     with served(workbench) as address, listening(address) as events:
         listed = next(data for kind, data in events if kind == "sessions")
         assert [one["state"] for one in listed["sessions"]] == ["diagnosed"]
-        with opened(copied) as store:
+        with opened(fitted) as store:
             add_to_session(store, "eddy-laminations")
         assert next(data for kind, data in events if kind == "changed") == {"session": workbench.shelf.first}
-        make_session(copied.parent / "new")
+        file = next((fitted / "sweeps").glob("*.csv"))
+        file.write_bytes(file.read_bytes() + b"1,2,3\n")
+        assert next(data for kind, data in events if kind == "changed") == {"session": workbench.shelf.first}
+        make_session(fitted.parent / "new")
         listed = next(data for kind, data in events if kind == "sessions" and len(data["sessions"]) == 2)
         assert listed["sessions"][0]["name"] == "new"
 
 
-def test_a_session_that_somebody_writes_is_left_alone(at, copied):
+def test_two_tabs_that_add_at_once_add_one(fitted):
+    """Both show the same ladder and click at the same moment: one is told, and nothing is added twice or lost."""
+    workbench = bench_of(fitted.parent, fitted)
+    base, both, answers = f"/api/sessions/{workbench.shelf.first}", threading.Barrier(2), []
+    shown = client_of(workbench).get(f"{base}/story").json()["standing"]
+
+    def click(effect: str) -> None:
+        client = client_of(workbench)
+        both.wait()
+        answers.append(client.post(f"{base}/add", json={"effect": effect, "standing": shown}).json())
+
+    threads = [threading.Thread(target=click, args=(effect,)) for effect in ("eddy-laminations", "core-loss")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    (done,), (refused,) = ([one for one in answers if ("error" in one) is wrong] for wrong in (False, True))
+    assert "going on in this session" in refused["error"] or "was changed since this page showed it" in refused["error"]
+    assert [step["fit"]["effects"] for step in load(fitted).ladder] == [[], done["after"]["effects"]]
+    assert not verify(fitted)
+
+
+def test_a_file_that_changed_on_disk_is_told_not_hidden(at, fitted):
+    file = next((fitted / "sweeps").glob("*.csv"))
+    kept = file.read_bytes()
+    assert at("/curves")["sweeps"]
+    file.write_bytes(kept.replace(b"1", b"2", 5))
+    for path in ("", "/curves", "/story", "/fails"):
+        assert "changed" in at(path)["error"], path
+    file.write_bytes(kept)
+    assert at("/curves")["sweeps"]
+
+
+def test_a_folder_that_vanishes_is_one_sentence(at, fitted):
+    away = fitted.rename(fitted.parent / "away")
+    for path, body in (("/story", {}), ("/curves", {}), ("/add", {"effect": "core-loss"}), ("/fit", {}), ("/report", {})):
+        assert "no such session folder" in at(path, **body)["error"], path
+    away.rename(fitted)
+    assert at("/story")["ladder"]
+
+
+def test_form_sections_and_laboratory_of_the_report(fitted, tmp_path):
+    lab = profile(tmp_path / "lab", 'logo = "logo.svg"\n' + PROFILE)
+    shelf = Shelf(fitted.parent, [fitted])
+    unsigned, signed = (client_of(Workbench(shelf, profile=own)) for own in (None, lab))
+    address = f"/api/sessions/{shelf.first}/report"
+    assert unsigned.get(address).json()["laboratory"] == ""
+    for wrong, says in (
+        ({"form": "medium"}, "no form"),
+        ({"sections": "fit"}, "list of names"),
+        ({"sections": ["x"]}, "no section"),
+        ({"form": "short", "sections": ["fit"]}, "own sections"),
+    ):
+        assert says in unsigned.post(address, json=wrong).json()["error"]
+    assert unsigned.get(address).json()["files"] == []
+    assert signed.get(address).json()["laboratory"] == "EMC Laboratory North"
+    assert set(signed.post(address, json={"form": "short"}).json()["files"]) == {"short.html", "short.pdf"}
+    # The session keeps who signs.
+    assert unsigned.get(address).json()["laboratory"] == "EMC Laboratory North"
+    assert "report.html" in unsigned.post(address, json={"sections": ["fit"]}).json()["files"]
+    assert "this report leaves out" in (fitted / "report" / "report.html").read_text()
+
+
+def test_a_session_that_somebody_writes_is_left_alone(at, fitted):
     before = at("")["ladder"]
-    with opened(copied):
+    with opened(fitted):
         assert "error" in at("/add", effect="eddy-laminations")
     assert at("")["ladder"] == before
 
@@ -175,8 +228,8 @@ def test_pointing_leads_from_the_model_to_the_measurement(at):
     assert np.mean(error_percent**2) < 0.01 * np.mean(np.array(drawn[2]["series"][0]["values"]) ** 2)
 
 
-def test_a_pointer_that_moved_on_is_not_waited_for(copied):
-    desk = Desk(copied)
+def test_a_pointer_that_moved_on_is_not_waited_for(fitted):
+    desk = Desk(fitted)
     answers = {}
     with desk._glancing:
         threads = []
@@ -497,8 +550,8 @@ def test_the_page_names_no_other_host_and_makes_no_markup():
                 assert forbidden not in text, (file, forbidden)
 
 
-def test_the_command_serves_on_loopback_and_ends_with_ctrl_c(copied):
-    command = [MOTOREMI, "workbench", str(copied), "--folder", str(copied.parent), "--json"]
+def test_the_command_serves_on_loopback_and_ends_with_ctrl_c(fitted):
+    command = [MOTOREMI, "workbench", str(fitted), "--folder", str(fitted.parent), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
     text = ""
     while not text.rstrip().endswith("}"):
@@ -510,7 +563,7 @@ def test_the_command_serves_on_loopback_and_ends_with_ctrl_c(copied):
     with httpx.Client(follow_redirects=True) as page:
         assert "motoremi workbench" in page.get(address).text
         told = page.get(address.partition("?")[0] + "api/sessions").json()
-    assert told["sessions"][0]["name"] == copied.name
+    assert told["sessions"][0]["name"] == fitted.name
     cookie = {f"motoremi-{address.rpartition(':')[2].partition('/')[0]}": address.partition("token=")[2]}
     # A page is still open: its stream is ended, not cut.
     with httpx.stream("GET", address.partition("?")[0] + "api/events", cookies=cookie, timeout=60) as stream:

@@ -5,16 +5,20 @@ With MOTOREMI_SCREENSHOTS=DIR the story leaves a picture of each view there (`ma
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
+from urllib.parse import parse_qs, urlparse
 
-import pytest
-from playwright.sync_api import expect
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page, expect
 from workbench_browser import PATIENCE_MS, VIEWS, Watched, keep, needs_chromium
-from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
+from workbench_tools import ATTACKS, bench_of, make_session, served, until
 
-from motoremi.data.session import load, reopen
+from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.sweep import ImpedanceSweep
 from motoremi.workbench.desk import Desk
 from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
@@ -93,6 +97,9 @@ def test_the_story_by_clicks(browser, tmp_path):
         page.click("#predict")
         expect(page.locator("#limit-verdict")).to_have_text(re.compile("PASS|MARGINAL|FAIL"))
         expect(page.locator("figcaption").first).to_contain_text("predicted")
+        # Told apart without colour: only the limit is dashed.
+        assert page.locator(".legend:text-is('predicted') line").first.get_attribute("stroke-dasharray") == ""
+        assert page.locator(".legend:has-text('limit') line").first.get_attribute("stroke-dasharray") != ""
         keep(page, "emission")
 
         watched.see("report")
@@ -118,11 +125,6 @@ def test_the_story_by_clicks(browser, tmp_path):
     assert load(stories[0]).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
 
 
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("browser") / "fitted")
-
-
 def test_the_story_by_keys(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address, color_scheme="dark")
@@ -135,9 +137,25 @@ def test_the_story_by_keys(browser, fitted):
         page.locator(".plots").first.focus()
         for key in ("ArrowRight", "a", "Shift+ArrowRight", "b"):
             page.keyboard.press(key)
-        expect(page.locator(".readout").first).to_contain_text("B - A")
+        expect(page.locator(".readout").first).to_contain_text(re.compile("B - A: .*, ratio .*; measured .Z. "))
+        expect(page.locator(".beside-cursor:visible")).to_contain_text("measured |Z|")
+        expect(page.locator(".beside-cursor:visible")).to_have_count(1)
         spans = [page.evaluate("document.querySelector('.readout').textContent")]
         page.keyboard.press("+")
+        # All plots of the view show the same span, and what is shown is what is saved.
+        expect(page.locator(".tools")).to_have_count(2)
+        for group in (0, 1):
+            rows = saved_table(page, group)
+            shown = [float(row["frequency_hz"]) for row in rows]
+            assert 200e3 < min(shown) < max(shown) < 20e6, group
+            assert {"measured |Z|", "model |Z|", "error", "uncertainty"} <= {row["curve"] for row in rows}
+        with page.expect_download() as download:
+            page.click(".tools >> nth=0 >> text=Save picture")
+        assert download.value.suggested_filename == "fitted-session.png"
+        with Image.open(download.value.path()) as picture:
+            assert picture.width > 300
+            assert len(picture.convert("RGB").getcolors(1 << 20)) > 20
+        page.locator(".plots").first.focus()
         page.keyboard.press("0")
         assert spans[0].startswith(("1", "2", "3", "4", "5", "6", "7", "8", "9"))
         keep(page, "session-dark")
@@ -171,12 +189,61 @@ def test_the_story_by_keys(browser, fitted):
         watched.close()
 
 
+def saved_table(page: Page, group: int) -> list[dict[str, str]]:
+    """What a group of plots saves as data."""
+    with page.expect_download() as download:
+        page.click(f".tools >> nth={group} >> text=Save data")
+    with Path(download.value.path()).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_zooming_in_brings_the_points_that_were_left_out(browser, tmp_path):
+    frequency = np.geomspace(1e5, 3e7, 10_001)
+    with SessionWriter.create(tmp_path / "long", {"title": "long", "motor": "=M"}) as writer:
+        for termination in ("short", "open"):
+            writer.add_sweep(ImpedanceSweep(termination, frequency, 50 + 2j * np.pi * frequency * 1e-6))
+        writer.close("done")
+    with served(bench_of(tmp_path, tmp_path / "long")) as address:
+        watched = Watched(browser, address, viewport={"width": 1440, "height": 900})
+        page = watched.page
+        for view, asked in (("story", "/panels?"), ("session", "/curves?")):
+            watched.see(view)
+            with page.expect_response(lambda answer, asked=asked: asked in answer.url and "low=" in answer.url) as told:
+                page.locator(".plots").first.focus()
+                for _ in range(4):
+                    page.keyboard.press("+")
+            low, high = (float(parse_qs(urlparse(told.value.url).query)[name][0]) for name in ("low", "high"))
+            there = np.count_nonzero((frequency >= low) & (frequency <= high))
+            assert 500 < there < 700
+            rows: list[dict[str, str]] = []
+            until(lambda rows=rows, there=there: rows.extend(saved_table(page, 0)) or count_of(rows) == there or rows.clear())
+        watched.close()
+
+
+def count_of(rows: list[dict[str, str]]) -> int:
+    """Points of the first curve."""
+    return sum(row["curve"] == rows[0]["curve"] and row["plot"] == rows[0]["plot"] for row in rows)
+
+
+# Values that are broken over two lines.
+BROKEN = """() => [...document.querySelectorAll('td.brief')].filter((cell) => {
+  const range = document.createRange();
+  range.selectNodeContents(cell);
+  return new Set([...range.getClientRects()].map((box) => Math.round(box.top / 4))).size > 1;
+}).map((cell) => cell.textContent)"""
+
+
 def test_a_narrow_window(browser, fitted):
     with served(bench_of(fitted.parent, fitted)) as address:
         watched = Watched(browser, address, viewport={"width": 360, "height": 700})
         for view in VIEWS:
             watched.see(view)
             assert watched.page.evaluate("document.documentElement.scrollWidth") <= 360, view
+            assert watched.page.evaluate(BROKEN) == [], view
+            assert watched.page.locator("#session-choice").bounding_box()["width"] > 200, view
+            if view == "fails":
+                verdict = watched.page.locator("#bands tbody tr >> nth=0").locator("td >> nth=2").bounding_box()
+                assert verdict["x"] + verdict["width"] <= 360
             if view == "story":
                 keep(watched.page, "narrow")
         watched.close()

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 import time
 from pathlib import Path
 
-import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import expect
 from workbench_browser import PATIENCE_MS, Watched, choose_by_keys, drop, findings, keep, needs_chromium
-from workbench_tools import ATTACKS, bench_of, make_fitted_session, make_session, served
+from workbench_tools import ATTACKS, bench_of, make_session, served
 
 from motoremi.arrays import Progress
 from motoremi.data.csvfiles import impedance_csv
@@ -124,17 +122,6 @@ def test_files_of_the_wrong_kind_are_told_in_a_sentence_each(browser, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("clicks") / "first")
-
-
-@pytest.fixture
-def fitted(made, tmp_path) -> Path:
-    shutil.copytree(made, tmp_path / "first")
-    return tmp_path / "first"
-
-
 def test_two_sessions_side_by_side(browser, fitted, tmp_path):
     make_session(tmp_path / "second", seed=8, motor="Other motor")
     with served(bench_of(tmp_path, fitted)) as address:
@@ -143,7 +130,7 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         watched.see("together")
         expect(page.locator("main")).to_contain_text("Choose two or more sessions")
         watched.see("files")
-        page.check("#sessions tr:has-text('first') input")
+        page.check("#sessions tr:has-text('fitted') input")
         assert page.is_disabled("#compare")
         page.check("#sessions tr:has-text('second') input")
         page.click("#compare")
@@ -156,6 +143,9 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         # Short, open and the spectrum: magnitude, phase and change of each sweep, the level.
         expect(page.locator(".plots canvas")).to_have_count(7)
         expect(page.locator("figcaption").first).to_contain_text("second")
+        # Told apart without colour.
+        dashes = page.locator("figcaption").first.locator("line").evaluate_all("(all) => all.map((one) => one.getAttribute('stroke-dasharray'))")
+        assert len(set(dashes)) == len(dashes) == 2
         keep(page, "together")
         page.reload()
         watched.drawn("together")

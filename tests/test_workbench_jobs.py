@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from workbench_tools import bench_of, client_of, make_fitted_session, until
+from workbench_tools import bench_of, client_of, until
 
 from motoremi.data.session import load
 from motoremi.errors import BadInput
@@ -20,20 +19,10 @@ from motoremi.workbench import jobs as jobs_module
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.jobs import Jobs
+from motoremi.workbench.story import Sweeps
 from motoremi.workbench.thinning import CELLS, seen
 from motoremi.workbench.thinning import WHOLE as LONGEST_WHOLE
 from motoremi.workflow import add_to_session, opened
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("jobs") / "s")
-
-
-@pytest.fixture
-def fitted(made, tmp_path) -> Path:
-    shutil.copytree(made, tmp_path / "s")
-    return tmp_path / "s"
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -119,6 +108,38 @@ def test_a_fit_and_a_report_are_cancelled_too(fitted, what):
     assert contents(fitted) == before
 
 
+def test_an_inspection_is_made_once(fitted, monkeypatch):
+    desk, made = Desk(fitted), []
+    monkeypatch.setattr(desk_module, "inspect", lambda fit, element: made.append((fit.effects, element)) or object())
+    assert desk.inspection("La") is desk.inspection("La")
+    desk.inspection("Ca")
+    desk.add("core-loss")
+    desk.inspection("Ca")
+    assert made == [((), "La"), ((), "Ca"), (("core-loss",), "Ca")]
+
+
+def test_adding_takes_as_many_as_the_command_and_can_be_cancelled(fitted, monkeypatch):
+    """Of modes of a winding; what is counted here is what is stored, so one fit stands for each mode."""
+    desk, told = Desk(fitted), []
+    assert next(one for one in Sweeps(desk).catalogue() if one["accumulates"])["id"] == "winding-modes"
+    more = [Fit.add(desk.top, effect) for effect in ("core-loss", "skin-effect")]
+
+    def further(fit, effect, progress):
+        progress(f"one more of {effect}", 1, 2)
+        yield more[:1]
+        checkpoint()
+        yield more[1:]
+
+    monkeypatch.setattr(desk_module, "further", further)
+    _, after = desk.add("eddy-laminations", progress=lambda *what: told.append(what))
+    assert (len(desk.steps), after.effects, told) == (4, ("skin-effect",), [("one more of eddy-laminations", 1, 2)])
+    desk.drop(count=3)
+    contained, jobs = contents(fitted), Jobs(Events())
+    with jobs.begin("s", "adding an effect") as job, pytest.raises(Cancelled):
+        desk.add("eddy-laminations", progress=lambda *what: job.cancelled.set())
+    assert contents(fitted) == contained
+
+
 def test_a_ladder_that_moves_meanwhile_is_left_alone(fitted):
     desk, moved = Desk(fitted), []
 
@@ -159,6 +180,20 @@ def test_a_long_curve_keeps_its_peaks():
     assert seen(frequency[:LONGEST_WHOLE], flat[:LONGEST_WHOLE]).size == LONGEST_WHOLE
 
 
+@pytest.mark.parametrize(("low", "high", "whole"), [(3000, 4000, True), (0, 1500, True), (9000, 10_000, True), (1000, 9000, False)])
+def test_the_points_of_a_shown_span_are_not_left_out(low, high, whole):
+    frequency = np.geomspace(1e5, 3e7, 10_001)
+    curve = np.sin(np.arange(10_001))
+    all_over = set(seen(frequency, curve).tolist())
+    kept = seen(frequency, curve, band_hz=(frequency[low], frequency[high]))
+    assert np.all(np.diff(kept) > 0)
+    assert all_over < set(kept.tolist())
+    assert (set(range(low, high + 1)) <= set(kept.tolist())) == whole
+    assert len(kept) < 2 * CELLS * 3 + LONGEST_WHOLE
+    # Beside what was measured there is nothing to add.
+    assert set(seen(frequency, curve, band_hz=(1.0, 2.0)).tolist()) == all_over
+
+
 def test_a_long_session_is_sent_short(tmp_path):
     from motoremi.data.session import SessionWriter
     from motoremi.data.spectrum import Spectrum
@@ -181,6 +216,20 @@ def test_a_long_session_is_sent_short(tmp_path):
     assert len(panel["frequency_hz"]) == len(panel["frames"][0]["series"][0]["values"]) < 5000
     (spectrum,) = client.get(f"{base}/emission").json()["spectra"]
     assert (spectrum["points"], len(spectrum["frequency_hz"]) < 5000) == (10_001, True)
+    # Zoomed, the points that were left out come.
+    span = f"low={frequency[4000]}&high={frequency[5000]}"
+    zoomed = {
+        "curves": client.get(f"{base}/curves?{span}").json()["sweeps"][0],
+        "story": client.get(f"{base}/story?{span}").json()["panels"][0],
+        "panels": client.get(f"{base}/panels?{span}").json()["panels"][0],
+        "emission": client.get(f"{base}/emission?{span}").json()["spectra"][0],
+    }
+    for name, told in zoomed.items():
+        shown = np.array(told["frequency_hz"])
+        assert np.count_nonzero((shown >= 0.999999 * frequency[4000]) & (shown <= 1.000001 * frequency[5000])) == 1001, name
+        assert told["points"] == 10_001, name
+    for wrong in ("low=5&high=1", "low=x&high=1", "low=1", "low=1&high=inf", "low=nan&high=1"):
+        assert "low below high" in client.get(f"{base}/curves?{wrong}").json()["error"]
 
 
 def test_a_run_tells_elapsed_and_remaining_time(tmp_path):

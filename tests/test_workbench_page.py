@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 from workbench_browser import Watched, needs_chromium
-from workbench_tools import bench_of, make_fitted_session, make_session, served
+from workbench_tools import bench_of, make_session, served
 
 from motoremi.data.session import load
 from motoremi.workbench.doorway import doorway
@@ -45,18 +44,6 @@ def test_a_wrong_key_and_a_missing_page_are_pages(browser, tmp_path):
         page.click("a")
         page.wait_for_selector("main[data-view=files]")
         page.close()
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("page") / "fitted")
-
-
-@pytest.fixture
-def fitted(made, tmp_path) -> Path:
-    """A session of one's own, fitted and diagnosed."""
-    shutil.copytree(made, tmp_path / "fitted")
-    return tmp_path / "fitted"
 
 
 def test_reload_and_back_keep_session_and_view(browser, fitted):
@@ -101,6 +88,26 @@ def test_the_list_names_motor_date_and_state(browser, fitted):
         make_session(fitted.parent / "later", motor="Later motor")
         expect(choice.locator("option").first).to_contain_text("Later motor")
         assert choice.input_value() == watched.page.evaluate("new URLSearchParams(location.search).get('session')")
+        # Two of one motor, made within a minute, differ by their folders.
+        make_session(fitted.parent / "once-more", motor="Later motor")
+        expect(choice.locator("option")).to_have_count(3)
+        expect(choice).not_to_contain_text("measuring")
+        told = choice.locator("option").all_inner_texts()
+        assert len(set(told)) == 3
+        # A folder that vanishes is told where its curves are still seen; nothing is lost when it comes back.
+        watched.see("story")
+        away = fitted.rename(fitted.parent.parent / "away")
+        expect(watched.page.locator("#trouble")).to_contain_text("The folder of this session has gone")
+        away.rename(fitted)
+        expect(choice.locator("option")).to_have_count(3)
+        watched.page.click("#trouble button")
+        watched.page.click("[data-effect='skin-effect']")
+        expect(watched.page.locator(".ladder .step-name")).to_have_count(2)
+        # A file that changed on disk too.
+        file = next((fitted / "sweeps").glob("*.csv"))
+        file.write_bytes(file.read_bytes() + b"1,2,3\n")
+        expect(watched.page.locator("#trouble")).to_contain_text("changed")
+        watched.trouble.clear()
         watched.close()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import pypdfium2
@@ -17,8 +18,11 @@ from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission import board
 from motoremi.emission.setup import scan_frequencies
+from motoremi.interrupts import Cancelled
 from motoremi.simulate.emission import Stand, measure
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.events import Events
+from motoremi.workbench.jobs import Jobs
 from motoremi.workflow import drop_from_session, opened
 from motoremi.workflow_emission import add_source_effect, drop_source_effect, emission_steps, stored_emission_steps
 
@@ -100,6 +104,38 @@ def test_adding_a_source_effect_is_what_the_command_does(at, copied):
     assert not verify(copied)
 
 
+def test_a_fit_of_the_spectra_tells_how_far_it_is_and_can_be_cancelled(copied):
+    desk, jobs, shares, before = Desk(copied), Jobs(Events()), [], stored_emission_steps(load(copied))
+
+    def tell(doing: str, done: int, total: int) -> None:
+        shares.append(done / total)
+        if len(shares) == 6:
+            jobs.cancel("s")
+
+    with jobs.begin("s", "fitting"), pytest.raises(Cancelled):
+        desk.source.fit(progress=tell)
+    assert len(shares) == 6
+    assert shares == sorted(set(shares))
+    assert 0 <= shares[0] < shares[-1] < 1
+    assert stored_emission_steps(load(copied)) == before
+
+
+def test_the_ladder_is_a_history(at, copied):
+    """Several steps back and forth at once; what does not exist is a sentence."""
+    added = [at("/add", effect=effect)["after"]["error"] for effect in ("eddy-laminations", "core-loss")]
+    assert at("/drop", count=2)["after"]["effects"] == []
+    told = at("/story")
+    assert [one["added"] for one in told["dropped"]] == ["eddy-laminations", "core-loss"]
+    assert [one["error"] for one in told["dropped"]] == added
+    for path, count, says in (("/redo", 3, "so many were not dropped"), ("/redo", True, "whole number"), ("/drop", 1, "no effect to drop")):
+        assert says in at(path, count=count)["error"]
+    assert at("/redo", count=1)["after"]["effects"] == ["eddy-laminations"]
+    assert at("/redo", count=1)["after"]["effects"] == ["eddy-laminations", "core-loss"]
+    assert "not so many" in at("/drop", count=3)["error"]
+    assert at("/drop", count=1)["after"]["error"] == added[0]
+    assert load(copied).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
+
+
 @pytest.mark.parametrize(("of", "effect"), [("impedance", "eddy-laminations"), ("emission", "arc-breakdown")])
 def test_what_is_dropped_can_be_put_back(at, copied, of, effect):
     story = f"/story?of={of}"
@@ -108,14 +144,14 @@ def test_what_is_dropped_can_be_put_back(at, copied, of, effect):
     added = at("/add", of=of, effect=effect)
     standing = at(story)["standing"]
     assert at("/drop", of=of)["after"] == added["before"]
-    assert at(story)["redo"] == effect
+    assert [one["added"] for one in at(story)["dropped"]] == [effect]
     assert at("/redo", of=of)["after"]["error"] == pytest.approx(added["after"]["error"], rel=1e-9)
-    assert (at(story)["standing"], at(story)["redo"]) == (standing, "")
+    assert (at(story)["standing"], at(story)["dropped"]) == (standing, [])
     # What somebody else does in between is not undone by it.
     at("/drop", of=of)
     other = "core-loss" if of == "impedance" else "lisn-deviation"
     at("/add", of=of, effect=other)
-    assert at(story)["redo"] == ""
+    assert at(story)["dropped"] == []
     assert at(story)["in_model"] == [other]
 
 
@@ -265,6 +301,18 @@ def test_a_finger_points_with_its_first_tap(browser, diagnosed, tmp_path):
         expect(page.locator(".ladder .step-name")).to_have_count(1)
         page.tap("#redo")
         expect(page.locator(".ladder .step-name")).to_have_count(2)
+        # A step of the ladder is gone back to by a tap on it; rows do not run into each other.
+        page.tap(".ladder button.step-name")
+        expect(page.locator(".ladder .dropped-name")).to_have_text(["+ skin-effect"])
+        rows = [row.bounding_box() for row in page.locator(".ladder :is(li, p)").all()]
+        assert all(upper["y"] + upper["height"] <= lower["y"] + 1 for upper, lower in pairwise(rows))
+        assert findings(page) == []
+        # What comes next stands where the thumb is, error and ladder in view above it.
+        in_view(page, "#story-curves figure:visible canvas", "#outcome", "#story-steps", "#story-list", "#next-step")
+        assert page.locator("#next-step").bounding_box()["y"] > 0.85 * PHONE["height"]
+        page.tap("#next-step:text-is('Add eddy-laminations')")
+        expect(page.locator("#next-step")).to_have_text("Go on to the spectra")
+        expect(page.locator("#outcome")).to_contain_text("→")
         watched.close()
 
 

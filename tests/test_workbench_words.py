@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 from workbench_browser import Watched, needs_chromium
-from workbench_tools import bench_of, client_of, make_fitted_session, make_session, served
+from workbench_tools import bench_of, client_of, make_fitted_session, served
 
 from motoremi.data.session import reopen
 from motoremi.diagnosis.compare import Tolerance
@@ -16,11 +15,6 @@ from motoremi.workbench.desk import Desk
 from motoremi.workflow import compare_session, opened
 
 pytestmark = needs_chromium
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory) -> Path:
-    return make_fitted_session(tmp_path_factory.mktemp("words") / "fitted")
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +80,11 @@ def test_axes_over_decades_have_minor_ticks(page):
     assert [label for label in labels if label] == ["100\u00a0kHz", "1\u00a0MHz", "10\u00a0MHz"]
 
 
+def test_minor_ticks_of_a_low_axis_do_not_run_into_each_other(page):
+    ticks, _ = page.evaluate(LABELLED.replace("ticks()", "own.logTicks(1e-3, 10, 3)"), "%")
+    assert [f"{tick:g}" for tick in ticks][:4] == ["0.001", "0.002", "0.005", "0.01"]
+
+
 @pytest.mark.parametrize(
     ("low", "high", "unit"),
     [(0.00240, 0.00262, "dB"), (-0.0001, 0.0001, "dB"), (1e6, 1.0002e6, "Hz"), (5e-12, 5.00001e-12, "F"), (99.99, 100.01, "%"), (-3, 2e5, "")],
@@ -128,14 +127,13 @@ def test_next_says_what_to_do_and_an_added_effect_keeps_its_title(browser, fitte
 
 
 def test_where_nothing_explains_it_no_effect_is_likely(tmp_path):
-    folder = make_session(tmp_path / "s")
-    desk = Desk(folder)
-    desk.fit()
-    desk.diagnose()
-    stored = desk.session.analysis("diagnosis")
+    folder = make_fitted_session(tmp_path / "s")
+    stored = Desk(folder).session.analysis("diagnosis")
     with reopen(folder) as writer:
-        writer.save_analysis("diagnosis", {**stored, "verdict": "unexplained", "confidence": 0.92})
+        writer.save_analysis("diagnosis", {**stored, "verdict": "unexplained", "effects": [], "families": [], "confidence": 0.92})
         writer.close("done")
     workbench = bench_of(tmp_path, folder)
-    told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/story").json()["diagnosis"]
-    assert max(one["probability"] for one in told["candidates"]) == pytest.approx(0.08, rel=0.01)
+    told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/story").json()
+    assert max(one["probability"] for one in told["diagnosis"]["candidates"]) == pytest.approx(0.08, rel=0.01)
+    # That no effect was named is no explanation.
+    assert {one["title"]: one["done"] for one in told["stages"]}["Explained"] is False

@@ -184,14 +184,13 @@ def add_to_session(store: Store, effect: str, progress: Progress | None = None) 
     What only describes (modes of a winding) is added again and again, each a step of the ladder, while that lowers the error by more than
     chance would.
     """
-    added = find_effect(effect).effect  # a wrong name is told before anything is fitted
+    find_effect(effect)  # a wrong name is told before anything is fitted
     steps = current_steps(store)
     ladder = [*steps, steps[-1].add(effect)]
     save_ladder(store, ladder, kept=len(steps))
-    if added.describes and added.repeatable:
-        for portion in further(ladder[-1], effect, progress):
-            ladder += portion
-            save_ladder(store, ladder, kept=len(ladder) - len(portion))
+    for portion in further(ladder[-1], effect, progress):
+        ladder += portion
+        save_ladder(store, ladder, kept=len(ladder) - len(portion))
     return steps[-1], ladder[-1]
 
 

@@ -25,9 +25,12 @@ from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup, read_setup
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.progress import part
 from motoremi.workflow import Store, current_steps
 
 STATE, PREDICTION, DIAGNOSIS, CORRECTIONS = "emission", "prediction", "emission-diagnosis", "corrections"
+# The share of the motor's fit where it has to come before that of source and path.
+MOTOR_FIRST = 0.3
 
 
 def _state(session: Session) -> JsonDict:
@@ -66,11 +69,11 @@ def _rate(running: Sequence[Spectrum]) -> float | None:
     return repetition_from(by_detector["peak"], by_detector["average"])
 
 
-def _motor(store: Store) -> Fit:
+def _motor(store: Store, progress: Progress | None = None) -> Fit:
     """The model at the top of the ladder."""
     if not has_motor(load(store.path)):
         raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
-    return current_steps(store)[-1]
+    return current_steps(store, progress)[-1]
 
 
 def has_motor(session: Session) -> bool:
@@ -112,11 +115,12 @@ def emission_steps(store: Store) -> list[EmissionFit]:
     return emission_ladder(session, _motor(store)) or [fit_source(store)]
 
 
-def fit_source(store: Store) -> EmissionFit:
+def fit_source(store: Store, progress: Progress | None = None) -> EmissionFit:
     """Fit source and path without any effect: the base of the emission's ladder, in place of what stood there."""
-    motor = _motor(store)
+    begin = 0.0 if load(store.path).ladder else MOTOR_FIRST
+    motor = _motor(store, part(progress, 0, begin))
     session = load(store.path)
-    base = fit_base(_problem(session, motor))
+    base = fit_base(_problem(session, motor), progress=part(progress, begin, 1))
     save_emission_ladder(store, session, [base])
     return base
 

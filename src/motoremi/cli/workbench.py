@@ -18,6 +18,9 @@ def workbench_(
     path: Annotated[Path | None, typer.Argument(metavar="[SESSION]", help="A session folder to open.", show_default=False)] = None,
     folder: Annotated[Path, typer.Option(metavar="DIR", help="Where new sessions are made; its sessions are offered too.")] = Path(),
     bench: Annotated[Path | None, typer.Option(metavar="FILE", help="Bench file with real instruments.", show_default=False)] = None,
+    profile: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The laboratory that signs the reports (docs/howto/report.md).", show_default=False)
+    ] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page (from a terminal only).")] = True,
     as_json: AsJson = False,
@@ -29,12 +32,15 @@ def workbench_(
         raise BadInput(f"the workbench needs {' and '.join(missing)}: pip install 'motoremi[workbench]'")
 
     from motoremi.bench.bench_file import load_bench_file
+    from motoremi.data.laboratory import read_laboratory
     from motoremi.data.paths import SESSION
     from motoremi.workbench.doorway import Opener
     from motoremi.workbench.server import serve
 
     if path is not None and not (path / SESSION).is_file():
         raise BadInput(f"{path}: no session here ({SESSION} is missing)")
+    if profile is not None:
+        read_laboratory(profile)  # what is wrong with it is told before the page opens
     bench_file = None if bench is None else load_bench_file(bench)
     opener = Opener()
 
@@ -50,7 +56,7 @@ def workbench_(
             opener.open(address)
 
     try:
-        serve(folder, [] if path is None else [path], bench_file, port, ready)
+        serve(folder, [] if path is None else [path], bench_file, port, ready, profile)
     finally:
         opener.close()
 

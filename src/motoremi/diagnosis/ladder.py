@@ -12,6 +12,7 @@ from motoremi.diagnosis.candidates import prior_of_values
 from motoremi.diagnosis.compare import compare
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
+from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 
 # A change is told if it exceeds this factor and so many standard deviations of the later value.
@@ -123,13 +124,23 @@ def ladder_step(before: Fit | None, fit: Fit, dc_resistance_ohm: float | None = 
     return LadderStep(before, fit, unneeded, dc_resistance_ohm)
 
 
+def accumulates(effect: str) -> bool:
+    """Whether adding an effect adds as many of it as lower the error: it only describes, and a motor may have several."""
+    entry = find_effect(effect).effect
+    return entry.describes and entry.repeatable
+
+
 def further(fit: Fit, effect: str, progress: Progress | None = None) -> Iterator[list[Fit]]:
     """More of a repeatable effect that only describes, in portions that each lower the circuit's own error by more than chance would.
+
+    Of any other effect there is nothing more.
 
     Evidence is no guide here: as long as resonances are missing, what is left is far larger than noise and far from smooth. The measure is the
     information criterion of Schwarz (BIC) of the relative error, over as many values as are independent of their neighbours. A portion may hold
     several: of two neighbouring modes neither is worth much alone.
     """
+    if not accumulates(effect):
+        return
     portion: list[Fit] = []
     best, enough = fit, fit.measurement.accuracy_percent or 0.0
     for number in range(MOST_MORE):

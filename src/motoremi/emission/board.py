@@ -93,10 +93,12 @@ class SpectrumBoard:
         return Candidate(added, fit, fit.log_evidence - BOUND_PENALTY * bool(fit.at_bound) + prior)
 
 
-def fit_base(problem: Problem, effects: Sequence[str] = (), known: Mapping[str, float] | None = None) -> EmissionFit:
+def fit_base(
+    problem: Problem, effects: Sequence[str] = (), known: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> EmissionFit:
     """The model with the effects that it has so far, none at first."""
     starts = [{**(known or {}), "step_v": step, "rise_s": rise} for step in (0.3, 1.2) for rise in (2e-7, 1e-6)]
-    return fit_spectra(problem, effects, [dict(known), *starts] if known else _with_floor(problem, starts))
+    return fit_spectra(problem, effects, [dict(known), *starts] if known else _with_floor(problem, starts), progress=progress)
 
 
 def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:

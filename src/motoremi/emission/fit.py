@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.emission.effects import find_source_effect
 from motoremi.emission.posterior import Posterior, to_unit
 from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup
+from motoremi.progress import part
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,7 +95,9 @@ class EmissionFit:
         return emission_fit_figure(self)
 
 
-def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mapping[str, float]], keep: int = 2) -> EmissionFit:
+def fit_spectra(
+    problem: Problem, effects: Sequence[str], starts: Sequence[Mapping[str, float]], keep: int = 2, progress: Progress | None = None
+) -> EmissionFit:
     """The best of several local fits.
 
     Parameters
@@ -105,6 +108,8 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
         Values by name; what is missing starts in the middle of its range.
     keep : int
         How many of the starts are followed.
+    progress : callable, optional
+        Told of each step of those that are followed.
     """
     posterior = Posterior(problem, tuple(effects))
     unknowns = posterior.unknowns
@@ -114,7 +119,11 @@ def fit_spectra(problem: Problem, effects: Sequence[str], starts: Sequence[Mappi
         # What a start is worth shows when step, offset and ripple have moved a little to meet it.
         glances = sorted((posterior.polished(start, _SHORT) for start in ranked[:_GLANCES]), key=lambda found: float(found.cost))
         ranked = [found.x[: posterior.size] for found in glances]
-    best = min((posterior.polished(start) for start in ranked[:keep]), key=lambda found: float(found.cost))
+    followed = [
+        posterior.polished(start, progress=part(progress, index / len(ranked[:keep]), (index + 1) / len(ranked[:keep])))
+        for index, start in enumerate(ranked[:keep])
+    ]
+    best = min(followed, key=lambda found: float(found.cost))
     values = posterior.values(best.x)
     rms_error_db = _rms(problem.error(effects, values))
     own = [(p.name, float(unit)) for (p, _), unit in zip(unknowns, best.x, strict=False) if "." in p.name]

@@ -12,6 +12,7 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import band_of
 from motoremi.errors import BadInput
+from motoremi.quantities import show
 
 # A comb is looked for among so many lines; its score is a correlation, 1 for a pure cosine, some 0.1 for noise.
 _LINES = 40
@@ -137,7 +138,7 @@ def _form(spectrum: Spectrum) -> list[JsonDict]:
     if steps.max() > 1.5 * steps.min():
         found.append({"id": "uneven-steps", "text": f"{spectrum.detector}: not in equal steps ({steps.min():.4g} to {steps.max():.4g} Hz)"})
     elif steps.max() > 1.01 * spectrum.resolution_bandwidth_hz:
-        wide = f"steps of {steps.max():.4g} Hz are wider than the bandwidth of {spectrum.resolution_bandwidth_hz:g} Hz"
+        wide = f"steps of {show(float(steps.max()), 'Hz')} are wider than the bandwidth of {show(spectrum.resolution_bandwidth_hz, 'Hz')}"
         text = f"{spectrum.detector}: {wide}: lines may be missed"
         found.append({"id": "coarse-steps", "text": text})
     if spectrum.overload.any():

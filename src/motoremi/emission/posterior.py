@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from motoremi.arrays import FloatArray
+from motoremi.arrays import FloatArray, Progress
 from motoremi.emission.problem import Problem
 from motoremi.interrupts import checkpoint
 from motoremi.model.parameter import Parameter
@@ -95,13 +97,20 @@ class Posterior:
         """How bad a start is."""
         return float(np.sum(_softened(self._errors(x)) ** 2))
 
-    def polished(self, start: FloatArray, steps: int = 25) -> OptimizeResult:
-        """The nearest minimum, or the way to it."""
-        checkpoint()
+    def polished(self, start: FloatArray, steps: int = 25, progress: Progress | None = None) -> OptimizeResult:
+        """The nearest minimum, or the way to it; `progress` is told of each step."""
+        taken = itertools.count()
+
+        def slopes(x: FloatArray) -> FloatArray:
+            checkpoint()
+            if progress is not None:
+                progress("source and path", next(taken), steps)
+            return self.slopes(x)
+
         free = self.columns.shape[1]
         low, high = (np.concatenate([np.full(self.size, end), np.full(free, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
         return least_squares(
-            self.residuals, np.concatenate([start, np.zeros(free)]), jac=self.slopes, bounds=(low, high),
+            self.residuals, np.concatenate([start, np.zeros(free)]), jac=slopes, bounds=(low, high),
             x_scale=np.concatenate([1e3 * self.steps, np.ones(free)]), max_nfev=steps, ftol=1e-4, xtol=1e-9, gtol=1e-6,
         )  # fmt: skip
 

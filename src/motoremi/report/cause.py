@@ -11,7 +11,7 @@ from motoremi.quantities import show
 from motoremi.report import plots
 from motoremi.report.parts import Section, Table
 from motoremi.report.svg import picture
-from motoremi.report.words import described, findings_of, in_words, place_of, reasons_of
+from motoremi.report.words import described, findings_of, in_words, lag, number, place_of, reasons_of
 
 MOST_CANDIDATES = 10
 # Sets of effects that are less probable are not listed.
@@ -30,10 +30,10 @@ def diagnosis_section(diagnosis: JsonDict) -> Section:
             (
                 str(candidate["effect"]),
                 str(candidate["family"]),
-                _number(candidate["probability"]),
-                _number(candidate["delta_bic"]),
-                f"{_number(candidate['rms_error_percent'])} %",
-                f"{_number(candidate.get('unexplained_percent'))} %",
+                number(candidate["probability"]),
+                lag(candidate["delta_bic"]),
+                f"{number(candidate['rms_error_percent'])} %",
+                f"{number(candidate.get('unexplained_percent'))} %",
                 "yes" if candidate["plausible"] else "no, at a bound",
                 values,
             )
@@ -74,7 +74,7 @@ def _findings(diagnosis: JsonDict) -> tuple[Table, ...]:
 def _sets(diagnosis: JsonDict) -> tuple[Table, ...]:
     """How probable each set of effects is; a diagnosis of an earlier version does not say."""
     likely = [one for one in diagnosis.get("sets", ()) if one["probability"] >= LEAST_SHOWN]
-    rows = tuple((" + ".join(one["effects"]) or "nothing", _number(one["probability"])) for one in likely)
+    rows = tuple((" + ".join(one["effects"]) or "nothing", number(one["probability"])) for one in likely)
     return (Table("Sets of effects, the likeliest first", ("missing", "probability"), rows),) if rows else ()
 
 
@@ -97,16 +97,11 @@ def _worse(known: Sequence[tuple[str, float]]) -> frozenset[int]:
 def _menu(diagnosis: JsonDict) -> tuple[Table, ...]:
     """What each measurement would do to tell the candidates apart."""
     rows = tuple(
-        (str(one["id"]), str(one["action"]), f"{100 * one['separates']:.0f} %", _number(one["ratio"]))
+        (str(one["id"]), str(one["action"]), f"{100 * one['separates']:.0f} %", number(one["ratio"]))
         for one in diagnosis["next_measurement"].get("menu", ())
     )
     columns = ("measurement", "do", "pairs of candidates told apart", "smallest difference over uncertainty")
     return (Table("What could be measured next, best first", columns, rows),) if rows else ()
-
-
-def _number(value: float | None) -> str:
-    """A number as it was stored; JSON has nothing for one that is not finite."""
-    return "-" if value is None else f"{value:.3g}"
 
 
 def title_of(effect: str) -> str:

@@ -13,6 +13,7 @@ from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_a
 from motoremi.report.parts import Materials, Picture, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
+from motoremi.report.words import in_words, lag
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -196,8 +197,7 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
         guard = prediction["expanded_uncertainty_db"]
         texts.append(f"Guard band {guard:.3g} dB (k = 2): below the limit by more is a pass, above by more a fail, between them marginal.")
     if diagnosis is not None:
-        named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
-        texts.append(f"Diagnosis of the spectra: {diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %.")
+        texts.append(f"Diagnosis of the spectra: {in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %.")
         texts += [str(reason)[:1].upper() + str(reason)[1:] + "." for reason in diagnosis["reasons"]]
         texts += [str(one["text"])[:1].upper() + str(one["text"])[1:] + "." for one in diagnosis["observations"]]
         texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
@@ -249,7 +249,7 @@ def _ranking(diagnosis: JsonDict) -> Table:
         (
             str(one["effect"]),
             f"{one['probability']:.3g}",
-            f"{one['delta_bic']:.3g}",
+            lag(one["delta_bic"]),
             f"{one['rms_error_db']:.2g} dB",
             "yes" if one["plausible"] else "no, at a bound",
             ", ".join(f"{name} = {show(entry['value'], entry['unit'])}" for name, entry in one["parameters"].items()),

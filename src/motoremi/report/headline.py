@@ -129,8 +129,7 @@ def _margin(judged: JsonDict) -> str:
 
 
 def _emission_cause(diagnosis: JsonDict) -> str:
-    named = f": {' and '.join(diagnosis['effects'])}" if diagnosis["effects"] else ""
-    return f"{diagnosis['verdict']}{named}; confidence {100 * diagnosis['confidence']:.0f} %"
+    return f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %"
 
 
 def tolerance(comparison: Comparison) -> str:

@@ -61,6 +61,7 @@ UNCERTAINTY = "expanded uncertainty (k = 2)"
 MOST_CANDIDATES = 10
 # A resonance is named if |Z| falls by as much on both sides, or rises.
 CLEAR_DB = 3.0
+NAME_SHARE = 0.3
 # Below odds of 30 to 1 two candidates count as one family: 2 ln(1/0.03).
 TOLD_APART = 7.0
 
@@ -142,9 +143,9 @@ def _mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatA
                 va="bottom" if above else "top",
                 fontsize=8,
             )
-    # Room for the names.
+    # Room for the names: a line of text below takes so much of a low panel.
     low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
-    axes.set_ylim(low / 2, high * 2.5)
+    axes.set_ylim(low / max(2.0, (high / low) ** NAME_SHARE), high * 2.5)
 
 
 def comparison_figure(comparison: Comparison) -> Figure:

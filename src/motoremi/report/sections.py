@@ -21,7 +21,7 @@ from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.motor_state import state_section
 from motoremi.report.parts import Choice, Materials, Picture, Section, Table, is_result, model_name
 from motoremi.report.svg import picture
-from motoremi.report.words import beside_the_error, described, share_of_analyser, would_leave
+from motoremi.report.words import beside_the_error, described, number, share_of_analyser, would_leave
 
 NOISE_SOURCES = {
     "repeats": "the repeats",
@@ -118,7 +118,7 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
     texts = [
         f"{'Ant colony of the paper, as printed' if last.method == 'paper' else 'Ant colony with polish'}, seed {last.seed}; "
         f"evaluations of the model at each step: {', '.join(str(step.evaluations) for step in steps)}. "
-        f"chi2_reduced {last.chi2_reduced:.4g} over noise and analyser as declared ({last.measurement.analyser.title}).",
+        f"chi2_reduced {number(last.chi2_reduced, 4)} over noise and analyser as declared ({last.measurement.analyser.title}).",
         f"Error of the circuit {last.rms_error_percent:.3g} % rms; {'; '.join(beside_the_error(last))}.",
     ]
     if last.undetermined():
@@ -203,7 +203,7 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
                 f"{step.rms_error_db:.3g} dB",
                 share_of_analyser(step) or "ideal",
                 described(step.unexplained_percent),
-                f"{step.chi2_reduced:.4g}",
+                number(step.chi2_reduced, 4),
             )
         )
     columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's share", "the circuit", "chi2_reduced")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
@@ -22,8 +23,27 @@ _VERDICTS: Mapping[str, tuple[str, Mood]] = {
 }
 # Stands on every page.
 SIMULATED = "SIMULATED DATA: no real motor was measured"
+# Plain numbers between these are written out.
+LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e4
+FAR = 1000
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Nobody asks for more.
 FINEST_PERCENT = 0.01
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A plain number: no powers of ten but large and small ones, and those by three; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    if value == 0 or LEAST_PLAIN <= abs(value) < MOST_PLAIN:
+        return f"{float(f'{value:.{digits}g}'):.10g}"
+    power = 3 * math.floor(math.log10(abs(value)) / 3 + 1e-9)
+    return f"{value / 10**power:.{digits}g} × 10{str(power).translate(_RAISED)}"
+
+
+def lag(delta_bic: float | None) -> str:
+    """How far behind a candidate lies; beyond a thousand nobody asks."""
+    return f"> {FAR:g}" if delta_bic is not None and delta_bic > FAR else number(delta_bic)
 
 
 def in_words(diagnosis: JsonDict) -> str:

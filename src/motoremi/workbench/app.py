@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import secrets
 from collections.abc import Awaitable, Callable, Collection
@@ -20,12 +21,15 @@ from starlette.staticfiles import StaticFiles
 from motoremi.arrays import JsonDict, Progress
 from motoremi.bench.bench_file import BenchFile
 from motoremi.data.analyser import ANALYSERS
+from motoremi.data.laboratory import read_laboratory
 from motoremi.data.paths import inside
 from motoremi.data.plain import object_from_json, plain
 from motoremi.data.text import clean_text, clean_value
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.errors import BadInput, MotoremiError
 from motoremi.interrupts import Cancelled
+from motoremi.report.kinds import FORMS, SECTIONS
+from motoremi.report.parts import Choice
 from motoremi.workbench import challenge, emission, exports, story, together, views
 from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk
@@ -37,8 +41,10 @@ from motoremi.workbench.listing import Listing, State
 from motoremi.workbench.refusal import refusal
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
+from motoremi.workbench.thinning import Band
 from motoremi.workbench.tray import Tray
 from motoremi.workbench.watch import Watch
+from motoremi.workflow_issue import laboratory_in
 
 STATIC = Path(str(resources.files("motoremi.workbench") / "static"))
 # What may be taken out of a session's report folder.
@@ -58,10 +64,13 @@ class Workbench:
     ----------
     shelf : Shelf
     bench_file : BenchFile, optional
+    profile : Path, optional
+        The laboratory that signs the reports.
     """
 
-    def __init__(self, shelf: Shelf, bench_file: BenchFile | None = None) -> None:
+    def __init__(self, shelf: Shelf, bench_file: BenchFile | None = None, profile: Path | None = None) -> None:
         self.shelf = shelf
+        self.profile = profile
         self.events = Events()
         self.listing = Listing(shelf)
         self.watch = Watch(self.listing, self.events)
@@ -111,34 +120,39 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _get("/api/run/trace/{seq:int}", lambda request: w.place.trace(request.path_params["seq"])),
         _get("/api/sessions", lambda request: _sessions(w)),
         _get(session, w.head),
-        _get(session + "/curves", lambda request: views.curves(w.desk(request))),
+        _get(session + "/curves", lambda request: views.curves(w.desk(request), _band(request))),
         _get(session + "/fails", lambda request: views.fails(w.desk(request))),
-        _get(session + "/story", lambda request: story.story(w.desk(request), request.query_params.get("of", ""), w.state(request))),
+        _get(
+            session + "/story", lambda request: story.story(w.desk(request), request.query_params.get("of", ""), w.state(request), _band(request))
+        ),
+        _get(session + "/panels", lambda request: story.panels(w.desk(request), request.query_params.get("of", ""), _band(request))),
         _get(
             session + "/look",
-            lambda request: story.look(w.desk(request), request.query_params.get("of", ""), request.query_params.get("effect", "")),
+            lambda request: story.look(w.desk(request), request.query_params.get("of", ""), request.query_params.get("effect", ""), _band(request)),
         ),
-        _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""))),
+        _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""), _band(request))),
         _get(session + "/next", lambda request: views.following(w.desk(request))),
-        _get(session + "/emission", lambda request: emission.spectra(w.desk(request))),
+        _get(session + "/emission", lambda request: emission.spectra(w.desk(request), _band(request))),
         _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
         _post(session + "/cancel", lambda request, body: w.jobs.cancel(request.path_params["id"])),
         _post(session + "/fit", _changing(w, lambda desk, body, progress: _ladder(desk, body).fit(_standing(body), progress), "fitting")),
         _post(session + "/diagnose", _changing(w, _diagnose, "diagnosing")),
-        _post(session + "/add", _changing(w, lambda desk, body, progress: _step(desk, body, "add", _text(body, "effect")), "adding an effect")),
+        _post(session + "/add", _changing(w, lambda desk, body, progress: _add(desk, body, progress), "adding an effect")),
         _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, body, "drop"))),
         _post(session + "/redo", _changing(w, lambda desk, body, progress: _step(desk, body, "redo"))),
         _post(session + "/judge", _changing(w, _judge)),
         _post(session + "/predict", _changing(w, lambda desk, body, progress: emission.predict(desk, _text(body, "limit")))),
-        _get(session + "/report", lambda request: {"files": w.desk(request).report_files()}),
-        _post(session + "/report", _changing(w, lambda desk, body, progress: {"files": desk.report(progress)}, "writing the report")),
-        _post(session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body), progress), "diagnosing")),
+        _get(session + "/report", lambda request: _reports(w, w.desk(request))),
+        _post(session + "/report", _changing(w, lambda desk, body, progress: _report(w, desk, body, progress), "writing the report")),
+        _post(
+            session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body, "answer"), progress), "diagnosing")
+        ),
         _post("/api/challenge", lambda request, body: _new_challenge(w)),
         Route(session + "/report/{name}", _file(w, _report_file)),
         _get(session + "/export", lambda request: {"files": exports.offers(w.desk(request)), "report": w.desk(request).report_files()}),
         Route(session + "/export/{name}", _file(w, _exported)),
-        _get("/api/together", lambda request: together.side_by_side(_chosen(w, request))),
+        _get("/api/together", lambda request: together.side_by_side(_chosen(w, request), _band(request))),
         Route("/api/together/{name}", _file(w, _comparison)),
         _get(UPLOADS, lambda request: {**w.tray.to_dict(), "analysers": {one.name: one.title for one in ANALYSERS}}),
         Route(UPLOADS, _upload(w), methods=["POST"]),
@@ -233,11 +247,22 @@ def _standing(body: JsonDict) -> str | None:
     return _text(body, "standing") if "standing" in body else None
 
 
-def _names(body: JsonDict) -> list[str]:
-    names = body.get("answer", [])
+def _names(body: JsonDict, key: str) -> list[str]:
+    names = body.get(key, [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise BadInput("answer must be a list of names")
+        raise BadInput(f"{key} must be a list of names")
     return names
+
+
+def _reports(w: Workbench, desk: Desk) -> JsonDict:
+    """The files that were written, what can be chosen, and who signs."""
+    laboratory = laboratory_in(desk.session) if w.profile is None else read_laboratory(w.profile)
+    return {"files": desk.report_files(), "forms": FORMS, "sections": SECTIONS, "laboratory": "" if laboratory is None else laboratory.name}
+
+
+def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
+    choice = Choice(_text(body, "form") or "long", frozenset(_names(body, "sections")))
+    return {"files": desk.report(progress, w.profile, choice)}
 
 
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
@@ -251,10 +276,34 @@ def _ladder(desk: Desk, body: JsonDict) -> Ladder[Any]:
     return story.side(desk, _text(body, "of")).ladder
 
 
-def _step(desk: Desk, body: JsonDict, do: Literal["add", "drop", "redo"], *what: str) -> JsonDict:
+def _add(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
     side = story.side(desk, _text(body, "of"))
-    before, after = getattr(side.ladder, do)(*what, _standing(body))
+    before, after = side.ladder.add(_text(body, "effect"), _standing(body), progress)
     return {"before": side.step(before), "after": side.step(after)}
+
+
+def _step(desk: Desk, body: JsonDict, do: Literal["drop", "redo"]) -> JsonDict:
+    """One step of the ladder, or as many as are asked for."""
+    count = body.get("count", 1)
+    if isinstance(count, bool) or not isinstance(count, int):
+        raise BadInput("count must be a whole number")
+    side = story.side(desk, _text(body, "of"))
+    before, after = getattr(side.ladder, do)(_standing(body), count)
+    return {"before": side.step(before), "after": side.step(after)}
+
+
+def _band(request: Request) -> Band | None:
+    """What a plot is zoomed to."""
+    told = [request.query_params.get(name, "") for name in ("low", "high")]
+    if not any(told):
+        return None
+    try:
+        low, high = map(float, told)
+    except ValueError:
+        low = high = 0.0
+    if not 0 < low < high < math.inf:
+        raise BadInput("low and high must be frequencies in hertz, low below high")
+    return low, high
 
 
 def _judge(desk: Desk, body: JsonDict, progress: Progress) -> None:

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
-from motoremi.data.paths import SESSION, inside
+from motoremi.data.paths import inside
 from motoremi.data.session import Session, load
 from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.element import Inspection, inspect
+from motoremi.diagnosis.ladder import further
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.source import SourceDesk
+from motoremi.workbench.stamps import Stamp, stamp_of
 from motoremi.workflow import (
     Store,
     compare_session,
@@ -30,8 +33,11 @@ from motoremi.workflow import (
     save_ladder,
 )
 
+if TYPE_CHECKING:
+    from motoremi.report.parts import Choice
+
 LADDER = "analysis/ladder.json"
-Stamp: TypeAlias = tuple[int, int] | None
+FileStamp: TypeAlias = tuple[int, int] | None
 Made = TypeVar("Made")
 
 
@@ -51,12 +57,14 @@ class Desk(Ladder[Fit]):
         super().__init__()
         self.path = path
         self.source = SourceDesk(self)
-        self._stamp: Stamp = None
-        self._ladder_stamp: Stamp = None
+        self._stamp: Stamp | None = None
+        self._ladder_stamp: FileStamp = None
         self._session: Session | None = None
         self._measurement: Measurement | None = None
         # Models by what is stored of them.
         self._known: dict[str, Fit] = {}
+        self._inspecting = threading.Lock()
+        self._inspected: tuple[tuple[str, str], Inspection] | None = None
         self._steps: tuple[Fit, ...] = ()
 
     @property
@@ -89,8 +97,16 @@ class Desk(Ladder[Fit]):
         """Hold the model that stands against the measurement, by this tolerance from now on."""
         self.change(lambda store: compare_session(store, tolerance))
 
-    def report(self, progress: Progress | None = None) -> list[str]:
+    def report(self, progress: Progress | None = None, profile: Path | None = None, choice: Choice | None = None) -> list[str]:
         """Write the report; returns the names of its files.
+
+        Parameters
+        ----------
+        progress : callable, optional
+        profile : Path, optional
+            The laboratory that signs, in place of the one that is kept with the session.
+        choice : Choice, optional
+            Which form and sections.
 
         Raises
         ------
@@ -98,7 +114,7 @@ class Desk(Ladder[Fit]):
             If an analysis in the folder is none of this software.
         """
         try:
-            files = self.work(lambda store: report_session(store, progress=progress))
+            files = self.work(lambda store: report_session(store, profile, choice, progress))
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(f"a stored analysis cannot be read ({type(error).__name__}: {error}): diagnose or predict this session again") from error
         return [file.name for file in files]
@@ -173,8 +189,12 @@ class Desk(Ladder[Fit]):
         return compare(step, None if stored is None else _tolerance(stored))
 
     def inspection(self, element: str) -> Inspection:
-        """What an element would have to be."""
-        return inspect(self.top, element)
+        """What an element would have to be; the last one is kept, for a page that zooms."""
+        with self._inspecting:
+            key = self.standing, element
+            if self._inspected is None or self._inspected[0] != key:
+                self._inspected = key, inspect(self.top, element)
+            return self._inspected[1]
 
     def _signed(self) -> list[object]:
         return [[*step.effects, step.objective] for step in self.steps]
@@ -182,6 +202,9 @@ class Desk(Ladder[Fit]):
     def _grown(self, before: Fit, effect: str) -> Fit:
         find_effect(effect)
         return before.add(effect)
+
+    def _further(self, after: Fit, effect: str, progress: Progress | None) -> list[Fit]:
+        return [fit for portion in further(after, effect, progress) for fit in portion]
 
     def _store(self, steps: Sequence[Fit]) -> None:
         kept = sum(one is other for one, other in zip(steps, self._steps, strict=False))
@@ -198,7 +221,7 @@ class Desk(Ladder[Fit]):
             raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
 
     def _refresh(self) -> None:
-        stamp = self.file_stamp(SESSION)
+        stamp = stamp_of(self.path)
         if stamp == self._stamp and self._session is not None:
             return
         ladder_stamp = self.file_stamp(LADDER)
@@ -213,7 +236,7 @@ class Desk(Ladder[Fit]):
         self._steps = tuple(self._known.values())
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
-    def file_stamp(self, name: str) -> Stamp:
+    def file_stamp(self, name: str) -> FileStamp:
         """Changes with a file of the session; None where there is none."""
         try:
             found = inside(self.path, name).stat()

@@ -7,12 +7,12 @@ from motoremi.emission.limit import find_limit, limit_names
 from motoremi.emission.predict import DEFAULT_LIMIT
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
-from motoremi.workbench.thinning import seen
+from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import rounded
 from motoremi.workflow_emission import predict_session
 
 
-def spectra(desk: Desk) -> JsonDict:
+def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
     """Measured spectra, the prediction with its limit if one was made, and the limits to choose from."""
     session = desk.session
     return {
@@ -28,7 +28,7 @@ def spectra(desk: Desk) -> JsonDict:
                 "summary": one.summary(),
             }
             for one in session.corrected_spectra
-            for kept in (seen(one.frequency_hz, one.level_dbuv),)
+            for kept in (seen(one.frequency_hz, one.level_dbuv, band_hz=band_hz),)
         ],
         "prediction": session.analysis("prediction"),
         "usual_limit": DEFAULT_LIMIT,

@@ -65,6 +65,10 @@ class Ladder(ABC, Generic[F]):
     def _grown(self, before: F, effect: str) -> F:
         """A model with one more effect, fitted."""
 
+    def _further(self, after: F, effect: str, progress: Progress | None) -> list[F]:
+        """More of the same effect, each a step above `after`, where adding one means adding as many as lower the error."""
+        return []
+
     @abstractmethod
     def _store(self, steps: Sequence[F]) -> None:
         """Put other steps in the place of those that stand, unless somebody else has just done so."""
@@ -122,47 +126,48 @@ class Ladder(ABC, Generic[F]):
         with self._glancing:
             return (self.top, self.prepared(effect)) if self._looking is asked else None
 
-    def add(self, effect: str, shown: str | None = None) -> tuple[F, F]:
-        """Put an effect on top of the ladder; returns the model before and after."""
+    def add(self, effect: str, shown: str | None = None, progress: Progress | None = None) -> tuple[F, F]:
+        """Put an effect on top of the ladder, as often as the command would; returns the model before and after."""
         self._looking = None
         with self._turn:
             self._require(shown)
             before, stands = self.top, self.standing
         # Others may look at the session meanwhile.
-        after = self.prepared(effect)
+        first = self.prepared(effect)
+        new = [first, *self._further(first, effect, progress)]
         with self._turn:
             self._require(stands)
-            self._store((*self.steps, after))
-            return before, after
+            self._store((*self.steps, *new))
+            return before, new[-1]
 
-    def drop(self, shown: str | None = None) -> tuple[F, F]:
+    def drop(self, shown: str | None = None, count: int = 1) -> tuple[F, F]:
         """Step back on the ladder; returns the model before and after."""
         with self._turn:
             self._require(shown)
             steps = self.steps
-            if len(steps) < 2:
-                raise BadInput(f"the ladder stands at {self.BASE}: there is no effect to drop")
-            above = self._dropped if self.redoable else ()
-            self._store(steps[:-1])
-            self._dropped, self._dropped_from = (*above, steps[-1]), self.standing
-            return steps[-1], steps[-2]
+            if not 0 < count < len(steps):
+                raise BadInput(f"the ladder stands at {self.BASE}: there is no effect to drop" if len(steps) < 2 else "there are not so many steps")
+            above = self.dropped
+            self._store(steps[:-count])
+            self._dropped, self._dropped_from = (*steps[-count:], *above), self.standing
+            return steps[-1], steps[-count - 1]
 
     @property
-    def redoable(self) -> str:
-        """The effect that `redo` puts back; empty if none was dropped from the ladder as it stands."""
+    def dropped(self) -> tuple[F, ...]:
+        """The steps that `redo` puts back, lowest first; empty if none was dropped from the ladder as it stands."""
         with self._turn:
-            return self._dropped[-1].effects[-1] if self._dropped and self._dropped_from == self.standing else ""
+            return self._dropped if self._dropped and self._dropped_from == self.standing else ()
 
-    def redo(self, shown: str | None = None) -> tuple[F, F]:
+    def redo(self, shown: str | None = None, count: int = 1) -> tuple[F, F]:
         """Put back what was dropped last, as it was; returns the model before and after."""
         with self._turn:
             self._require(shown)
-            if not self.redoable:
-                raise BadInput("there is nothing to put back: nothing was dropped from this ladder")
-            before, after = self.top, self._dropped[-1]
-            self._store((*self.steps, after))
-            self._dropped, self._dropped_from = self._dropped[:-1], self.standing
-            return before, after
+            before, dropped = self.top, self.dropped
+            if not 0 < count <= len(dropped):
+                raise BadInput("there is nothing to put back: nothing was dropped from this ladder" if not dropped else "so many were not dropped")
+            self._store((*self.steps, *dropped[:count]))
+            self._dropped, self._dropped_from = dropped[count:], self.standing
+            return before, dropped[count - 1]
 
     def _require(self, shown: str | None) -> None:
         if shown is not None and shown != self.standing:

@@ -14,9 +14,9 @@ from motoremi.data.source import read_bytes
 from motoremi.data.storage import is_being_written
 from motoremi.errors import BadInput
 from motoremi.workbench.shelf import Shelf
+from motoremi.workbench.stamps import MEASURED, Stamp, stamp_of
 
 State: TypeAlias = Literal["measuring", "interrupted", "failed", "complete", "diagnosed", "unreadable"]
-Stamp: TypeAlias = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Listing:
 
     def __init__(self, shelf: Shelf) -> None:
         self._shelf = shelf
-        self._known: dict[Path, tuple[Stamp, Entry]] = {}
+        self._known: dict[Path, tuple[tuple[int, int], Entry]] = {}
 
     def entries(self) -> list[JsonDict]:
         """Every session that can be opened, newest first."""
@@ -59,8 +59,8 @@ class Listing:
         return told
 
     def stamps(self) -> dict[str, Stamp]:
-        """What changes with each session's file."""
-        return {identifier: stamp for identifier, path in self._shelf.offered().items() if (stamp := _stamp(path)) is not None}
+        """What changes with each session's files."""
+        return {identifier: stamp for identifier, path in self._shelf.offered().items() if (stamp := stamp_of(path, MEASURED))}
 
     def entry(self, path: Path) -> Entry:
         """What the list says of one session."""
@@ -90,7 +90,7 @@ def _read(path: Path) -> Entry:
     return Entry(str(start.get("motor", "")), str(start.get("time", "")), state)
 
 
-def _stamp(path: Path) -> Stamp | None:
+def _stamp(path: Path) -> tuple[int, int] | None:
     try:
         found = (path / SESSION).stat()
     except OSError:

@@ -62,7 +62,7 @@ class Server(uvicorn.Server):
         config = uvicorn.Config(
             app,
             http=Deadlined,
-            log_level="error",
+            log_level="critical",
             access_log=False,
             lifespan="off",
             ws="none",
@@ -78,7 +78,9 @@ class Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port: int, ready: Callable[[str], None]) -> None:
+def serve(
+    folder: Path, sessions: list[Path], bench_file: BenchFile | None, port: int, ready: Callable[[str], None], profile: Path | None = None
+) -> None:
     """Serve until Ctrl-C.
 
     Parameters
@@ -93,6 +95,8 @@ def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port
         0 takes a free one.
     ready : callable
         Told the address, token and all, as soon as it answers.
+    profile : Path, optional
+        The laboratory that signs the reports.
 
     Raises
     ------
@@ -101,7 +105,7 @@ def serve(folder: Path, sessions: list[Path], bench_file: BenchFile | None, port
     """
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder")
-    workbench = Workbench(Shelf(folder, sessions), bench_file)
+    workbench = Workbench(Shelf(folder, sessions), bench_file, profile)
     token = secrets.token_urlsafe(32)
     with _listening(port) as listener:
         actual = listener.getsockname()[1]

@@ -25,7 +25,7 @@ from motoremi.workflow_emission import (
 )
 
 if TYPE_CHECKING:
-    from motoremi.workbench.desk import Desk, Stamp
+    from motoremi.workbench.desk import Desk, FileStamp
 
 STORED = f"analysis/{STATE}.json"
 LADDER = "analysis/ladder.json"
@@ -47,7 +47,7 @@ class SourceDesk(Ladder[EmissionFit]):
         super().__init__()
         self._desk = desk
         self._session: Session | None = None
-        self._stamp: Stamp = None
+        self._stamp: FileStamp = None
         self._steps: tuple[EmissionFit, ...] = ()
 
     @property
@@ -79,7 +79,7 @@ class SourceDesk(Ladder[EmissionFit]):
 
     def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
         """Fit source and path anew, without any effect."""
-        self._work(fit_source, shown)
+        self._work(lambda store: fit_source(store, progress), shown)
 
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
         """Which effect of source or path is missing from the model that stands. Its fits are kept."""

@@ -16,15 +16,16 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import possible_effects
+from motoremi.diagnosis.ladder import accumulates
 from motoremi.emission.effects import source_effects
 from motoremi.emission.fit import EmissionFit
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
-from motoremi.model.effects import find_effect
+from motoremi.model.effects import find_effect, identifiers
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.ladder import Ladder
-from motoremi.workbench.thinning import seen
+from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import diagnosis, readable, rounded, step_of
 from motoremi.workflow_emission import DIAGNOSIS, PREDICTION
 
@@ -32,6 +33,8 @@ Of: TypeAlias = Literal["impedance", "emission"]
 # What a curve is to its reader: the page chooses how it looks.
 Role: TypeAlias = Literal["measured", "model", "preview", "floor", "tolerance", "fails"]
 Curves: TypeAlias = Mapping[Role, tuple[str, FloatArray]]
+# Verdicts that leave the motor unexplained.
+UNEXPLAINED = ("unexplained", "data")
 ENTRY = ("title", "group", "formula", "signature", "deciding", "source")
 
 
@@ -41,6 +44,8 @@ class Side(ABC):
     Parameters
     ----------
     desk : Desk
+    band_hz : tuple of float, optional
+        What the plots are zoomed to.
     """
 
     of: Of
@@ -49,8 +54,9 @@ class Side(ABC):
     fit_text: str
     unit: str
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Desk, band_hz: Band | None = None) -> None:
         self.desk = desk
+        self.band_hz = band_hz
 
     @property
     @abstractmethod
@@ -82,6 +88,11 @@ class Side(ABC):
     def next_after(self) -> JsonDict | None:
         """What comes once everything is explained, before the report."""
 
+    def _unexplained(self, name: str, title: str, unit: str, frequency_hz: FloatArray, values: FloatArray, log: bool = False) -> JsonDict:
+        """What was measured, before there is a model."""
+        kept = seen(frequency_hz, values, band_hz=self.band_hz)
+        return _panel(name, frequency_hz, kept, [_frame(title, unit, {"measured": ("measured", values[kept])}, log)])
+
 
 class Sweeps(Side):
     """The impedance."""
@@ -106,7 +117,7 @@ class Sweeps(Side):
         if not self.desk.steps:
             first = {sweep.termination: sweep for sweep in reversed(self.desk.session.corrected_sweeps)}
             return [
-                _unexplained(name, "magnitude |Z|", "Ω", one.frequency_hz, np.abs(one.impedance_ohm), log=True)
+                self._unexplained(name, "magnitude |Z|", "Ω", one.frequency_hz, np.abs(one.impedance_ohm), log=True)
                 for name, one in reversed(first.items())
             ]
         top = self.desk.top
@@ -114,7 +125,7 @@ class Sweeps(Side):
         limit = comparison.tolerance.error_percent
         told = []
         for sweep in top.measurement.sweeps:
-            kept = _seen_of(sweep, errors[sweep.termination])
+            kept = self._seen_of(sweep, errors[sweep.termination])
             ratio, curve = 1 + errors[sweep.termination][kept], comparison.curves[sweep.termination]
             magnitude = np.abs(sweep.mean_ohm[kept])
             judged: dict[Role, tuple[str, FloatArray]] = {
@@ -133,14 +144,14 @@ class Sweeps(Side):
                 ),
                 _frame("error", "%", judged, log=True),
             ]
-            told.append(_panel(sweep.termination, sweep.frequency_hz[kept], frames))
+            told.append(_panel(sweep.termination, sweep.frequency_hz, kept, frames))
         return told
 
     def preview(self, now: Fit, after: Fit) -> list[list[list[float | None]]]:
         before_error, after_error = now.errors(), after.errors()
         told = []
         for sweep in now.measurement.sweeps:
-            kept = _seen_of(sweep, before_error[sweep.termination])
+            kept = self._seen_of(sweep, before_error[sweep.termination])
             ratio = np.abs(1 + after_error[sweep.termination][kept])
             given_db = 20 * np.log10(ratio / np.abs(1 + before_error[sweep.termination][kept]))
             error_percent = 100 * np.abs(after_error[sweep.termination][kept])
@@ -151,11 +162,20 @@ class Sweeps(Side):
         if not self.desk.steps:
             return []
         top = self.desk.top
-        return [entry_of(find_effect(name).effect, name) for name in dict.fromkeys((*possible_effects(top), *top.effects))]
+        # What only describes is never a cause, but a person may add it.
+        described = [name for name in identifiers() if find_effect(name).effect.describes and find_effect(name).fits(top.motor)]
+        possible = (*possible_effects(top), *described)
+        named = dict.fromkeys((*possible, *top.effects))
+        return [{**entry_of(find_effect(name).effect, name, name in possible), "accumulates": accumulates(name)} for name in named]
 
     def next_after(self) -> JsonDict | None:
         source = self.desk.source
         return {"do": "turn", "text": "Go on to the spectra"} if source.possible and not source.steps else None
+
+    def _seen_of(self, sweep: RepeatedSweep, error: ComplexArray) -> NDArray[np.intp]:
+        """Which points are shown, with and without another effect alike."""
+        magnitude = np.abs(sweep.mean_ohm)
+        return seen(sweep.frequency_hz, magnitude, magnitude * np.abs(1 + error), np.abs(error), band_hz=self.band_hz)
 
 
 class Spectra(Side):
@@ -180,30 +200,31 @@ class Spectra(Side):
     def panels(self) -> list[JsonDict]:
         if not self.ladder.steps:
             running = [one for one in self.desk.session.corrected_spectra if not one.is_background]
-            return [_unexplained(one.detector, "level", "dBµV", one.frequency_hz, one.level_dbuv) for one in running]
+            return [self._unexplained(one.detector, "level", "dBµV", one.frequency_hz, one.level_dbuv) for one in running]
         top = self.ladder.top
         told = []
         for detector, (frequency_hz, error_db) in top.error_db().items():
             measured, sigma_db = top.problem.measured_dbuv[top.problem.where[detector]], top.problem.sigma_db[top.problem.where[detector]]
-            kept = seen(frequency_hz, measured)
-            frequency_hz, error_db, measured, sigma_db = frequency_hz[kept], error_db[kept], measured[kept], sigma_db[kept]
+            kept = seen(frequency_hz, measured, band_hz=self.band_hz)
+            error_db, measured, sigma_db = error_db[kept], measured[kept], sigma_db[kept]
             frames = [
                 _frame("level", "dBµV", {"measured": ("measured", measured), "model": ("model", measured - error_db)}),
                 _frame("error", "dB", {"model": ("error", np.abs(error_db)), "floor": ("scatter and formulas", sigma_db)}),
             ]
-            told.append(_panel(detector, frequency_hz, frames))
+            told.append(_panel(detector, frequency_hz, kept, frames))
         return told
 
     def preview(self, now: EmissionFit, after: EmissionFit) -> list[list[list[float | None]]]:
         told = []
         for detector, (frequency_hz, error_db) in after.error_db().items():
             measured = after.problem.measured_dbuv[after.problem.where[detector]]
-            kept = seen(frequency_hz, measured)
+            kept = seen(frequency_hz, measured, band_hz=self.band_hz)
             told.append([rounded(measured[kept] - error_db[kept]), rounded(np.abs(error_db[kept]))])
         return told
 
     def catalogue(self) -> list[JsonDict]:
-        return [entry_of(effect, effect.name) for effect in source_effects()]
+        effects = self.ladder.top.effects if self.ladder.steps else ()
+        return [entry_of(effect, effect.name, effect.name not in effects) for effect in source_effects()]
 
     def next_after(self) -> JsonDict | None:
         stored = self.desk.session.analysis(PREDICTION)
@@ -215,16 +236,16 @@ class Spectra(Side):
 SIDES: Mapping[str, type[Side]] = {"impedance": Sweeps, "emission": Spectra}
 
 
-def side(desk: Desk, of: str) -> Side:
+def side(desk: Desk, of: str, band_hz: Band | None = None) -> Side:
     """One side of the story; without a name the one that the session can tell."""
     if not of:
-        return Sweeps(desk)
+        return Sweeps(desk, band_hz)
     if of not in SIDES:
         raise BadInput(f"there is no such story; choose one of {', '.join(SIDES)}")
-    return SIDES[of](desk)
+    return SIDES[of](desk, band_hz)
 
 
-def story(desk: Desk, of: str, state: str) -> JsonDict:
+def story(desk: Desk, of: str, state: str, band_hz: Band | None = None) -> JsonDict:
     """Everything that the screen shows.
 
     Parameters
@@ -234,8 +255,10 @@ def story(desk: Desk, of: str, state: str) -> JsonDict:
         "impedance", "emission", or empty.
     state : str
         Of the session, as in the list.
+    band_hz : tuple of float, optional
+        What the plots are zoomed to.
     """
-    chosen = side(desk, of)
+    chosen = side(desk, of, band_hz)
     steps = chosen.ladder.steps
     found, stored = _found(chosen)
     explained = readable(lambda: _explained(stored, _effects(steps)))
@@ -246,7 +269,7 @@ def story(desk: Desk, of: str, state: str) -> JsonDict:
         "sealed": is_open_challenge(desk.session),
         "standing": chosen.ladder.standing,
         "ladder": [chosen.step(step) for step in steps],
-        "redo": chosen.ladder.redoable,
+        "dropped": [chosen.step(step) for step in chosen.ladder.dropped],
         "in_model": list(_effects(steps)),
         "panels": chosen.panels() if chosen.measured else [],
         "catalogue": chosen.catalogue(),
@@ -255,12 +278,17 @@ def story(desk: Desk, of: str, state: str) -> JsonDict:
         "fit": chosen.fit_text,
     }
     coming = _next(chosen, stored, explained, state)
-    return {**told, "next": coming, "stages": _stages(chosen, stored is not None, explained, coming)}
+    return {**told, "next": coming, "stages": _stages(chosen, stored, explained, coming)}
 
 
-def look(desk: Desk, of: str, effect: str) -> JsonDict:
+def panels(desk: Desk, of: str, band_hz: Band | None) -> JsonDict:
+    """The curves alone, for a plot that was zoomed."""
+    return {"panels": side(desk, of, band_hz).panels()}
+
+
+def look(desk: Desk, of: str, effect: str, band_hz: Band | None = None) -> JsonDict:
     """What an effect would do: the curves of the model with it, and the error before and after."""
-    chosen = side(desk, of)
+    chosen = side(desk, of, band_hz)
     glanced = chosen.ladder.glance(effect)
     if glanced is None:
         return {"superseded": True}
@@ -268,30 +296,18 @@ def look(desk: Desk, of: str, effect: str) -> JsonDict:
     return {"effect": effect, "before": chosen.step(now), "after": chosen.step(after), "panels": chosen.preview(now, after)}
 
 
-def entry_of(effect: Any, name: str) -> JsonDict:
-    """An effect of either catalogue, for its reader."""
-    family = getattr(effect, "family", effect.group)
-    return {"id": name, "family": family, **{key: getattr(effect, key) for key in ENTRY}, "look_alikes": list(effect.look_alikes)}
+def entry_of(effect: Any, name: str, possible: bool) -> JsonDict:
+    """An effect of either catalogue, for its reader; `possible` if it can be added to the model that stands."""
+    family, told = getattr(effect, "family", effect.group), {key: getattr(effect, key) for key in ENTRY}
+    return {"id": name, "family": family, **told, "look_alikes": list(effect.look_alikes), "possible": possible}
 
 
 def _step(fit: Fit | EmissionFit, error: float, floor: float) -> JsonDict:
     return {"added": fit.effects[-1] if fit.effects else "", "effects": list(fit.effects), "error": error, "floor": floor}
 
 
-def _unexplained(name: str, title: str, unit: str, frequency_hz: FloatArray, values: FloatArray, log: bool = False) -> JsonDict:
-    """What was measured, before there is a model."""
-    kept = seen(frequency_hz, values)
-    return _panel(name, frequency_hz[kept], [_frame(title, unit, {"measured": ("measured", values[kept])}, log)])
-
-
-def _seen_of(sweep: RepeatedSweep, error: ComplexArray) -> NDArray[np.intp]:
-    """Which points are shown, with and without another effect alike."""
-    magnitude = np.abs(sweep.mean_ohm)
-    return seen(sweep.frequency_hz, magnitude, magnitude * np.abs(1 + error), np.abs(error))
-
-
-def _panel(name: str, frequency_hz: FloatArray, frames: list[JsonDict]) -> JsonDict:
-    return {"name": name, "frequency_hz": rounded(frequency_hz), "frames": frames}
+def _panel(name: str, frequency_hz: FloatArray, kept: NDArray[np.intp], frames: list[JsonDict]) -> JsonDict:
+    return {"name": name, "points": len(frequency_hz), "frequency_hz": rounded(frequency_hz[kept]), "frames": frames}
 
 
 def _frame(title: str, unit: str, curves: Curves, log: bool = False) -> JsonDict:
@@ -359,15 +375,16 @@ def _is_report(document: JsonDict) -> bool:
     return bool(document["kind"] == "file" and str(document.get("file", "")).startswith("report/"))
 
 
-def _stages(chosen: Side, diagnosed: bool, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
+def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
     """The steps of the story: which are done, and where more is to be seen of each."""
-    fitted, of = bool(chosen.ladder.steps), chosen.of
+    fitted, of, diagnosed = bool(chosen.ladder.steps), chosen.of, stored is not None
     told = (
         ("Measured", chosen.measured, "session" if of == "impedance" else "emission"),
         ("Fitted", fitted, "session" if of == "impedance" else "emission"),
         ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
         ("What is missing", diagnosed and explained is not None, "next" if of == "impedance" else ""),
-        ("Explained", bool(explained), ""),
+        # That nothing was named to be added is no explanation.
+        ("Explained", bool(explained) and stored is not None and stored["verdict"] not in UNEXPLAINED, ""),
         ("Report", coming["do"] == "go" and coming["view"] == "report", "report"),
     )
     return [{"title": title, "done": done, "view": view} for title, done, view in told]

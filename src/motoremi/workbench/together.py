@@ -12,11 +12,11 @@ from motoremi.errors import BadInput
 from motoremi.report.parts import Materials, Table
 from motoremi.report.together import Together, build_together, render_together
 from motoremi.workbench.desk import Desk
-from motoremi.workbench.thinning import seen
+from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import rounded
 
 
-def side_by_side(desks: Sequence[Desk]) -> JsonDict:
+def side_by_side(desks: Sequence[Desk], band_hz: Band | None = None) -> JsonDict:
     """Curves and tables of several sessions.
 
     Raises
@@ -31,9 +31,9 @@ def side_by_side(desks: Sequence[Desk]) -> JsonDict:
         "verdicts": _table(together.verdicts()),
         "parameters": None if parameters is None else {**_table(parameters.tables[0]), "texts": list(parameters.texts)},
         "bands": None if bands is None else _table(bands),
-        "sweeps": {name: [_sweep(one) for one in own.values()] for name, own in together.sweeps.items()},
-        "changes": {name: [{"termination": t, **_change(one)} for t, one in own.items()] for name, own in together.changes.items()},
-        "spectra": {name: [_spectrum(one) for one in own] for name, own in together.running.items()},
+        "sweeps": {name: [_sweep(one, band_hz) for one in own.values()] for name, own in together.sweeps.items()},
+        "changes": {name: [{"termination": t, **_change(one, band_hz)} for t, one in own.items()] for name, own in together.changes.items()},
+        "spectra": {name: [_spectrum(one, band_hz) for one in own] for name, own in together.running.items()},
     }
 
 
@@ -62,23 +62,23 @@ def _materials(desks: Sequence[Desk]) -> dict[str, Materials]:
     return named
 
 
-def _sweep(sweep: Any) -> JsonDict:
-    kept = seen(sweep.frequency_hz, np.log(np.abs(sweep.mean_ohm)), np.angle(sweep.mean_ohm))
+def _sweep(sweep: Any, band_hz: Band | None) -> JsonDict:
+    kept = seen(sweep.frequency_hz, np.log(np.abs(sweep.mean_ohm)), np.angle(sweep.mean_ohm), band_hz=band_hz)
     frequency, impedance = sweep.frequency_hz[kept], sweep.mean_ohm[kept]
     told = {"frequency_hz": rounded(frequency), "magnitude_ohm": rounded(np.abs(impedance)), "phase_deg": rounded(np.degrees(np.angle(impedance)))}
-    return {"termination": sweep.termination, **told}
+    return {"termination": sweep.termination, "points": len(sweep.frequency_hz), **told}
 
 
-def _change(change: Any) -> JsonDict:
-    kept = seen(change.frequency_hz, change.magnitude_db)
+def _change(change: Any, band_hz: Band | None) -> JsonDict:
+    kept = seen(change.frequency_hz, change.magnitude_db, band_hz=band_hz)
     band = 20 * np.log10(1 + change.uncertainty[kept])
     return {"frequency_hz": rounded(change.frequency_hz[kept]), "db": rounded(change.magnitude_db[kept]), "uncertainty_db": rounded(band)}
 
 
-def _spectrum(spectrum: Any) -> JsonDict:
-    kept = seen(spectrum.frequency_hz, spectrum.level_dbuv)
+def _spectrum(spectrum: Any, band_hz: Band | None) -> JsonDict:
+    kept = seen(spectrum.frequency_hz, spectrum.level_dbuv, band_hz=band_hz)
     told = {"frequency_hz": rounded(spectrum.frequency_hz[kept]), "level_dbuv": rounded(spectrum.level_dbuv[kept])}
-    return {"detector": spectrum.detector, **told}
+    return {"detector": spectrum.detector, "points": len(spectrum.frequency_hz), **told}
 
 
 def _table(table: Table) -> JsonDict:

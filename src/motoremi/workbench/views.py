@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
@@ -20,7 +21,7 @@ from motoremi.quantities import show, show_band
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, reasons_of
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
-from motoremi.workbench.thinning import seen
+from motoremi.workbench.thinning import Band, seen
 
 T = TypeVar("T")
 # More digits than any instrument here resolves; they make the page's data half as long.
@@ -88,19 +89,21 @@ def step_of(step: Fit) -> JsonDict:
     }
 
 
-def curves(desk: Desk) -> JsonDict:
+def curves(desk: Desk, band_hz: Band | None = None) -> JsonDict:
     """Measured sweeps, and the model that stands if there is one, with error and uncertainty."""
     session, steps = desk.session, desk.steps
     if not session.sweeps:
         raise BadInput("this session holds no impedance sweep")
     if not steps:
-        return {"model": False, "sweeps": [_measured(sweep.termination, sweep.frequency_hz, sweep.impedance_ohm) for sweep in _first(session)]}
+        measured = [(sweep.termination, sweep.frequency_hz, sweep.impedance_ohm) for sweep in _first(session)]
+        return {"model": False, "sweeps": [_measured(*one, seen(one[1], *_drawn(one[2]), band_hz=band_hz)) for one in measured]}
     top = steps[-1]
     errors, comparison = top.errors(), desk.comparison(top)
     told = []
     for sweep in top.measurement.sweeps:
         model, curve = sweep.mean_ohm * (1 + errors[sweep.termination]), comparison.curves[sweep.termination]
-        kept = seen(sweep.frequency_hz, *_drawn(sweep.mean_ohm), *_drawn(model), curve.error_percent, curve.error_percent * curve.fails)
+        drawn = (*_drawn(sweep.mean_ohm), *_drawn(model), curve.error_percent, curve.error_percent * curve.fails)
+        kept = seen(sweep.frequency_hz, *drawn, band_hz=band_hz)
         told.append(
             {
                 **_measured(sweep.termination, sweep.frequency_hz, sweep.mean_ohm, kept),
@@ -125,9 +128,7 @@ def _drawn(impedance_ohm: ComplexArray) -> tuple[FloatArray, ...]:
     return np.abs(impedance_ohm), np.angle(impedance_ohm), impedance_ohm.real, impedance_ohm.imag
 
 
-def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: ComplexArray, kept: Any = None) -> JsonDict:
-    if kept is None:
-        kept = seen(frequency_hz, *_drawn(impedance_ohm))
+def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: ComplexArray, kept: NDArray[np.intp]) -> JsonDict:
     return {
         "termination": termination,
         "points": len(frequency_hz),
@@ -202,14 +203,15 @@ def readable(read: Callable[[], T]) -> T:
         raise BadInput("the stored diagnosis cannot be read: diagnose this session again") from error
 
 
-def inspection(desk: Desk, element: str) -> JsonDict:
+def inspection(desk: Desk, element: str, band_hz: Band | None = None) -> JsonDict:
     """What an element would have to be."""
     if element not in (*ELEMENTS, *desk.top.effects):
         raise BadInput(f"{element!r} is no element of this model; choose one of {', '.join((*ELEMENTS, *desk.top.effects))}")
     found = desk.inspection(element)
     told = found.to_dict()
     for sweep, curve in zip(told["sweeps"], found.curves, strict=True):
-        kept = seen(curve.frequency_hz, *_drawn(np.where(curve.known, curve.value, np.nan)), *_drawn(curve.model))
+        kept = seen(curve.frequency_hz, *_drawn(np.where(curve.known, curve.value, np.nan)), *_drawn(curve.model), band_hz=band_hz)
+        sweep["points"] = len(curve.frequency_hz)
         for key in ("frequency_hz", "real", "imag", "sigma", "model_real", "model_imag", "known"):
             sweep[key] = [sweep[key][index] for index in kept]
         tried = found.laws.get(curve.termination)

@@ -9,7 +9,8 @@ from starlette.concurrency import run_in_threadpool
 
 from motoremi.arrays import JsonDict
 from motoremi.workbench.events import Events
-from motoremi.workbench.listing import Listing, Stamp
+from motoremi.workbench.listing import Listing
+from motoremi.workbench.stamps import Stamp
 
 LOOK_EVERY_S = 0.5
 

@@ -19,17 +19,33 @@ export function svg(tag, attributes = {}, ...children) {
   return element;
 }
 
+// A value and its unit stay in one line.
+const BRIEF = 24;
+export const brief = (cell) => (typeof cell === "string" && cell.length < BRIEF ? "brief" : null);
+
 export function table(head, rows, attributes = {}) {
-  const cells = (kind, row) => row.map((cell) => (cell instanceof HTMLTableCellElement ? cell : h(kind, {}, cell)));
-  return h("div", { class: "scroll" },
-    h("table", attributes,
-      h("thead", {}, h("tr", {}, head.map((cell) => h("th", { scope: "col" }, cell)))),
-      h("tbody", {}, rows.map((row) => (row instanceof HTMLTableRowElement ? row : h("tr", {}, cells("td", row)))))));
+  const cells = (kind, row) => row.map((cell) => (cell instanceof HTMLTableCellElement ? cell : h(kind, { class: brief(cell) }, cell)));
+  return scroller(h("table", attributes,
+    h("thead", {}, h("tr", {}, head.map((cell) => h("th", { scope: "col" }, cell)))),
+    h("tbody", {}, rows.map((row) => (row instanceof HTMLTableRowElement ? row : h("tr", {}, cells("td", row)))))));
 }
 
 // Names and what they stand for; a list that needs no head.
 export function facts(rows, attributes = {}) {
-  return h("div", { class: "scroll" }, h("table", attributes, h("tbody", {}, rows.map(([name, ...values]) => h("tr", {}, h("th", { scope: "row" }, name), values.map((value) => h("td", {}, value)))))));
+  return scroller(h("table", attributes, h("tbody", {}, rows.map(([name, ...values]) => h("tr", {}, h("th", { scope: "row" }, name), values.map((value) => h("td", {}, value)))))));
+}
+
+// Where a table is wider than its place, the keys reach it too.
+function scroller(inner) {
+  const box = h("div", { class: "scroll" }, inner), reached = { tabindex: 0, role: "group", "aria-label": "A table that is wider than its place: the arrow keys move it" };
+  new ResizeObserver(() => {
+    const wide = box.scrollWidth > box.clientWidth;
+    for (const [name, value] of Object.entries(reached)) {
+      if (wide) box.setAttribute(name, value);
+      else box.removeAttribute(name);
+    }
+  }).observe(box);
+  return box;
 }
 
 export function card(title, ...children) {

@@ -32,6 +32,7 @@ const KEYS = [
   ["A B", "in plots: set marks"], ["N", "in Story: what comes next"], ["Enter", "on an effect: add it"], ["D R", "in Story: drop the effect that was added last, put it back"], ["U", "in Session: units"],
 ];
 const NO_SESSION = "There is no session yet: make one from your files (view Files), run a procedure (view Bench), or take a challenge (view Challenge).";
+const VANISHED = "The folder of this session has gone: it was moved, renamed or deleted. What you see was read before; nothing more can be done with it here. Choose another session, or put the folder back.";
 const main = document.getElementById("main");
 const element = (id) => document.getElementById(id);
 
@@ -140,7 +141,9 @@ async function refreshSessions() {
 function list(sessions) {
   page.sessions = sessions;
   const choice = element("session-choice");
-  choice.replaceChildren(...sessions.map((one) => h("option", { value: one.id, title: one.name }, [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "))));
+  const told = sessions.map((one) => [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "));
+  // Where two say the same, their folders tell them apart.
+  choice.replaceChildren(...sessions.map((one, index) => h("option", { value: one.id, title: one.name }, told.indexOf(told[index]) === told.lastIndexOf(told[index]) ? told[index] : `${told[index]} · ${one.name}`)));
   if (!sessions.length) choice.append(h("option", { value: "" }, "none yet"));
   choice.value = page.session;
 }
@@ -273,6 +276,7 @@ function listen() {
     sessions(told) {
       list(told.sessions);
       tell("sessions");
+      if (page.session && !told.sessions.some((one) => one.id === page.session)) complain(VANISHED);
       const state = told.sessions.find((one) => one.id === page.session)?.state;
       if (page.head && state && state !== page.head.state) follow();
     },

@@ -1,6 +1,8 @@
 // A sweep over log frequency: drag to zoom, a cursor with units, two marks, and all of it by keyboard.
 
-import { button, h } from "./dom.js";
+import { besideCursor } from "./beside.js";
+import { button, h, svg } from "./dom.js";
+import { savePicture, saveTable } from "./picture.js";
 import { angleTicks, linearTicks, logTicks, tickLabels } from "./ticks.js";
 import { show } from "./units.js";
 
@@ -9,23 +11,35 @@ import { show } from "./units.js";
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const live = new Set();
 const NARROW = 380;
+// A zoom that goes on asks for no points.
+const REST_MS = 150;
 
-// Frame of one view: its plots share the frequency axis, the cursor and the marks.
+// Plots that share the frequency axis, the cursor and the marks; all groups of a view share the zoom.
 export class Plots {
   constructor(where) {
     this.where = where;
     this.plots = [];
     this.marks = { A: null, B: null };
     this.key = `plots${Math.random()}`;
+    this.filled = "null";
     this.readout = h("p", { class: "readout", role: "status" }, "");
-    this.host = h("div", { class: "plots", tabindex: 0, role: "group", "aria-label": "Plots: arrow keys move the cursor, + and - zoom, 0 shows all, A and B set marks", onkeydown: (event) => this.keydown(event) });
+    this.host = h("div", { class: "plots", tabindex: 0, role: "group", "aria-label": "Plots: arrow keys move the cursor, + and - zoom, 0 shows all, A and B set marks", onkeydown: (event) => this.keydown(event), onfocusout: () => this.hush() });
     this.tools = h("div", { class: "tools" },
       button("Zoom in", () => this.zoom(0.5), { title: "+" }), button("Zoom out", () => this.zoom(2), { title: "-" }), button("Show all", () => this.all(), { title: "0" }),
-      button("Mark A", () => this.mark("A"), { title: "A" }), button("Mark B", () => this.mark("B"), { title: "B" }));
+      button("Mark A", () => this.mark("A"), { title: "A" }), button("Mark B", () => this.mark("B"), { title: "B" }),
+      button("Save picture", () => savePicture(this), { title: "What is shown, as PNG" }), button("Save data", () => saveTable(this), { title: "What is shown, as CSV" }));
+    // What the cursor says is part of its text: focus finds it again by its number.
+    this.host.dataset.plots = live.size;
     where.append(this.tools, this.host, this.readout);
     live.add(this);
     this.watch = new ResizeObserver(() => this.resize());
     this.watch.observe(this.host);
+  }
+
+  // All frames at once: the arguments of `add`. Where curves are sent thinned, ask(span) answers with the same frames and the points of that span.
+  draw(frames, ask = null) {
+    for (const frame of frames) this.add(...frame);
+    this.ask = ask;
   }
 
   // series: [{label, values, color, unit, width, dash, points, band}]; x in hertz. Without a height it fills its place.
@@ -34,7 +48,7 @@ export class Plots {
     const caption = h("figcaption", {}, title, ...series.filter((one) => one.label && !bare.legend).map((one) => legend(one)));
     const holder = h("figure", {}, caption);
     this.host.append(holder);
-    const frame = { holder, caption, x, series, unit, digits, log, height, panel, bare, hold };
+    const frame = { holder, caption, title, x, series, unit, digits, log, height, panel, bare, hold };
     frame.plot = new uPlot(this.options(frame), [x, ...series.map((one) => one.values)], holder);
     this.plots.push(frame);
     return frame;
@@ -44,7 +58,8 @@ export class Plots {
     const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--soft"), width: 1 }, font: "12px system-ui, sans-serif" };
     return {
       ...sizeOf(frame), legend: { show: false }, focus: { alpha: 1 },
-      cursor: { sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
+      // A line across would look like a limit.
+      cursor: { y: false, sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
       scales: {
         x: { distr: 3, time: false, range: (plot, low, high) => [low, high] },
         y: { distr: frame.log ? 3 : 1, range: (plot, low, high) => this.held(frame, plot, (frame.log ? logRange : padded)(low, high)) },
@@ -57,7 +72,7 @@ export class Plots {
       bands: frame.series.flatMap((one, index) => (one.band ? [{ series: [index + 1, index + 2], fill: color("--band") }] : [])),
       axes: [
         { ...axis, size: frame.bare.frequency ? 10 : 32, ...ticked(axis, logTicks, "Hz", (plot) => plot.width / 70, frame.bare.frequency) },
-        { ...axis, size: frame.holder.clientWidth < NARROW ? 60 : 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
+        { ...axis, size: frame.holder.clientWidth < NARROW ? 67 : 72, ...ticked(axis, frame.log ? logTicks : frame.unit === "°" ? angleTicks : linearTicks, frame.unit, (plot) => plot.height / 30) },
       ],
       hooks: {
         setCursor: [(plot) => this.moved(plot)],
@@ -76,11 +91,28 @@ export class Plots {
   }
 
   moved(plot) {
-    const index = plot.cursor.idx;
-    if (index === null || index === undefined || this.moving) return;
-    this.at = plot.data[0][index];
-    this.panel = this.plots.find((frame) => frame.plot === plot)?.panel;
-    this.tell();
+    const index = plot.cursor.idx, frame = this.plots.find((one) => one.plot === plot);
+    if (this.moving || !frame) return;
+    const there = index !== null && index !== undefined && plot.cursor.left >= 0;
+    if (there) {
+      this.at = plot.data[0][index];
+      this.panel = frame.panel;
+      this.tell();
+    }
+    besideCursor(frame, there && plot.over.matches(":hover") ? this.linesAt(frame) : []);
+  }
+
+  linesAt(frame) {
+    const index = nearest(frame.x, this.at);
+    return [show(frame.x[index], "Hz", 5), ...valuesOf(frame, index)];
+  }
+
+  hush() {
+    for (const frame of this.plots) besideCursor(frame, []);
+  }
+
+  marked() {
+    return this.marks.A !== null || this.marks.B !== null;
   }
 
   tell() {
@@ -89,14 +121,24 @@ export class Plots {
     const { A, B } = this.marks;
     if (A) lines.push(`A ${show(A, "Hz", 6)}: ${this.valuesAt(A)}`);
     if (B) lines.push(`B ${show(B, "Hz", 6)}: ${this.valuesAt(B)}`);
-    if (A && B) lines.push(`B - A: ${show(B - A, "Hz", 5)}, ratio ${show(B / A, "", 5)}`);
+    if (A && B) lines.push(`B - A: ${show(B - A, "Hz", 5)}, ratio ${show(B / A, "", 5)}; ${this.changeFrom(A, B)}`);
     this.readout.textContent = lines.join("\n");
   }
 
+  // The plots that are read together.
+  read() {
+    return this.plots.filter((frame) => !this.panel || frame.panel === this.panel);
+  }
+
   valuesAt(hertz) {
-    return this.plots.filter((frame) => !this.panel || frame.panel === this.panel).flatMap((frame) => {
-      const index = nearest(frame.x, hertz);
-      return frame.series.filter((one) => one.label && one.values[index] != null).map((one) => `${one.label} ${show(one.values[index], frame.unit, frame.digits)}`);
+    return this.read().flatMap((frame) => valuesOf(frame, nearest(frame.x, hertz))).join(", ");
+  }
+
+  // How much the curves change between two frequencies.
+  changeFrom(low, high) {
+    return this.read().flatMap((frame) => {
+      const [from, to] = [low, high].map((hertz) => nearest(frame.x, hertz));
+      return frame.series.filter((one) => one.label && one.values[from] != null && one.values[to] != null && one.values[to] !== one.values[from]).map((one) => `${one.label} ${show(one.values[to] - one.values[from], frame.unit, frame.digits)}`);
     }).join(", ");
   }
 
@@ -106,7 +148,33 @@ export class Plots {
     this.following = true;
     for (const frame of this.plots) if (frame.plot !== plot) frame.plot.setScale("x", { min: plot.scales.x.min, max: plot.scales.x.max });
     this.following = false;
-    this.onspan?.(plot.scales.x.min, plot.scales.x.max);
+    this.lead(plot.scales.x);
+    clearTimeout(this.resting);
+    if (this.ask) this.resting = setTimeout(() => this.fill(), REST_MS);
+  }
+
+  // The other groups of the view show the same span, as far as they have it. Who was led does not lead.
+  lead({ min, max }) {
+    if (this.led === `${min} ${max}`) return;
+    this.led = "";
+    const zoomed = this.zoomed();
+    for (const other of live) {
+      if (other === this || !other.plots.length) continue;
+      const [first, last] = other.whole(), [low, high] = zoomed ? [Math.max(min, first), Math.min(max, last)] : [first, last];
+      if (low >= high) continue;
+      other.led = `${low} ${high}`;
+      other.span(low, high);
+    }
+  }
+
+  // The points that were left out, of the span that is shown.
+  async fill() {
+    const span = this.zoomed(), key = JSON.stringify(span);
+    if (key === this.filled) return;
+    this.filled = key;
+    const frames = await this.ask(span);
+    if (!frames || this.filled !== key || !live.has(this)) return;
+    frames.forEach(([, x, series], index) => this.change(this.plots[index], series, x));
   }
 
   span(low, high) {
@@ -171,6 +239,7 @@ export class Plots {
     this.moving = true;
     for (const one of this.plots) one.plot.setCursor({ left: one.plot.valToPos(this.at, "x"), top: 10 });
     this.moving = false;
+    for (const one of this.plots) besideCursor(one, one === frame ? this.linesAt(one) : []);
     this.tell();
   }
 
@@ -195,8 +264,9 @@ export class Plots {
   }
 
   // Other curves in the same frame; what is shown of the frequency stays.
-  change(frame, series) {
+  change(frame, series, x = frame.x) {
     frame.series = series;
+    frame.x = x;
     const { min, max } = frame.plot.scales.x;
     frame.plot.batch(() => {
       frame.plot.setData([frame.x, ...series.map((one) => one.values)], false);
@@ -206,6 +276,7 @@ export class Plots {
 
   destroy() {
     live.delete(this);
+    clearTimeout(this.resting);
     this.watch.disconnect();
     for (const frame of this.plots) frame.plot.destroy();
     this.plots = [];
@@ -252,8 +323,12 @@ export function leaveAll() {
 }
 
 export function legend(one) {
-  return h("span", { class: `legend ${one.points ? "dots" : one.dash ? (one.dash[0] < 4 ? "dotted" : "dashes") : "line"} c${one.color.slice(1)}` }, one.label);
+  // Drawn as the curve is: sessions that are compared differ in their dashes alone for who sees no colours.
+  const dashes = one.points ? "0 7" : (one.dash ?? []).join(" ");
+  return h("span", { class: `legend c${one.color.slice(1)}` }, svg("svg", { viewBox: "0 0 26 6", "aria-hidden": "true" }, svg("line", { x1: 2, y1: 3, x2: 25, y2: 3, "stroke-width": one.points ? 4 : 2.5, "stroke-dasharray": dashes, "stroke-linecap": one.points ? "round" : "butt" })), one.label);
 }
+
+const valuesOf = (frame, index) => frame.series.filter((one) => one.label && one.values[index] != null).map((one) => `${one.label} ${show(one.values[index], frame.unit, frame.digits)}`);
 
 function nearest(x, value) {
   let low = 0, high = x.length - 1;

@@ -20,7 +20,7 @@ function focusIn(where) {
   const typed = at.matches("input:not([type=checkbox])") ? at.value : null;
   return () => {
     const all = [...where.querySelectorAll(FOCUSABLE)];
-    const same = (at.id && document.getElementById(at.id)) || all.find((one) => at.dataset.effect && one.dataset.effect === at.dataset.effect)
+    const same = (at.id && document.getElementById(at.id)) || (at.dataset.plots && all.find((one) => one.dataset.plots === at.dataset.plots)) || all.find((one) => at.dataset.effect && one.dataset.effect === at.dataset.effect)
       || (all[index]?.tagName === at.tagName && all[index].textContent === text ? all[index] : all.find((one) => text && one.tagName === at.tagName && one.textContent === text));
     if (!same) return;
     if (typed !== null) same.value = typed;

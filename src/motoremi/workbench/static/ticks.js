@@ -8,9 +8,11 @@ const ANGLES = [5, 15, 45, 90, 180];
 export function logTicks(low, high, most) {
   if (!(low > 0) || high / low <= 8) return linearTicks(low, high, most);
   const decades = Math.log10(high / low), every = Math.max(1, Math.ceil(decades / most)), leads = decades * 3 <= most ? [1, 2, 5] : [1];
+  // Where a decade is low, the higher ones of 1 to 9 would run into each other.
+  const minors = decades * 1.5 > most ? [1, 2, 5] : [1, 2, 3, 4, 5, 6, 7, 8, 9];
   const all = [], labelled = new Set(), first = Math.floor(Math.log10(low));
   for (let power = first; power <= Math.ceil(Math.log10(high)); power++) {
-    for (let lead = 1; lead <= 9; lead++) {
+    for (const lead of minors) {
       const value = Number(`${lead}e${power}`);
       if (value < low || value > high) continue;
       all.push(value);

@@ -54,7 +54,7 @@ function answer(told, page) {
   return card("Your answer",
     h("p", {}, "What does this motor hide? The views Story, Session, Fails and Inspect work on it as on any other."),
     h("div", { class: "row" }, button("Nothing is missing", give(["adequate"]), { id: "say-adequate" }), button("Something that is in no catalogue", give(["unexplained"]))),
-    h("fieldset", { class: "choices" }, h("legend", {}, "or one or two effects"), told.catalogue.map((one) => box(one.id, `${one.id}: ${one.title}`))),
+    h("fieldset", { class: "choices" }, h("legend", {}, "or one or two effects"), told.catalogue.filter((one) => !one.accumulates).map((one) => box(one.id, `${one.id}: ${one.title}`))),
     button("Answer with the chosen effects", give(null), { class: "main", id: "say-effects" }));
 }
 

@@ -1,6 +1,6 @@
 // Emission spectra: measured, background, and prediction and limit where there are any.
 
-import { get, post, sessionPath } from "../api.js";
+import { get, post, sessionPath, within } from "../api.js";
 import { button, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
@@ -26,17 +26,22 @@ export const emission = {
       const box = card("", ...own.map((one) => h("p", { class: "note" }, `${one.condition}: ${symbols(one.summary)}`, one.overload > 0 && h("span", { class: "bad" }, ` ${one.overload} points overloaded`))));
       box.firstChild.append(term(detector, `${detector} detector`));
       columns.append(box);
-      const lines = own.map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
-      const predicted = prediction?.predicted_dbuv?.[detector];
-      if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
-      for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--bad", dash });
-      // Spectra may stand on different frequencies.
-      const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
-      new Plots(box).add("level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 });
+      const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, "/emission"), span)), detector));
+      new Plots(box).draw(frames(told, detector), own.some((one) => one.points > one.frequency_hz.length) && more);
     }
     if (prediction) where.append(verdict(prediction));
   },
 };
+
+function frames({ spectra, prediction }, detector) {
+  const lines = spectra.filter((one) => one.detector === detector).map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
+  const predicted = prediction?.predicted_dbuv?.[detector];
+  if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
+  for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--bad", dash });
+  // Spectra may stand on different frequencies.
+  const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
+  return [["level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 }]];
+}
 
 // A level of the peak detector is judged against the limits of the others: where it is below them, they are kept.
 function limits(prediction, detector) {

@@ -1,7 +1,7 @@
 // Where the model fails: error per band, and the spans that hold most of it; a click zooms there.
 
-import { get, post, sessionPath } from "../api.js";
-import { card, h, table } from "../dom.js";
+import { get, post, sessionPath, within } from "../api.js";
+import { brief, card, h, table } from "../dom.js";
 import { Plots } from "../plot.js";
 import { term } from "../terms.js";
 import { percent, share, show } from "../units.js";
@@ -26,42 +26,45 @@ export const fails = {
     const row = (entry, cells) => {
       const act = () => zoom(entry);
       return h("tr", { class: "choice", tabindex: 0, onclick: act, onkeydown: (event) => { if (event.key === "Enter") act(); } },
-        cells.map((cell) => (cell instanceof HTMLElement ? h("td", {}, cell) : h("td", {}, cell))));
+        cells.map((cell) => h("td", { class: brief(cell) }, cell)));
     };
     const verdict = (text) => h("span", { class: text === "pass" ? "good" : "bad" }, text === "pass" ? "PASS" : "FAIL");
     const columns = h("div", { class: "columns" });
     where.append(
-      h("div", { class: "columns" },
-        card("Where it fails most", h("p", { class: "note" }, "A click shows the span in the plot below."),
+      h("div", { class: "columns wide-columns" },
+        card("Where it fails most", told.where.length > 0 && h("p", { class: "note" }, "A click shows the span in the plot below."),
           told.where.length
             ? table(["sweep", "span", term("share", "share of the squared error"), term("rms error")], told.where.map((one) => row(one, [one.sweep, one.band, share(one.share), percent(one.rms_error_percent)])), { id: "where" })
             : h("p", { class: "good" }, "Nowhere beyond the measurement's uncertainty.")),
         card("Error per band", h("p", {}, verdict(told.verdict), ` within the `, term("tolerance"), ` of ${tolerance(told.tolerance)} at every point`),
-          table(["sweep", "band", "rms", "largest", "dB", "degrees", "verdict"], told.bands.map((one) => row(one, [one.sweep, one.band, percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3), verdict(one.verdict)])), { id: "bands" }),
+          table(["sweep", "band", "verdict", "rms", "largest", "dB", "degrees"], told.bands.map((one) => row(one, [one.sweep, one.band, verdict(one.verdict), percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3)])), { id: "bands" }),
           judge(told, page))),
       columns);
     for (const sweep of curves.sweeps) {
       const box = card(`${sweep.termination}-circuit sweep`);
       columns.append(box);
       plots[sweep.termination] = new Plots(box);
-      const failing = sweep.error_percent.map((value, index) => (sweep.fails[index] ? value : null));
-      plots[sweep.termination].add("error", sweep.frequency_hz, [...errorSeries(sweep, told.tolerance), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 });
-      drawParts(plots[sweep.termination], sweep, told.tolerance);
+      const frames = ({ sweeps }) => framesOf(sweeps.find((one) => one.termination === sweep.termination), told.tolerance);
+      const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, "/curves"), span))));
+      plots[sweep.termination].draw(frames(curves), sweep.points > sweep.frequency_hz.length && more);
     }
   },
 };
 
-// Magnitude and phase by themselves, where they are judged.
-function drawParts(plots, sweep, limits) {
-  const x = sweep.frequency_hz, judged = (title, values, limit, unit) => plots.add(title, x, [
+// The error with the points that fail; magnitude and phase by themselves, where they are judged.
+function framesOf(sweep, limits) {
+  const x = sweep.frequency_hz, failing = sweep.error_percent.map((value, index) => (sweep.fails[index] ? value : null));
+  const frames = [["error", x, [...errorSeries(sweep, limits), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 }]];
+  const judged = (title, values, limit, unit) => frames.push([title, x, [
     { label: "error", values, color: "--model" },
     { label: "tolerance", values: x.map(() => limit), color: "--bad", dash: [2, 4] }, { label: "", values: x.map(() => -limit), color: "--bad", dash: [2, 4] },
-  ], { unit, height: 170, digits: 3 });
+  ], { unit, height: 170, digits: 3 }]);
   const magnitude = x.map((_, at) => 20 * Math.log10(Math.hypot(sweep.model_real[at], sweep.model_imag[at]) / Math.hypot(sweep.real[at], sweep.imag[at])));
   const angle = (real, imag, at) => Math.atan2(imag[at], real[at]) * 180 / Math.PI;
   const phase = x.map((_, at) => (((angle(sweep.model_real, sweep.model_imag, at) - angle(sweep.real, sweep.imag, at) + 540) % 360) + 360) % 360 - 180);
   if (limits.magnitude_db !== null) judged("magnitude, model against measured", magnitude, limits.magnitude_db, "dB");
   if (limits.phase_deg !== null) judged("phase, model against measured", phase, limits.phase_deg, "°");
+  return frames;
 }
 
 function tolerance(limits) {

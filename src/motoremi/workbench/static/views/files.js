@@ -89,7 +89,7 @@ function sessions(page) {
   const row = (one) => h("tr", one.id === page.session ? { "aria-current": "true" } : {},
     h("td", {}, h("input", { type: "checkbox", id: `compare-${one.id}`, "aria-label": `compare ${one.motor || one.name}`, checked: chosen.has(one.id), onchange: (event) => { if (event.target.checked) chosen.add(one.id); else chosen.delete(one.id); count(); } })),
     h("td", {}, button(one.motor || one.name, async () => { await page.work("reading", () => page.choose(one.id)); page.go("story"); }, { "data-session": one.id }), one.motor && h("div", { class: "note" }, one.name)),
-    h("td", {}, when(one.began)), h("td", {}, one.state));
+    h("td", { class: "brief" }, when(one.began)), h("td", { class: "brief" }, one.state));
   return card("Sessions",
     h("p", { class: "note" }, "Open one, or choose two or more to compare: the one chosen first is what the others are held against."),
     table(["compare", "motor", "began", "state"], page.sessions.map(row), { id: "sessions" }),

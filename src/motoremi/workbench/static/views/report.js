@@ -1,9 +1,12 @@
-// The report: write it, look at it, take its files.
+// The report: choose its form, write it, look at it, take its files.
 
 import { get, post, sessionPath } from "../api.js";
-import { button, card, h } from "../dom.js";
+import { card, h } from "../dom.js";
 
+const FORMS = { long: "long: what an engineer works with", short: "short: the two pages that a customer reads" };
 const KINDS = { html: "the report as a page", pdf: "the report on paper", json: "all data, for machines", csv: "parameters and bands, for a spreadsheet", xml: "verdicts as JUnit, for CI" };
+// What is chosen stays so when the view is drawn anew.
+const chosen = { form: "long", sections: null };
 
 export const report = {
   title: "Report",
@@ -12,12 +15,29 @@ export const report = {
 
   draw(where, told, page) {
     const files = h("ul", { id: "report-files" }, told.files.map((name) => entry(page, name)));
-    const write = () => page.work("writing the report", () => post(sessionPath(page.session, "/report")));
     where.append(card("Report",
-      h("p", {}, "Identity, sweeps, model, where it fails, ladder, ranking, spectra, what was not done, and the next measurement, as they stand now."),
-      button("Write the report", write, { class: "main", id: "write-report" }), files));
+      h("p", {}, "Everything as it stands now: what was measured, the model and where it fails, which effect is missing, spectra and verdicts, what was not done."),
+      h("p", { class: "note", id: "who-signs" }, told.laboratory ? `Signed by ${told.laboratory}.` : "No laboratory signs it: start the workbench with --profile FILE, a file that says name, logo, customer, number series and equipment (docs/howto/report.md)."),
+      choice(told, page), files));
   },
 };
+
+function choice(told, page) {
+  chosen.sections ??= new Set(Object.keys(told.sections));
+  const boxes = h("fieldset", { class: "choices", id: "report-sections" }, h("legend", {}, "Sections"), Object.entries(told.sections).map(([name, text]) => h("label", { class: "row" },
+    h("input", { type: "checkbox", value: name, checked: chosen.sections.has(name), onchange: (event) => (event.target.checked ? chosen.sections.add(name) : chosen.sections.delete(name)) }), `${name}: ${text}`)));
+  const form = h("select", { id: "report-form", onchange: (event) => { chosen.form = event.target.value; update(); } }, told.forms.map((name) => h("option", { value: name, selected: name === chosen.form }, FORMS[name] ?? name)));
+  const update = () => { boxes.hidden = chosen.form === "short"; };
+  update();
+  const write = (event) => {
+    event.preventDefault();
+    if (!chosen.sections.size && chosen.form !== "short") return page.complain("Choose at least one section of the report.");
+    const all = chosen.form === "short" || chosen.sections.size === Object.keys(told.sections).length;
+    return page.work("writing the report", () => post(sessionPath(page.session, "/report"), { form: chosen.form, sections: all ? [] : [...chosen.sections] }));
+  };
+  return h("form", { onsubmit: write }, h("div", { class: "row" }, h("label", {}, "Form ", form), h("button", { type: "submit", class: "main", id: "write-report" }, "Write the report")),
+    h("details", {}, h("summary", {}, "Choose sections"), boxes));
+}
 
 function entry(page, name) {
   const address = sessionPath(page.session, `/report/${encodeURIComponent(name)}`);

@@ -1,6 +1,6 @@
 // Measured against model, for each termination: magnitude and phase (or R and X), and the error.
 
-import { get, sessionPath } from "../api.js";
+import { get, sessionPath, within } from "../api.js";
 import { button, card, facts, h, table } from "../dom.js";
 import { exportCard } from "../exports.js";
 import { Plots } from "../plot.js";
@@ -32,7 +32,9 @@ export const session = {
     for (const sweep of curves.sweeps) {
       const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.points} points`));
       columns.append(box);
-      drawSweep(box, sweep, curves);
+      const frames = (told) => framesOf(told.sweeps.find((one) => one.termination === sweep.termination), told);
+      const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(head.id, "/curves"), span))));
+      new Plots(box).draw(frames(curves), sweep.points > sweep.frequency_hz.length && more);
     }
     if (!curves.sweeps.length) columns.append(h("p", { class: "empty" }, "No impedance sweep in this session."));
     const below = h("div", { class: "columns" });
@@ -54,8 +56,8 @@ function goOn(page) {
   page.go("bench");
 }
 
-function drawSweep(box, sweep, { model: hasModel, tolerance }) {
-  const plots = new Plots(box), x = sweep.frequency_hz;
+function framesOf(sweep, { model: hasModel, tolerance }) {
+  const frames = [], x = sweep.frequency_hz;
   const measured = complexParts(sweep.real, sweep.imag);
   const model = hasModel ? complexParts(sweep.model_real, sweep.model_imag) : null;
   const pair = (label, key) => [
@@ -63,14 +65,14 @@ function drawSweep(box, sweep, { model: hasModel, tolerance }) {
     ...(model ? [{ label: `model ${label}`, values: model[key], color: "--model" }] : []),
   ];
   if (units === "cartesian") {
-    plots.add("resistance R", x, pair("R", "real"), { unit: "Ω" });
-    plots.add("reactance X", x, pair("X", "imag"), { unit: "Ω" });
+    frames.push(["resistance R", x, pair("R", "real"), { unit: "Ω" }], ["reactance X", x, pair("X", "imag"), { unit: "Ω" }]);
   } else {
-    if (units === "ohm") plots.add("magnitude |Z|", x, pair("|Z|", "magnitude"), { unit: "Ω", log: true });
-    else plots.add("magnitude |Z| in dBΩ", x, pair("|Z|", "decibel"), { unit: "dBΩ" });
-    plots.add("phase", x, pair("phase", "phase"), { unit: "°", height: 180 });
+    if (units === "ohm") frames.push(["magnitude |Z|", x, pair("|Z|", "magnitude"), { unit: "Ω", log: true }]);
+    else frames.push(["magnitude |Z| in dBΩ", x, pair("|Z|", "decibel"), { unit: "dBΩ" }]);
+    frames.push(["phase", x, pair("phase", "phase"), { unit: "°", height: 180 }]);
   }
-  if (hasModel) plots.add("error against the uncertainty", x, errorSeries(sweep, tolerance), { unit: "%", log: true, height: 170, digits: 3 });
+  if (hasModel) frames.push(["error against the uncertainty", x, errorSeries(sweep, tolerance), { unit: "%", log: true, height: 170, digits: 3 }]);
+  return frames;
 }
 
 export function errorSeries(sweep, tolerance) {
@@ -106,6 +108,6 @@ function identity(head) {
     facts(rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
     head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
-    h("h3", {}, "Measured"),
-    table(["what", "how much"], [...head.sweeps.map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
+    head.sweeps.length + head.spectra.length > 0 && h("h3", {}, "Measured"),
+    head.sweeps.length + head.spectra.length > 0 && table(["what", "how much"], [...head.sweeps.map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
 }

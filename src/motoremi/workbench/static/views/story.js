@@ -1,7 +1,7 @@
 // The whole story on one screen: measured against model, the error beside the floor, the ladder and the effects. Pointing at an effect draws what it
 // would do on the same curves, a click adds it. What comes next is the one primary button. Of the sweeps and of the spectra alike.
 
-import { get, post, sessionPath } from "../api.js";
+import { get, post, sessionPath, within } from "../api.js";
 import { button, facts, h, table } from "../dom.js";
 import { ladderDrawing } from "../ladder.js";
 import { legend, Plots } from "../plot.js";
@@ -40,7 +40,7 @@ export const story = {
   load: (page) => get(sessionPath(page.session, `/story?of=${sessionStorage.getItem(SIDE) ?? ""}`)),
 
   draw(where, told, page) {
-    const place = { page, told, pointed: "", shown: null, looked: new Map(), resting: 0, turn: 0, chosen: 0 };
+    const place = { page, told, pointed: "", shown: null, looked: new Map(), resting: 0, turn: 0, chosen: 0, span: null };
     build(place, where);
     render(place);
     suggest(place);
@@ -55,6 +55,7 @@ function build(place, where) {
   place.next = h("button", { type: "button", class: "main", id: "next-step", onclick: () => goOn(place) });
   place.outcome = h("p", { id: "outcome", role: "status", class: "large" });
   part("floor", "p", { class: "note" });
+  part("doubt", "p", { class: "bad" });
   place.drop = button("Drop", () => act(place, "drop"), { id: "drop", title: "Take out the effect that was added last (D)" });
   place.redo = button("Redo", () => act(place, "redo"), { id: "redo" });
   part("sides", "div", { role: "group", "aria-label": "Story of" });
@@ -68,7 +69,7 @@ function build(place, where) {
   part("list", "section", { "aria-label": "Effects" });
   place.where = h("div", { class: "story" },
     h("div", { class: "now" }, place.stages, place.next),
-    h("div", { class: "result" }, place.outcome, place.floor, place.drop, place.redo, place.sides),
+    h("div", { class: "result" }, place.outcome, place.floor, place.doubt, place.drop, place.redo, place.sides),
     place.curves, h("div", { class: "beside" }, place.steps, place.hint, place.list));
   where.append(place.where);
 }
@@ -82,10 +83,11 @@ function render(place) {
   if (!place.outcome.textContent) say(place, top ? `error ${write(top.error)}` : "no model yet");
   place.floor.replaceChildren(...(top ? [FLOORS[told.of] === FLOORS.impedance ? term("noise and analyser") : FLOORS[told.of], ` would leave ${write(top.floor)}`] : []));
   turnOff(place.drop, told.ladder.length < 2);
-  turnOff(place.redo, !told.redo);
-  place.redo.title = told.redo ? `Put back ${told.redo} (R)` : "Nothing was dropped last (R)";
-  place.steps.replaceChildren(top ? ladderDrawing(told.ladder, { base: BASES[told.of], floorName: FLOORS[told.of], write }) : h("p", { class: "note" }, "The ladder begins with the first fit."),
-    ...(top?.converged === false ? [h("p", { class: "bad" }, "The fit did not converge: do not use its values.")] : []));
+  turnOff(place.redo, !told.dropped.length);
+  place.redo.title = told.dropped.length ? `Put back ${told.dropped[0].added} (R)` : "Nothing was dropped last (R)";
+  const { ladder, dropped } = told;
+  place.steps.replaceChildren(top ? ladderDrawing(ladder, dropped, { base: BASES[told.of], floorName: FLOORS[told.of], write, back: (count) => act(place, "drop", { count }), again: (count) => act(place, "redo", { count }) }) : h("p", { class: "note" }, "The ladder begins with the first fit."));
+  place.doubt.textContent = top?.converged === false ? "The fit did not converge: do not use its values." : "";
   // The last step and the floor are what one looks for.
   place.steps.scrollTop = place.steps.scrollHeight;
   drawCurves(place);
@@ -108,7 +110,7 @@ function stage(told, { title, done, view }, index) {
 }
 
 function drawCurves(place) {
-  const { told } = place, shape = JSON.stringify(told.panels.map((panel) => [panel.name, panel.frequency_hz.length, panel.frames.map((frame) => [frame.title, frame.series.length])]));
+  const { told } = place, shape = JSON.stringify(told.panels.map((panel) => [panel.name, panel.points, panel.frames.map((frame) => [frame.title, frame.series.length])]));
   if (place.shape !== shape) {
     place.shape = shape;
     place.plots?.destroy();
@@ -123,16 +125,29 @@ function drawCurves(place) {
     arrange(place);
     new ResizeObserver(() => arrange(place)).observe(place.plots.host);
   } else {
-    for (const { at, row, frame } of place.frames) place.plots.change(frame, curvesOf(place, at, row));
+    for (const { at, row, frame } of place.frames) place.plots.change(frame, curvesOf(place, at, row), told.panels[at].frequency_hz);
   }
+  place.plots.ask = told.panels.some((panel) => panel.points > panel.frequency_hz.length) && ((span) => fillIn(place, span));
   drawLegend(place);
+  place.foot.hidden = !told.panels.length;
   if (!told.panels.length) place.legend.textContent = "Nothing is measured yet that a model could explain.";
 }
 
+// The points that were left out, of the span that is shown; of the effect that is pointed at too.
+async function fillIn(place, span) {
+  const { page, told } = place;
+  place.span = span;
+  const fresh = await page.attempt(() => get(within(sessionPath(page.session, `/panels?of=${told.of}`), span)));
+  if (!fresh || place.span !== span || place.told !== told || !place.list.isConnected) return;
+  told.panels = fresh.panels;
+  drawCurves(place);
+  if (place.pointed) look(place, place.pointed);
+}
+
 function curvesOf({ told, shown }, at, row) {
-  const { frequency_hz: x, frames } = told.panels[at], frame = frames[row];
+  const { frequency_hz: x, frames } = told.panels[at], frame = frames[row], preview = shown?.panels[at][row];
   const curves = frame.series.map((one) => ({ ...LOOKS[one.role], label: one.role === "fails" ? "" : one.label, values: one.values, points: LOOKS[one.role].points && x.length <= 1000 }));
-  if (told.ladder.length) curves.push({ ...LOOKS.preview, label: shown ? `with ${shown.effect}` : "", values: shown ? shown.panels[at][row] : x.map(() => null) });
+  if (told.ladder.length) curves.push({ ...LOOKS.preview, label: shown ? `with ${shown.effect}` : "", values: preview?.length === x.length ? preview : x.map(() => null) });
   return frame.log ? curves.map((one) => ({ ...one, values: one.values.map((value) => (value > 0 ? value : null)) })) : curves;
 }
 
@@ -173,7 +188,7 @@ function drawPointed(place) {
   else if (place.trouble) place.hint.replaceChildren(h("p", { class: "bad", role: "status" }, place.trouble));
   else {
     place.hint.replaceChildren(
-      h("p", { role: "status" }, h("strong", { id: "signature-of" }, shown?.effect ?? pointed), shown ? `: error ${written(told, shown.before.error)} → ${written(told, shown.after.error)}` : ": working out what it would do", h("span", { class: "note" }, ` ${entry?.title ?? ""}`)),
+      h("p", { role: "status" }, h("strong", { id: "signature-of" }, shown?.effect ?? pointed), shown ? `: error ${written(told, shown.before.error)} → ${written(told, shown.after.error)}` : ": working out what it would do", h("span", { class: "note" }, ` ${entry?.title ?? ""}${entry?.accumulates ? "; this is one, and adding takes as many as lower the error" : ""}`)),
       button("Add", () => add(place, pointed), { id: "add", "aria-label": `Add ${pointed}` }));
   }
 }
@@ -192,10 +207,10 @@ function drawList(place) {
   }
   const row = (one) => {
     const inModel = told.in_model.includes(one.effect), error = one.error ?? place.looked.get(one.effect);
-    const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${inModel ? "in the model:" : "add"} ${one.effect}`, onclick: () => clicked(place, one.effect), onfocus: (event) => event.target.matches(":focus-visible") && point(place, one.effect) }, one.effect);
+    const name = h("button", { type: "button", class: "effect", "data-effect": one.effect, "aria-label": `${addable(place, one.effect) ? (inModel ? "add another" : "add") : "in the model:"} ${one.effect}`, onclick: () => clicked(place, one.effect), onfocus: (event) => event.target.matches(":focus-visible") && point(place, one.effect) }, one.effect);
     const cells = [[name, inModel && h("span", { class: "good" }, " in the model"), h("div", { class: "note" }, titles[one.effect] ?? one.family)]];
     if (told.diagnosis) cells.push([one.probability === undefined ? "-" : chance(one.probability)], [one.delta_bic === undefined ? "-" : lag(one.delta_bic)]);
-    cells.push([error === undefined ? "-" : written(told, error), one.plausible === false && h("div", { class: "bad" }, term("plausible", "out of range"))]);
+    cells.push([error === undefined ? "-" : written(told, error), one.plausible === false && h("div", { class: inModel ? "note" : "bad" }, term("plausible", "out of range"))]);
     return h("tr", { class: "choice", "aria-current": String(one.effect === place.pointed), onpointerenter: (event) => event.pointerType === "mouse" && point(place, one.effect), onclick: (event) => event.target.closest("button, dfn") || clicked(place, one.effect) }, cells.map((cell) => h("td", {}, cell)));
   };
   const head = [term("effect"), ...(told.diagnosis ? [term("probability"), term("delta BIC", "Δ BIC")] : []), term("candidate", "error with it")];
@@ -207,9 +222,10 @@ function verdict(place) {
   if (told.sealed) return h("p", { class: "note" }, "This motor is sealed: there is no ranking until you have given your answer (view Challenge). You can try effects by hand.");
   const again = h("div", { class: "row" }, told.next.do !== "diagnose" && button(found ? "Diagnose again" : "Find what is missing", () => act(place, "diagnose"), { id: "diagnose" }), button("Fit again", () => act(place, "fit"), { id: "fit" }));
   if (!found) return again;
+  const added = found.effects.length > 0 && found.effects.every((one) => told.in_model.includes(one));
   return h("div", { id: "verdict" },
-    h("p", { class: found.mood }, `${found.sentence}; `, term("confidence"), ` ${share(found.confidence)}`),
-    !told.current && h("p", { class: "note" }, `This ranking is of the model with ${found.base.effects.join(" + ") || "no effect"}; the ladder has moved since.`),
+    h("p", { class: added ? "good" : found.mood }, added ? `Was missing, is in the model now: ${found.effects.join(", ")}; ` : `${found.sentence}; `, term("confidence"), ` ${share(found.confidence)}`),
+    !told.current && h("p", { class: "note" }, `This ranking is of the model ${found.base.effects.length ? `with ${found.base.effects.join(" + ")}` : "without any effect"}; the ladder has moved since.`),
     found.findings.filter((one) => one.serious).map(finding),
     h("details", { id: "why", open: place.why, ontoggle: (event) => { place.why = event.target.open; } }, h("summary", {}, "Why, and what else was seen"),
       found.reasons.map((text) => h("p", {}, text)),
@@ -253,27 +269,35 @@ async function look(place, effect) {
   document.getElementById("about")?.replaceWith(about(place));
   place.trouble = "";
   place.shown = null;
-  if (place.told.in_model.includes(effect)) place.pointed = "";
+  if (!addable(place, effect)) place.pointed = "";
   drawPointed(place);
   if (!place.pointed) {
     drawCurves(place);
     return;
   }
+  const { span } = place;
   let told;
   try {
-    told = await get(sessionPath(place.page.session, `/look?of=${place.told.of}&effect=${encodeURIComponent(effect)}`));
+    told = await get(within(sessionPath(place.page.session, `/look?of=${place.told.of}&effect=${encodeURIComponent(effect)}`), span));
   } catch (trouble) {
     place.trouble = `${effect}: ${trouble.message}`;
   }
   if (told?.superseded || place.pointed !== effect || !place.list.isConnected) return;
+  if (span !== place.span) {
+    look(place, effect);
+    return;
+  }
   if (told) place.looked.set(effect, told.after.error);
   place.shown = told ?? null;
   drawCurves(place);
   drawPointed(place);
 }
 
+// A motor may have several of some effects.
+const addable = ({ told }, effect) => told.catalogue.find((one) => one.id === effect)?.possible ?? true;
+
 function add(place, effect) {
-  if (!place.told.in_model.includes(effect)) act(place, "add", { effect });
+  if (addable(place, effect)) act(place, "add", { effect });
 }
 
 function goOn(place) {
@@ -295,7 +319,7 @@ async function act(place, what, body = {}) {
   if (place.acting) return;
   clearTimeout(place.resting);
   if (place[what]?.ariaDisabled === "true") return;
-  const { page, told } = place, added = place.hint.contains(document.activeElement) && body.effect;
+  const { page, told } = place, added = place.hint.contains(document.activeElement) && body.effect, stepped = place.steps.contains(document.activeElement);
   place.acting = true;
   const done = await page.work(`${DOING[what]}${body.effect ? ` ${body.effect}` : ""}`, () => post(sessionPath(page.session, `/${what}`), { ...body, of: told.of, standing: told.standing }));
   if (done?.after) say(place, `error ${written(told, done.before.error)} → ${written(told, done.after.error)}`);
@@ -305,6 +329,7 @@ async function act(place, what, body = {}) {
   if (what === "diagnose") suggest(place);
   // The button that was pressed has gone with what it was for.
   if (added) place.list.querySelector(`[data-effect="${CSS.escape(added)}"]`)?.focus();
+  if (stepped && !place.steps.contains(document.activeElement)) place.steps.focus();
   place.acting = false;
 }
 
@@ -336,7 +361,7 @@ async function read(place) {
   const { page } = place, turn = ++place.turn;
   let fresh;
   try {
-    [fresh] = await Promise.all([get(sessionPath(page.session, `/story?of=${place.told.of}`)), page.refresh()]);
+    [fresh] = await Promise.all([get(within(sessionPath(page.session, `/story?of=${place.told.of}`), place.span)), page.refresh()]);
   } catch (trouble) {
     page.complain(trouble.message);
     return;

@@ -1,7 +1,7 @@
 // Several sessions side by side: overlays, and the same tables as their report has; each against the first.
 
-import { get } from "../api.js";
-import { button, card, h, table } from "../dom.js";
+import { get, within } from "../api.js";
+import { brief, button, card, h, table } from "../dom.js";
 import { save } from "../exports.js";
 import { Plots } from "../plot.js";
 import { symbols } from "../units.js";
@@ -42,54 +42,70 @@ export const together = {
       h("div", { class: "row" }, "As a report: ", FILES.map((name) => button(name, () => page.work(`writing ${name}`, () => save(address(`/${name}`), name)), { "data-export": name })))));
     const columns = h("div", { class: "columns" });
     where.append(columns);
-    for (const termination of ["short", "open"]) drawSweeps(columns, told, termination);
-    drawSpectra(columns, told);
+    for (const termination of ["short", "open"]) drawSweeps(columns, told, termination, page);
+    drawSpectra(columns, told, page);
     if (told.parameters) where.append(card(told.parameters.title, told.parameters.texts.map((text) => h("p", { class: "note" }, text)), drawn(told.parameters, "together-parameters")));
     if (told.bands) where.append(card(told.bands.title, drawn(told.bands, "together-bands")));
   },
 };
 
-function drawn({ title, columns, rows, marked }, id) {
+function drawn({ columns, rows, marked }, id) {
   const mood = { PASS: "good", FAIL: "bad" };
-  const box = table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
-    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: mood[cell] }, symbols(cell)))))), { id });
-  // Wider than a telephone: it can be scrolled by keys.
-  for (const [name, value] of Object.entries({ tabindex: 0, role: "region", "aria-label": title })) box.setAttribute(name, value);
-  return box;
+  return table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
+    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: [mood[cell], brief(cell)].filter(Boolean).join(" ") }, symbols(cell)))))), { id });
 }
 
 // Every session has its own look, whatever else it holds.
 const look = (told, name) => LOOKS[told.names.indexOf(name)];
 
-function drawSweeps(where, told, termination) {
-  const own = (lists) => Object.entries(lists).flatMap(([name, all]) => all.filter((one) => one.termination === termination).map((one) => ({ name, one })));
-  const sweeps = own(told.sweeps), changes = own(told.changes);
+const ofOne = (lists, chosen) => Object.entries(lists).flatMap(([name, all]) => all.filter(chosen).map((one) => ({ name, one })));
+
+// Plots of some of the curves, with more points where some are left out.
+function draw(box, told, curves, frames, page) {
+  const more = (span) => page.attempt(async () => frames(await get(within(address(), span))));
+  new Plots(box).draw(frames(told), curves.some(({ one }) => one.points > one.frequency_hz.length) && more);
+}
+
+function drawSweeps(where, told, termination, page) {
+  const sweeps = ofOne(told.sweeps, (one) => one.termination === termination);
   if (!sweeps.length) return;
   const box = card(`${termination}-circuit sweep`);
   where.append(box);
-  const plots = new Plots(box);
-  joined(plots, "magnitude |Z|", sweeps.map(({ name, one }) => ({ x: one.frequency_hz, values: one.magnitude_ohm, label: name, ...look(told, name) })), { unit: "Ω", log: true });
-  joined(plots, "phase", sweeps.map(({ name, one }) => ({ x: one.frequency_hz, values: one.phase_deg, label: name, ...look(told, name) })), { unit: "°", height: 180 });
-  if (!changes.length) return;
+  draw(box, told, sweeps, (fresh) => sweepFrames(fresh, termination), page);
+}
+
+function sweepFrames(told, termination) {
+  const [sweeps, changes] = [told.sweeps, told.changes].map((lists) => ofOne(lists, (one) => one.termination === termination));
+  const frames = [];
+  joined(frames, "magnitude |Z|", sweeps.map(({ name, one }) => ({ x: one.frequency_hz, values: one.magnitude_ohm, label: name, ...look(told, name) })), { unit: "Ω", log: true });
+  joined(frames, "phase", sweeps.map(({ name, one }) => ({ x: one.frequency_hz, values: one.phase_deg, label: name, ...look(told, name) })), { unit: "°", height: 180 });
+  if (!changes.length) return frames;
   const bands = changes.flatMap(({ name, one }) => [
     { x: one.frequency_hz, values: one.db, label: name, ...look(told, name) },
     { x: one.frequency_hz, values: one.uncertainty_db, label: "", color: "--soft", dash: [2, 4], width: 1 },
     { x: one.frequency_hz, values: one.uncertainty_db.map((value) => -value), label: "", color: "--soft", dash: [2, 4], width: 1 },
   ]);
-  joined(plots, `change of |Z| from ${told.names[0]}; dotted: the uncertainty of both`, bands, { unit: "dB", height: 180, digits: 3 });
+  joined(frames, `change of |Z| from ${told.names[0]}; dotted: the uncertainty of both`, bands, { unit: "dB", height: 180, digits: 3 });
+  return frames;
 }
 
-function drawSpectra(where, told) {
-  const all = Object.entries(told.spectra).flatMap(([name, own]) => own.map((one) => ({ name, one })));
+function drawSpectra(where, told, page) {
+  const all = ofOne(told.spectra, () => true);
   for (const detector of new Set(all.map(({ one }) => one.detector))) {
     const box = card(`${detector} detector`);
     where.append(box);
-    joined(new Plots(box), "level", all.filter(({ one }) => one.detector === detector).map(({ name, one }) => ({ x: one.frequency_hz, values: one.level_dbuv, label: name, width: 1, ...look(told, name) })), { unit: "dBµV", height: 300 });
+    draw(box, told, all, (fresh) => spectrumFrames(fresh, detector), page);
   }
 }
 
+function spectrumFrames(told, detector) {
+  const frames = [];
+  joined(frames, "level", ofOne(told.spectra, (one) => one.detector === detector).map(({ name, one }) => ({ x: one.frequency_hz, values: one.level_dbuv, label: name, width: 1, ...look(told, name) })), { unit: "dBµV", height: 300 });
+  return frames;
+}
+
 // Sessions may stand on different frequencies.
-function joined(plots, title, lines, settings) {
+function joined(frames, title, lines, settings) {
   const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
-  plots.add(title, x, lines.map((one, index) => ({ ...one, values: values[index] })), settings);
+  frames.push([title, x, lines.map((one, index) => ({ ...one, values: values[index] })), settings]);
 }

@@ -1,0 +1,16 @@
+// What the curves say where the cursor is, beside the cursor. Screen readers are told by the line below the plots.
+
+import { h } from "./dom.js";
+
+const AWAY = 12;
+
+// frame: {plot, label}; lines: texts, none to hide it.
+export function besideCursor(frame, lines) {
+  if (!frame.label?.isConnected) frame.plot.over.append(frame.label = h("div", { class: "beside-cursor", "aria-hidden": "true" }));
+  const { label, plot } = frame;
+  label.hidden = !lines.length;
+  if (!lines.length) return;
+  label.replaceChildren(...lines.map((line) => h("div", {}, line)));
+  const { left } = plot.cursor, wide = plot.over.clientWidth;
+  Object.assign(label.style, left > wide / 2 ? { left: "", right: `${wide - left + AWAY}px` } : { left: `${left + AWAY}px`, right: "" });
+}
