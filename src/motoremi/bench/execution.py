@@ -25,6 +25,7 @@ from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
 from motoremi.bench.tables import DRIVER_SETTINGS, SpectrumSpec
 from motoremi.bench.writer import Writer
+from motoremi.data.conditions import parse_condition
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.data.sweep import ImpedanceSweep, Termination
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
@@ -121,9 +122,11 @@ class Execution:
             self._compensate(step)
         elif isinstance(step, Sweep):
             connection = self.connect(step.termination)
+            under = None if step.condition is None else parse_condition(step.condition)
             for _ in range(stored, step.repeat):
                 # Stored one by one: an instrument that fails in the third sweep leaves two.
-                self.writer.add_sweep(self.state.around(lambda: self._swept(step.termination)).with_metadata(connection=connection))
+                swept = self.state.around(lambda: self._swept(step.termination))
+                self.writer.add_sweep(swept.with_metadata(connection=connection).under(under))
                 self.state.refuse_trouble()
         elif isinstance(step, Check):
             self._check(planned, step)

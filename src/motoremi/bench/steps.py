@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connections import Condition, ConnectionName, Line
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.strict import Strict
+from motoremi.data.conditions import parse_condition
 from motoremi.data.spectrum import Detector
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
@@ -57,6 +58,13 @@ class Sweep(Strict):
     do: Literal["sweep"]
     termination: Termination = Field(description="short: between the terminals, far one joined to the frame; open: terminal to frame")
     repeat: Repeats = 1
+    condition: str | None = Field(default=None, description="what was set up for it: second-temperature=53degC")
+
+    @field_validator("condition")
+    @classmethod
+    def _condition_is_known(cls, condition: str | None) -> str | None:
+        under = None if condition is None else parse_condition(condition)
+        return None if under is None else under.text
 
 
 class Check(Strict):

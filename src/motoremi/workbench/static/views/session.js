@@ -108,6 +108,6 @@ function identity(head) {
     facts(rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
     head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
-    head.sweeps.length + head.spectra.length > 0 && h("h3", {}, "Measured"),
-    head.sweeps.length + head.spectra.length > 0 && table(["what", "how much"], [...head.sweeps.map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
+    head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && h("h3", {}, "Measured"),
+    head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && table(["what", "how much"], [...[...head.sweeps, ...head.conditioned].map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.values.map((one) => [one.name, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
 }
