@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import ComplexArray, JsonDict
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import MOTOR_EFFECTS, HiddenEffect, draw_effects
+from motoremi.simulate.effects import MOTOR_EFFECTS, TERMINAL_EFFECTS, HiddenEffect, draw_effects
 from motoremi.simulate.hidden import ELEMENTS, Elements, log_uniform, uniform
 from motoremi.simulate.network import Network, impedance, to_spice
 
@@ -77,8 +77,24 @@ class SimulatedMotor:
         """The seven element values, SI units."""
         return {name: getattr(self, name) for name in ELEMENTS}
 
+    def effect(self, name: str) -> HiddenEffect | None:
+        """What it hides under that name, if it does."""
+        return next((effect for effect in self.effects if effect.name == name), None)
+
     def network(self, termination: Termination) -> Network:
         """The network between X and G; in the short-circuit sweep the far end Y is joined to G, the common return."""
+        network = self.apart(termination)
+        return network.with_node("Y", GROUND) if termination == "short" else network
+
+    def apart(self, termination: Termination, at_the_brushes: Callable[[Network], Network] | None = None) -> Network:
+        """The network of one sweep with the far end Y still a node of its own.
+
+        Parameters
+        ----------
+        termination : {"short", "open"}
+        at_the_brushes : callable, optional
+            What is changed between the motor's inside and all that is connected to its terminals.
+        """
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
         network = (
@@ -91,9 +107,15 @@ class SimulatedMotor:
             .capacitor("Cr", "core", "G", self.Cr)
             .capacitor("Cf", "Y", "G", self.Cf)
         )
-        for effect in sorted(self.effects, key=lambda effect: MOTOR_EFFECTS.index(effect.name)):
+        ordered = sorted(self.effects, key=lambda effect: MOTOR_EFFECTS.index(effect.name))
+        inside = [effect for effect in ordered if effect.name not in TERMINAL_EFFECTS]
+        for effect in inside:
             network = effect.apply(network, self.elements, termination)
-        return network.with_node("Y", GROUND) if termination == "short" else network
+        if at_the_brushes is not None:
+            network = at_the_brushes(network)
+        for effect in ordered[len(inside) :]:
+            network = effect.apply(network, self.elements, termination)
+        return network
 
     def impedance(self, termination: Termination, frequency_hz: ArrayLike) -> ComplexArray:
         """Impedance of one sweep without any error of measurement.
