@@ -60,7 +60,7 @@ def measurement_of(session: Session) -> Measurement:
     """The session's sweeps, ready to be fitted."""
     if not session.sweeps:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to fit")
-    return Measurement.of(session.corrected_sweeps)
+    return Measurement.of((*session.corrected_sweeps, *session.corrected_conditioned), values=session.values)
 
 
 def ladder_of(session: Session) -> list[Fit]:

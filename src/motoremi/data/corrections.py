@@ -271,7 +271,7 @@ class Corrections:
                 impedance = entry.de_embedded(sweep.frequency_hz, impedance)
         impedance = impedance * 10 ** (self.added_db("analyser", sweep.frequency_hz) / 20)
         metadata = {**sweep.metadata, "corrected": [entry.name for entry in entries]}
-        return ImpedanceSweep(sweep.termination, sweep.frequency_hz, impedance, sweep.sigma_relative, metadata)
+        return ImpedanceSweep(sweep.termination, sweep.frequency_hz, impedance, sweep.sigma_relative, metadata, sweep.condition)
 
     def remarks(self) -> list[str]:
         """What a reader has to know."""

@@ -47,7 +47,10 @@ def impedance_csv(sweep: ImpedanceSweep) -> str:
     if sweep.sigma_relative is not None:
         titles.append("sigma_relative")
         columns.append(sweep.sigma_relative.tolist())
-    return _text({"termination": sweep.termination, "points": len(sweep)}, sweep.metadata, titles, columns)
+    header = {"termination": sweep.termination, "points": len(sweep)}
+    if sweep.condition is not None:
+        header["condition"] = sweep.condition.text
+    return _text(header, sweep.metadata, titles, columns)
 
 
 def spectrum_csv(spectrum: Spectrum) -> str:

@@ -14,6 +14,7 @@ from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, unit_trouble
+from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import PAIRS, column_values, find_pair, impedance_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
@@ -75,8 +76,16 @@ def parse_impedance(text: str, name: str, termination: str, fixture: str | None 
     merged, told = once_each(rows)
     if "accuracy_percent" in header:
         header["accuracy_percent"] = _of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
-    sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, name, kind)))
+    condition = _condition(header, name)
+    sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, name, kind))).under(condition)
     return sweep.with_change(told) if told else sweep
+
+
+def _condition(header: JsonDict, name: str) -> Condition | None:
+    """What a line `condition: ...` of the header says, which is taken out of it."""
+    keys = [key for key in header if key.lower() == "condition"]
+    told = [str(header.pop(key)) for key in keys]
+    return _of_file(name, lambda: parse_condition(told[0])) if told else None
 
 
 def _impedance_rows(text: str, name: str, termination: str, fixture: str | None) -> tuple[Rows, JsonDict, str]:

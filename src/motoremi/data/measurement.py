@@ -12,13 +12,32 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
 from motoremi.data.coarse import coarse
+from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
+from motoremi.errors import BadInput
 
 # An impedance described to 0.1 % is described as well as any analyser of impedance is specified.
 GOOD_ENOUGH_PERCENT = 0.1
 # Standard deviation of a point that counts for nothing.
 NO_WEIGHT = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """The repeats of one termination under one condition.
+
+    Parameters
+    ----------
+    condition : Condition
+    sweep : RepeatedSweep
+    noise : Noise
+        Of its mean.
+    """
+
+    condition: Condition
+    sweep: RepeatedSweep
+    noise: Noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +53,29 @@ class Measurement:
     analyser : Analyser
     accuracy_percent : float, optional
         What the owner of the data states: a model that is as good as this is good enough.
+    conditioned : tuple of Conditioned
+        Sweeps for which something was set up, in the order in which the conditions came, the short-circuit sweep first.
+    values : tuple of SingleValue
+        Numbers that other meters gave.
     """
 
     sweeps: tuple[RepeatedSweep, ...]
     noise: tuple[Noise, ...]
     analyser: Analyser
     accuracy_percent: float | None = None
+    conditioned: tuple[Conditioned, ...] = ()
+    values: tuple[SingleValue, ...] = ()
 
     @classmethod
-    def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None) -> Measurement:
-        """Group repeats, estimate noise, and take the analyser from the argument, the sweeps' metadata, or the default."""
-        members = list(sweeps)
+    def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None, values: Iterable[SingleValue] = ()) -> Measurement:
+        """Group repeats, estimate noise, and take the analyser from the argument, the sweeps' metadata, or the default.
+
+        Sweeps under a condition stand beside those without; the motor is judged by both (`diagnosis`), a fit is of those without.
+        """
+        given = list(sweeps)
+        members = [sweep for sweep in given if sweep.condition is None]
+        if given and not members:
+            raise BadInput("every sweep is under a condition: give the sweeps of the motor as it is, too, without one")
         groups = tuple(group_repeats(members))
         named = analyser or next((m.metadata["analyser"] for m in members if m.metadata.get("analyser")), DEFAULT_ANALYSER)
         stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
@@ -55,6 +86,8 @@ class Measurement:
             tuple(estimate_noise(group) for group in groups),
             chosen.compensated_here() if compensated else chosen,
             max(stated) if stated else None,
+            _by_condition([sweep for sweep in given if sweep.condition is not None]),
+            tuple(values),
         )
 
     @property
@@ -127,6 +160,17 @@ class Measurement:
             elif not np.isclose(first[0], second[0], rtol=0.05) or not np.isclose(first[-1], second[-1], rtol=0.05):
                 remarks.append("the two sweeps have different spans: each is judged over its own")
         return remarks
+
+
+def _by_condition(sweeps: list[ImpedanceSweep]) -> tuple[Conditioned, ...]:
+    found = []
+    for condition in dict.fromkeys(sweep.condition for sweep in sweeps):
+        try:
+            groups = group_repeats(sweep for sweep in sweeps if sweep.condition == condition)
+        except BadInput as error:
+            raise BadInput(f"{condition}: {error}") from error
+        found += [Conditioned(condition, group, estimate_noise(group)) for group in groups if condition is not None]
+    return tuple(found)
 
 
 def _without(noise: Noise, points: BoolArray) -> Noise:

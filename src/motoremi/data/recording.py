@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 
 from motoremi.arrays import JsonDict
 from motoremi.data.chain import FIRST, document_line, line_sha256, make_document, read_chain
+from motoremi.data.conditions import SingleValue
 from motoremi.data.csvfiles import impedance_csv, spectrum_csv
 from motoremi.data.manifest import Manifest, list_files, manifest_text, record_bytes, record_file
 from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
@@ -132,10 +133,18 @@ class SessionWriter:
         return document
 
     def add_sweep(self, sweep: ImpedanceSweep) -> Path:
-        """Store a sweep as `sweeps/<termination>-<n>.csv` and emit a "sweep" document."""
+        """Store a sweep as `sweeps/<termination>-<n>.csv`, or `sweeps/<termination>-<condition>-<n>.csv`, and emit a "sweep" document."""
         low, high = sweep.span_hz
         content = {"termination": sweep.termination, "points": len(sweep), "span_hz": [low, high], **_state(sweep.metadata)}
-        return self._add_numbered("sweep", f"sweeps/{sweep.termination}", impedance_csv(sweep.with_metadata(**self._mark)), content)
+        stem = f"sweeps/{sweep.termination}"
+        if sweep.condition is not None:
+            content["condition"] = sweep.condition.to_dict()
+            stem = f"{stem}-{sweep.condition.id}"
+        return self._add_numbered("sweep", stem, impedance_csv(sweep.with_metadata(**self._mark)), content)
+
+    def add_value(self, value: SingleValue) -> JsonDict:
+        """Emit a "value" document: a number that another meter gave."""
+        return self.emit("value", **value.to_dict())
 
     def add_spectrum(self, spectrum: Spectrum) -> Path:
         """Store a spectrum as `spectra/<detector>-<n>.csv` (a background as `<detector>-motor-off-<n>`) and emit a "spectrum" document."""

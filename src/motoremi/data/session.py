@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
 from motoremi.data.chain import Chain, read_chain
+from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import Corrections
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
 from motoremi.data.manifest import parse_manifest, record_bytes
@@ -47,6 +48,7 @@ class Session:
     start : dict
         The first document.
     sweeps : tuple of ImpedanceSweep
+        Those of the state that the motor is judged in.
     spectra : tuple of Spectrum
     finals : tuple of Spectrum
         Short scans around the maxima of a prescan.
@@ -54,6 +56,10 @@ class Session:
         True if the session, or the last addition to it, was not closed.
     status : str
         How the measurement ended: "done", "failed" or "interrupted".
+    conditioned : tuple of ImpedanceSweep
+        Sweeps for which something was set up.
+    values : tuple of SingleValue
+        Numbers that other meters gave.
     """
 
     path: Path
@@ -65,6 +71,8 @@ class Session:
     interrupted: bool
     status: str
     _analyses: Mapping[str, bytes]
+    conditioned: tuple[ImpedanceSweep, ...] = ()
+    values: tuple[SingleValue, ...] = ()
 
     def __repr__(self) -> str:
         return f"Session({str(self.path)!r}, {self.summary()})"
@@ -79,7 +87,10 @@ class Session:
         marked = sum(bool(marks_of(state)) for _, state in states)
         motor = f", motor's state with {len(states)}" + (f" of which {marked} MARKED" if marked else "") if states else ""
         finals = f", {len(self.finals)} final scans" if self.finals else ""
-        return f"{len(self.sweeps)} sweeps, {len(self.spectra)} spectra{finals}{motor}, {len(self._analyses)} analyses, {ending}"
+        count = len({sweep.condition for sweep in self.conditioned})
+        beside = f", {len(self.conditioned)} sweeps under {count} conditions" if count else ""
+        beside += f", {len(self.values)} single values" if self.values else ""
+        return f"{len(self.sweeps)} sweeps{beside}, {len(self.spectra)} spectra{finals}{motor}, {len(self._analyses)} analyses, {ending}"
 
     @cached_property
     def corrections(self) -> Corrections:
@@ -93,6 +104,11 @@ class Session:
         return tuple(self.corrections.corrected_sweep(sweep) for sweep in self.sweeps)
 
     @cached_property
+    def corrected_conditioned(self) -> tuple[ImpedanceSweep, ...]:
+        """As `corrected_sweeps`, of those for which something was set up."""
+        return tuple(self.corrections.corrected_sweep(sweep) for sweep in self.conditioned)
+
+    @cached_property
     def corrected_spectra(self) -> tuple[Spectrum, ...]:
         """The spectra with levels at the motor's side of pad, cable and transducer; `spectra` holds what was read."""
         return tuple(self.corrections.corrected_spectrum(spectrum) for spectrum in self.spectra)
@@ -100,7 +116,8 @@ class Session:
     @property
     def simulated(self) -> bool:
         """Whether any of it comes from a simulated bench: this session's own, or the one whose files were imported."""
-        told = [self.start, *(sweep.metadata for sweep in self.sweeps), *(one.metadata for one in (*self.spectra, *self.finals))]
+        measured = (*self.sweeps, *self.conditioned, *self.spectra, *self.finals)
+        told = [self.start, *(one.metadata for one in measured)]
         return self.start.get("backend") == "sim" or any(map(is_simulated, told))
 
     @property
@@ -163,6 +180,8 @@ class Session:
             "interrupted": self.interrupted,
             "documents": list(self.documents),
             "sweeps": [sweep.to_dict() for sweep in self.sweeps],
+            "conditioned": [sweep.to_dict() for sweep in self.conditioned],
+            "values": [value.to_dict() for value in self.values],
             "spectra": [spectrum.to_dict() for spectrum in self.spectra],
             "finals": [spectrum.to_dict() for spectrum in self.finals],
             "corrections": self.corrections.to_list(),
@@ -198,6 +217,7 @@ def load(path: str | os.PathLike[str]) -> Session:
     closed = _is_closed(folder, name, data, chain)
     vouched = vouched_sha256(chain)
     sweeps: list[ImpedanceSweep] = []
+    conditioned: list[ImpedanceSweep] = []
     spectra: dict[str, list[Spectrum]] = {"spectrum": [], "final": []}
     analyses: dict[str, bytes] = {}
     for document in chain.documents:
@@ -206,7 +226,12 @@ def load(path: str | os.PathLike[str]) -> Session:
             file = str(document["file"])
             if document["kind"] == "sweep":
                 text, label = decode(stored, file), f"{name}/{file}"
-                sweeps.append(parse_impedance_csv(text, label, str(document.get("termination"))))
+                sweep = parse_impedance_csv(text, label, str(document.get("termination")))
+                # The document, not the header, says it: in older sessions a line `# condition:` is a remark of its user.
+                if "condition" in document:
+                    conditioned.append(_under(sweep, document["condition"]))
+                else:
+                    sweeps.append(sweep)
             elif document["kind"] in spectra:
                 spectra[document["kind"]].append(parse_spectrum_csv(decode(stored, file), f"{name}/{file}"))
             else:
@@ -223,7 +248,14 @@ def load(path: str | os.PathLike[str]) -> Session:
         interrupted=not closed,
         status=status,
         _analyses=analyses,
+        conditioned=tuple(conditioned),
+        values=tuple(SingleValue.restored(document) for document in chain.documents if document["kind"] == "value"),
     )
+
+
+def _under(sweep: ImpedanceSweep, written: object) -> ImpedanceSweep:
+    metadata = {key: value for key, value in sweep.metadata.items() if key != "condition"}
+    return replace(sweep, metadata=metadata, condition=Condition.restored(written))
 
 
 def _is_closed(folder: Path, name: str, data: bytes, chain: Chain) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 from motoremi.quantities import parse, show, show_band
@@ -41,11 +42,14 @@ class ImpedanceSweep:
         Standard deviation of the real and of the imaginary part of the relative noise, per point or one for all.
     metadata : mapping, optional
         Where it comes from: file, instrument, settings.
+    condition : Condition or str, optional
+        What was set up for it, for example "second-temperature=53degC"; None is the state that the motor is judged in. Sweeps under a
+        condition are no repeats of those without.
 
     Raises
     ------
     BadInput
-        For an unknown termination, arrays that do not match, NaN, unsorted or repeated frequencies, or too few points.
+        For an unknown termination or condition, arrays that do not match, NaN, unsorted or repeated frequencies, or too few points.
     """
 
     termination: Termination
@@ -53,6 +57,7 @@ class ImpedanceSweep:
     impedance_ohm: ComplexArray
     sigma_relative: FloatArray | None = None
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    condition: Condition | None = None
 
     def __init__(
         self,
@@ -61,6 +66,7 @@ class ImpedanceSweep:
         impedance_ohm: ArrayLike,
         sigma_relative: ArrayLike | None = None,
         metadata: Mapping[str, Any] | None = None,
+        condition: Condition | str | None = None,
     ) -> None:
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
@@ -87,6 +93,7 @@ class ImpedanceSweep:
             ("impedance_ohm", impedance),
             ("sigma_relative", sigma),
             ("metadata", dict(metadata or {})),
+            ("condition", parse_condition(condition) if isinstance(condition, str) else condition),
         ):
             object.__setattr__(self, name, value)
 
@@ -107,11 +114,16 @@ class ImpedanceSweep:
     def summary(self) -> str:
         """One line for a person: points, span and range of |Z|."""
         magnitude = np.abs(self.impedance_ohm)
-        return f"{len(self)} points, {show_band(*self.span_hz)}, |Z| {show(magnitude.min(), 'Ohm', 3)} - {show(magnitude.max(), 'Ohm', 3)}"
+        under = f", {self.condition}" if self.condition is not None else ""
+        return f"{len(self)} points, {show_band(*self.span_hz)}, |Z| {show(magnitude.min(), 'Ohm', 3)} - {show(magnitude.max(), 'Ohm', 3)}{under}"
 
     def with_metadata(self, **extra: Any) -> ImpedanceSweep:
         """The same sweep with more metadata."""
         return dataclasses.replace(self, metadata={**self.metadata, **extra})
+
+    def under(self, condition: Condition | None) -> ImpedanceSweep:
+        """The same sweep, taken under a condition."""
+        return dataclasses.replace(self, condition=condition)
 
     def with_change(self, what: str) -> ImpedanceSweep:
         """The same sweep with one more line in its metadata `changes`: what was changed since the instrument gave it."""
@@ -134,7 +146,7 @@ class ImpedanceSweep:
         if count == len(self):
             return self
         sigma = None if self.sigma_relative is None else self.sigma_relative[inside]
-        part = ImpedanceSweep(self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata)
+        part = ImpedanceSweep(self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata, self.condition)
         return part.with_change(f"{len(self) - count} of {len(self)} points outside {band} left out")
 
     def to_frame(self) -> pd.DataFrame:
@@ -155,6 +167,7 @@ class ImpedanceSweep:
             "reactance_ohm": self.impedance_ohm.imag.tolist(),
             "sigma_relative": None if self.sigma_relative is None else self.sigma_relative.tolist(),
             "metadata": dict(self.metadata),
+            **({} if self.condition is None else {"condition": self.condition.to_dict()}),
         }
 
     def plot(self) -> Figure:
