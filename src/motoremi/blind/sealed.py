@@ -32,6 +32,8 @@ OUTSIDE = 0.1
 # A lead or strap of a handheld analyser, and the three error terms of its calibration.
 _FIXTURE = {"resistance_ohm": (20e-3, 300e-3), "inductance_h": (5e-9, 40e-9), "capacitance_f": (0.5e-12, 5e-12)}
 _POCKET_DB = (-60.0, -54.0)
+# Both decide on the copper resistance, so that a motor has at most one of them.
+_COPPER = {"skin-effect", "proximity-effect"}
 # The noise of the standards has its say beyond these.
 _WIDE_HZ = (400.0, 60e6)
 
@@ -211,12 +213,15 @@ def draw_sealed(seed: int, index: int) -> Sealed:
         raise BadInput(f"seed {seed} and index {index} must be 0 or above")
     rng = np.random.default_rng([seed, index, zlib.crc32(b"investigation")])
     start = STARTS[index % len(STARTS)]
-    known = catalogue_kinds()["one"]
+    kinds = catalogue_kinds()
     if rng.random() < OUTSIDE:
-        hidden = (str(rng.choice(OUTSIDE_EFFECTS)),)
-    else:
+        return Sealed(seed, index, start, (str(rng.choice(OUTSIDE_EFFECTS)),), int(rng.integers(1, 2**31 - 3)))
+    # Two faults of the analyser at once, or one beside an uncompensated fixture, would test something else.
+    known = kinds["one"] + (kinds["instrument"] if start == "one short sweep" else [])
+    while True:
         hidden = tuple(str(name) for name in rng.choice(known, 2 if start == "two effects" else 1, replace=False))
-    return Sealed(seed, index, start, hidden, int(rng.integers(1, 2**31 - 3)))
+        if not set(hidden) >= _COPPER:
+            return Sealed(seed, index, start, hidden, int(rng.integers(1, 2**31 - 3)))
 
 
 def draw_sealed_many(seed: int, count: int) -> list[Sealed]:

@@ -118,7 +118,9 @@ class Arrangement:
             return before
         return before.without(faults, compensated=self.name == "repeat-compensation") if faults else before
 
-    def sweeps(self, analyser: Analyser, frequency_hz: FloatArray, connection: int, repeats: int = 1, bandwidth_factor: int = 3) -> list[ImpedanceSweep]:
+    def sweeps(
+        self, analyser: Analyser, frequency_hz: FloatArray, connection: int, repeats: int = 1, bandwidth_factor: int = 3
+    ) -> list[ImpedanceSweep]:
         """The sweeps that were asked for; each termination is a connection of its own, counted from `connection`.
 
         Parameters

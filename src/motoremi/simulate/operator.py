@@ -9,8 +9,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-# other termination: the sweep of this name is of the other one (a far end that nobody connected, or joined by mistake). nothing done: the change was
-# forgotten. other standard: mixed up. two wires: the leads were measured as well. terminals: the insulation tester stood across the winding.
+# other termination: the sweep of this name is of the other one (a far end that nobody connected, or joined by mistake).
+# nothing done: the change was forgotten. other standard: mixed up. two wires: the leads were measured as well.
+# terminals: the insulation tester stood across the winding.
 Kind: TypeAlias = Literal["other termination", "nothing done", "other standard", "two wires", "terminals"]
 
 # How often an action goes wrong.

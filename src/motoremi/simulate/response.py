@@ -208,7 +208,7 @@ class Responses:
     def _iron_shares(self) -> dict[str, float]:
         """What the hidden effects themselves say of the iron's part of La."""
         sizes = {effect.name: effect.sizes for effect in self.motor.effects}
-        found = {name: sizes[name]["share"] for name in ("eddy-laminations", "permeability-relaxation") if name in sizes}
+        found: dict[str, float] = {name: sizes[name]["share"] for name in ("eddy-laminations", "permeability-relaxation") if name in sizes}
         if "machine-winding" in sizes:
             found["machine-winding"] = 1 - sizes["machine-winding"]["cage_share"]
         return found

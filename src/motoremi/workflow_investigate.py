@@ -1,0 +1,330 @@
+"""An investigation: measure what decides until one explanation stands; everything measured is in the session before the next question.
+
+The loop knows neither instruments nor mathematics: `think` says what stands and what to ask for, `Hands` measure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.answer import NotDone
+from motoremi.bench.asked import Order
+from motoremi.data.conditions import REFERENCE, SingleValue, condition
+from motoremi.data.session import load
+from motoremi.data.sweep import TERMINATIONS
+from motoremi.workflow import Store
+
+SCHEMA = "motoremi.investigation/1"
+NOTHING = "nothing missing"
+# Beside what `motoremi next` says: no time is left; nothing is left that this operator can do.
+BUDGET, EXHAUSTED = "budget", "nothing-left"
+# A bench that gives the same answer again and again is not asked for ever.
+MOST_STEPS = 60
+# A share of the probability that is as good as none, for logarithms.
+_LEAST = 1e-9
+
+
+class Recorder(Store, Protocol):
+    """An open session that an investigation writes into; `motoremi.data.session.SessionWriter` is one."""
+
+    def emit(self, kind: str, **content: Any) -> JsonDict:
+        """Append one document."""
+        ...
+
+    def add_value(self, value: SingleValue) -> JsonDict:
+        """Store a single value."""
+        ...
+
+
+@dataclass(frozen=True)
+class Thought:
+    """What the data in hand say.
+
+    Parameters
+    ----------
+    diagnosis : dict
+        As `motoremi diagnose --json`.
+    following : dict
+        As `motoremi next --json`.
+    """
+
+    diagnosis: JsonDict
+    following: JsonDict
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Of each explanation, the likeliest first."""
+        return {" + ".join(entry["effects"]) or NOTHING: float(entry["probability"]) for entry in self.diagnosis["sets"]}
+
+    @property
+    def error_percent(self) -> float:
+        """Of the best model."""
+        return float(self.diagnosis["best"]["rms_error_percent"])
+
+
+# What cannot be done (refused, or too long) -> what stands and what to measure next.
+Think = Callable[[Collection[str]], Thought]
+
+
+class Hands(Protocol):
+    """Who measures: a bench with its operator, real or simulated."""
+
+    def sweep(self, order: Order) -> None:
+        """Have it set up and measured; raises `NotDone` if the operator says no."""
+        ...
+
+    def value(self, order: Order) -> SingleValue:
+        """Have another meter read; raises `NotDone` if the operator says no."""
+        ...
+
+    def minutes(self, estimated: float) -> float:
+        """How long the last measurement took, beside what was estimated."""
+        ...
+
+
+@dataclass(frozen=True)
+class Step:
+    """One measurement of an investigation.
+
+    Parameters
+    ----------
+    id : str
+    minutes : float
+    probabilities : dict
+        What stood after it.
+    taught_bits : float
+        How far it moved what is believed: the divergence from before to after.
+    error_percent : float
+        Of the best model after it.
+    why : str
+        What it was asked for.
+    """
+
+    id: str
+    minutes: float
+    probabilities: Mapping[str, float]
+    taught_bits: float
+    error_percent: float
+    why: str = ""
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "id": self.id,
+            "minutes": self.minutes,
+            "probabilities": dict(self.probabilities),
+            "taught_bits": self.taught_bits,
+            "error_percent": self.error_percent,
+            "why": self.why,
+        }
+
+
+@dataclass(frozen=True)
+class Investigation:
+    """What came of it.
+
+    Parameters
+    ----------
+    steps : tuple of Step
+        Those of earlier runs of the same investigation too.
+    refused : tuple of str
+        What the operator would not do.
+    stop : str
+        `one-stands`, `inseparable`, `nothing-missing`, `budget` or `nothing-left`.
+    diagnosis : dict
+    """
+
+    steps: tuple[Step, ...]
+    refused: tuple[str, ...]
+    stop: str
+    diagnosis: JsonDict
+
+    @property
+    def minutes(self) -> float:
+        """Spent in all."""
+        return math.fsum(step.minutes for step in self.steps)
+
+    def to_dict(self) -> JsonDict:
+        """The contract's JSON."""
+        return {
+            "schema": SCHEMA,
+            "steps": [step.to_dict() for step in self.steps],
+            "refused": list(self.refused),
+            "minutes": self.minutes,
+            "stop": self.stop,
+            "diagnosis": self.diagnosis,
+        }
+
+
+@dataclass
+class _Path:
+    """How far an investigation has come, read from the documents of its session."""
+
+    steps: list[Step] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    # A question without its answer, because the run was stopped, and how often each sweep or value for it has been stored.
+    pending: JsonDict | None = None
+    stored: Counter[str] = field(default_factory=Counter)
+
+    @classmethod
+    def of(cls, documents: Sequence[JsonDict]) -> _Path:
+        path = cls()
+        for document in documents:
+            kind = document["kind"]
+            if kind == "asked":
+                path.pending, path.stored = document, Counter()
+            elif kind == "sweep":
+                path.stored[str(document["termination"])] += 1
+            elif kind == "value":
+                path.stored[str(document["name"])] += 1
+            elif kind == "answered":
+                path.steps.append(Step(**{name: document[name] for name in Step.__dataclass_fields__}))
+                path.pending = None
+            elif kind == "refused":
+                path.refused.append(str(document["id"]))
+                path.pending = None
+        return path
+
+    def turn(self, name: str) -> int:
+        """How often this was measured before."""
+        return sum(step.id == name for step in self.steps)
+
+    def rest(self, order: Order) -> Order | None:
+        """What is left of the question that was pending; None if all of it is stored."""
+        if order.is_value:
+            return None if self.stored[order.id] else order
+        left = tuple(name for name in order.terminations if self.stored[name] < order.repeats)
+        return replace(order, terminations=left) if left else None
+
+
+def investigate(
+    store: Recorder,
+    think: Think,
+    hands: Hands,
+    budget_minutes: float,
+    tell: Callable[[Thought, Step | None], None] = lambda thought, step: None,
+    without: Collection[str] = (),
+) -> Investigation:
+    """Ask, measure and think until one explanation stands, nothing can tell what stands apart, or the time is spent.
+
+    Parameters
+    ----------
+    store : Recorder
+        An open session; it stays open. What an earlier run of the investigation asked and got is read from it.
+    think : callable
+    hands : Hands
+    budget_minutes : float
+        Of all runs together.
+    tell : callable, optional
+        Told what stands at the beginning (without a step) and after each step.
+    without : collection of str
+        What this bench cannot do.
+
+    Returns
+    -------
+    Investigation
+        Also stored as the analysis `investigation`.
+    """
+    return _Run(store, think, hands, budget_minutes, tell, tuple(without), _Path.of(load(store.path).documents)).to_the_end()
+
+
+@dataclass(frozen=True)
+class _Run:
+    store: Recorder
+    think: Think
+    hands: Hands
+    budget_minutes: float
+    tell: Callable[[Thought, Step | None], None]
+    without: tuple[str, ...]
+    path: _Path
+
+    def to_the_end(self) -> Investigation:
+        thought = self._thought()
+        self.tell(thought, None)
+        if (pending := self.path.pending) is not None:
+            # What was stored before an earlier run was stopped is kept; the rest is asked for once more.
+            thought = self._answered(pending, self.path.rest(Order.restored(pending["order"])), thought)
+        while True:
+            stop, question = self._question(thought)
+            if stop:
+                found = Investigation(tuple(self.path.steps), tuple(self.path.refused), stop, thought.diagnosis)
+                self.store.save_analysis("investigation", found.to_dict())
+                return found
+            order = order_of(question, self.path.turn(str(question["id"])))
+            why = str(question.get("why", ""))
+            asked = self.store.emit("asked", id=order.id, minutes=float(question["minutes"]), why=why, order=order.to_dict())
+            thought = self._answered(asked, order, thought)
+
+    def _thought(self, too_long: Sequence[str] = ()) -> Thought:
+        return self.think([*self.without, *self.path.refused, *too_long])
+
+    def _answered(self, asked: JsonDict, order: Order | None, before: Thought) -> Thought:
+        """What stands after the answer to a question; None for an order that was carried out before."""
+        try:
+            if order is not None and order.is_value:
+                self.store.add_value(self.hands.value(order))
+            elif order is not None:
+                self.hands.sweep(order)
+        except NotDone:
+            self.store.emit("refused", id=asked["id"])
+            self.path.refused.append(str(asked["id"]))
+            return self._thought()
+        after = self._thought()
+        step = Step(
+            str(asked["id"]),
+            self.hands.minutes(float(asked["minutes"])),
+            after.probabilities,
+            taught_bits(before.probabilities, after.probabilities),
+            after.error_percent,
+            str(asked["why"]),
+        )
+        self.store.emit("answered", **step.to_dict())
+        self.path.steps.append(step)
+        self.tell(after, step)
+        return after
+
+    def _question(self, thought: Thought) -> tuple[str, JsonDict]:
+        """Why to stop, empty to go on, and what to ask; what takes longer than the time that is left is not asked."""
+        left_minutes = self.budget_minutes - math.fsum(step.minutes for step in self.path.steps)
+        following, too_long = thought.following, list[str]()
+        while True:
+            stop = str(following.get("stop") or "")
+            if stop or not following.get("asks"):
+                return (BUDGET if too_long else stop or EXHAUSTED), {}
+            if len(self.path.steps) >= MOST_STEPS:
+                return EXHAUSTED, {}
+            if float(following["minutes"]) <= left_minutes:
+                return "", following
+            too_long.append(str(following["id"]))
+            following = self._thought(too_long).following
+
+
+def order_of(question: JsonDict, turn: int = 0) -> Order:
+    """The order that a question of `motoremi next --json` is.
+
+    Parameters
+    ----------
+    question : dict
+        With `id` and `asks`.
+    turn : int
+        How often the same was asked before.
+    """
+    name, asks = str(question["id"]), question["asks"]
+    if asks["kind"] == "value":
+        return Order(name, str(asks["instruction"]), terminations=(), turn=turn)
+    given = asks.get("termination")
+    terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
+    under = None if name in REFERENCE else condition(name, asks.get("value"))
+    return Order(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
+
+
+def taught_bits(before: Mapping[str, float], after: Mapping[str, float]) -> float:
+    """Divergence of what is believed now from what was believed before, in bits; explanations that were not on the list had next to nothing."""
+    total = math.fsum(after.values()) or 1.0
+    terms = [(share / total) * math.log2((share / total) / max(before.get(name, 0.0), _LEAST)) for name, share in after.items() if share > 0]
+    return max(0.0, math.fsum(terms))
