@@ -20,7 +20,6 @@ from motoremi.data.sweep import TERMINATIONS
 from motoremi.workflow import Store
 
 SCHEMA = "motoremi.investigation/1"
-NOTHING = "nothing missing"
 # Beside what `motoremi next` says: no time is left; nothing is left that this operator can do.
 BUDGET, EXHAUSTED = "budget", "nothing-left"
 # A bench that gives the same answer again and again is not asked for ever.
@@ -47,28 +46,27 @@ class Thought:
 
     Parameters
     ----------
-    diagnosis : dict
-        As `motoremi diagnose --json`.
-    following : dict
-        As `motoremi next --json`.
+    probabilities : dict
+        Of each explanation, the likeliest first.
+    error_percent : float
+        Of the best model.
+    ask : callable
+        What cannot be done -> what to measure next, as `motoremi next --json`.
+    conclude : callable
+        The diagnosis, as `motoremi diagnose --json`.
+    findings : tuple of dict
+        What the data themselves show, and what is not as it was asked for.
     """
 
-    diagnosis: JsonDict
-    following: JsonDict
-
-    @property
-    def probabilities(self) -> dict[str, float]:
-        """Of each explanation, the likeliest first."""
-        return {" + ".join(entry["effects"]) or NOTHING: float(entry["probability"]) for entry in self.diagnosis["sets"]}
-
-    @property
-    def error_percent(self) -> float:
-        """Of the best model."""
-        return float(self.diagnosis["best"]["rms_error_percent"])
+    probabilities: Mapping[str, float]
+    error_percent: float
+    ask: Callable[[Collection[str]], JsonDict]
+    conclude: Callable[[], JsonDict]
+    findings: tuple[JsonDict, ...] = ()
 
 
-# What cannot be done (refused, or too long) -> what stands and what to measure next.
-Think = Callable[[Collection[str]], Thought]
+# Looks at everything that the session holds.
+Think = Callable[[], Thought]
 
 
 class Hands(Protocol):
@@ -244,24 +242,24 @@ class _Run:
     path: _Path
 
     def to_the_end(self) -> Investigation:
-        thought = self._thought()
+        thought = self.think()
         self.tell(thought, None)
         if (pending := self.path.pending) is not None:
             # What was stored before an earlier run was stopped is kept; the rest is asked for once more.
-            thought = self._answered(pending, self.path.rest(Order.restored(pending["order"])), thought)
+            rest = self.path.rest(Order.restored(pending["order"]))
+            asked = pending if rest is None else self._ask(rest, float(pending["minutes"]), str(pending["why"]))
+            thought = self._answered(asked, rest, thought)
         while True:
             stop, question = self._question(thought)
             if stop:
-                found = Investigation(tuple(self.path.steps), tuple(self.path.refused), stop, thought.diagnosis)
+                found = Investigation(tuple(self.path.steps), tuple(self.path.refused), stop, thought.conclude())
                 self.store.save_analysis("investigation", found.to_dict())
                 return found
             order = order_of(question, self.path.turn(str(question["id"])))
-            why = str(question.get("why", ""))
-            asked = self.store.emit("asked", id=order.id, minutes=float(question["minutes"]), why=why, order=order.to_dict())
-            thought = self._answered(asked, order, thought)
+            thought = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, thought)
 
-    def _thought(self, too_long: Sequence[str] = ()) -> Thought:
-        return self.think([*self.without, *self.path.refused, *too_long])
+    def _ask(self, order: Order, minutes: float, why: str) -> JsonDict:
+        return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict())
 
     def _answered(self, asked: JsonDict, order: Order | None, before: Thought) -> Thought:
         """What stands after the answer to a question; None for an order that was carried out before."""
@@ -273,8 +271,8 @@ class _Run:
         except NotDone:
             self.store.emit("refused", id=asked["id"])
             self.path.refused.append(str(asked["id"]))
-            return self._thought()
-        after = self._thought()
+            return before
+        after = self.think()
         step = Step(
             str(asked["id"]),
             self.hands.minutes(float(asked["minutes"])),
@@ -291,17 +289,18 @@ class _Run:
     def _question(self, thought: Thought) -> tuple[str, JsonDict]:
         """Why to stop, empty to go on, and what to ask; what takes longer than the time that is left is not asked."""
         left_minutes = self.budget_minutes - math.fsum(step.minutes for step in self.path.steps)
-        following, too_long = thought.following, list[str]()
+        too_long: list[str] = []
         while True:
+            following = thought.ask([*self.without, *self.path.refused, *too_long])
             stop = str(following.get("stop") or "")
             if stop or not following.get("asks"):
+                # What is inseparable without the long measurements may not be so with them.
                 return (BUDGET if too_long else stop or EXHAUSTED), {}
             if len(self.path.steps) >= MOST_STEPS:
                 return EXHAUSTED, {}
             if float(following["minutes"]) <= left_minutes:
                 return "", following
             too_long.append(str(following["id"]))
-            following = self._thought(too_long).following
 
 
 def order_of(question: JsonDict, turn: int = 0) -> Order:
@@ -319,7 +318,9 @@ def order_of(question: JsonDict, turn: int = 0) -> Order:
         return Order(name, str(asks["instruction"]), terminations=(), turn=turn)
     given = asks.get("termination")
     terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
-    under = None if name in REFERENCE else condition(name, asks.get("value"))
+    # A laboratory's own measurement is known by the one of the menu that it answers in another way.
+    known = question.get("condition_id", None if name in REFERENCE else name)
+    under = None if known is None else condition(str(known), asks.get("value"))
     return Order(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
 
 

@@ -122,7 +122,7 @@ class Asking:
     prompt : callable
         Tells the operator what to do and returns the answer.
     set_up : callable
-        Told each order before its sweeps; a simulated bench does then what the operator was asked to do.
+        Told each order before its sweeps, None after them; a simulated bench then does what the operator was asked to do, and puts it back.
     tick : callable, optional
         Called at every exchange, for whoever shows progress.
     connections : int
@@ -135,7 +135,7 @@ class Asking:
         bench: Bench,
         writer: Writer,
         prompt: Prompt,
-        set_up: Callable[[Order], None] = lambda order: None,
+        set_up: Callable[[Order | None], None] = lambda order: None,
         tick: Callable[[], None] = lambda: None,
         connections: int = 0,
     ) -> None:
@@ -162,7 +162,6 @@ class Asking:
         if fresh or execution is None:
             execution = Execution(wanted, self._bench, self._writer, _no_analysis, self._prompt, self._tick, Done(connections=self._connections))
         execution.ask(order.instruction)
-        self._set_up(order)
         compensation: list[PlainStep] = [step for step in wanted.steps if isinstance(step, Compensate)]
         if fresh:
             self.leave_safe()
@@ -171,7 +170,11 @@ class Asking:
         elif order.id == COMPENSATION:
             self._do(execution, compensation)
         condition = "" if order.condition is None else order.condition.text
-        self._do(execution, [Sweep(do="sweep", termination=name, repeat=order.repeats, condition=condition) for name in order.terminations])
+        self._set_up(order)
+        try:
+            self._do(execution, [Sweep(do="sweep", termination=name, repeat=order.repeats, condition=condition) for name in order.terminations])
+        finally:
+            self._set_up(None)
 
     def leave_safe(self) -> None:
         """Bring the instruments into their safe state and let them go.

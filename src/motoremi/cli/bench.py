@@ -123,7 +123,7 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
         if bench_file.backend == "sim":
             return None
         with bars.paused():
-            return _ask(text)
+            return ask_operator(text)
 
     return run(procedure, made, writer, analyse=analyse(bars.bar("diagnosing")), prompt=ask, tick=tick, done=done)
 
@@ -180,7 +180,7 @@ def _duration(seconds: float) -> str:
     return f"{seconds // 60:.0f} min {seconds % 60:.0f} s"
 
 
-def _ask(text: str) -> Answer:
+def ask_operator(text: str) -> Answer:
     """Tell the operator what to do and wait for one of the three answers."""
     from motoremi.bench.answer import TYPED
     from motoremi.data.text import clean_text
@@ -306,6 +306,10 @@ def tell(document: JsonDict) -> None:
     elif kind == "state":
         reached = document["reached"] or "not reached, the operator goes on"
         say(f"  {reached} after {_duration(document['seconds'])}: {state_line(document['state'])}")
+    elif kind == "asked":
+        say(f"asked: {document['order']['instruction']} ({document['minutes']:.3g} min)")
+    elif kind == "refused":
+        say(f"  {document['id']} is not done; the next best instead")
     elif kind == "prompt":
         say(f"  the operator: {document['answer']}")
     elif kind == "step-start":
