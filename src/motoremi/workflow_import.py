@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from motoremi.arrays import JsonDict
 from motoremi.data.analyser import find_analyser
+from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.measurement import Measurement
-from motoremi.data.session import SessionWriter
+from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
 from motoremi.data.text import clean_text
@@ -70,6 +73,7 @@ class Import:
     observations : tuple of dict
         What the spectra show by themselves.
     limit : str
+    values : tuple of SingleValue
     """
 
     sweeps: tuple[ImpedanceSweep, ...]
@@ -79,12 +83,15 @@ class Import:
     caveats: tuple[str, ...]
     observations: tuple[JsonDict, ...]
     limit: str
+    values: tuple[SingleValue, ...] = ()
 
     def store(self, folder: Path) -> JsonDict | None:
         """Make the session; returns the verdict if the spectra are judged against a limit."""
         with SessionWriter.create(folder, self.start) as writer:
             for sweep in self.sweeps:
                 writer.add_sweep(sweep)
+            for value in self.values:
+                writer.add_value(value)
             for spectrum in self.spectra:
                 writer.add_spectrum(spectrum)
             verdict = judged(writer, self.limit) if self.limit else None
@@ -92,7 +99,96 @@ class Import:
         return verdict
 
 
-def prepared(sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], told: Told, names: Sequence[str]) -> Import:
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """Sweeps and values that are ready to be added to a session.
+
+    Parameters
+    ----------
+    sweeps : tuple of ImpedanceSweep
+        With the condition that they were taken under; without one, a repeat of what is there.
+    values : tuple of SingleValue
+    caveats : tuple of str
+        What a reader has to know.
+    """
+
+    sweeps: tuple[ImpedanceSweep, ...]
+    values: tuple[SingleValue, ...]
+    caveats: tuple[str, ...]
+
+    def store(self, folder: Path) -> None:
+        """Add them; what the session knows already stays as it is."""
+        with reopen(folder) as writer:
+            for sweep in self.sweeps:
+                writer.add_sweep(sweep)
+            for value in self.values:
+                writer.add_value(value)
+            if any(sweep.condition is None for sweep in self.sweeps) and load(folder).ladder:
+                # Its models were fitted to fewer sweeps.
+                writer.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
+
+
+def addition(folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[SingleValue], condition: Condition | None, told: Told) -> Addition:
+    """What is to be added to a session, checked against it before anything is written.
+
+    Parameters
+    ----------
+    folder : Path
+    sweeps : sequence of ImpedanceSweep
+        As their readers gave them; one whose file says its condition may be given without.
+    values : sequence of SingleValue
+    condition : Condition, optional
+        That all the sweeps were taken under.
+    told : Told
+        Analyser, band and accuracy; those of the session where nothing is told.
+
+    Raises
+    ------
+    BadInput
+        If there is nothing to add, a file says another condition, or the sweeps do not fit those of the session.
+    """
+    if condition is not None and not sweeps:
+        raise BadInput(f"--condition {condition} is for sweeps: give --short FILE..., --open FILE... with it")
+    if not sweeps and not values:
+        raise BadInput("nothing to append: give --short FILE..., --open FILE..., or --value NAME=QUANTITY")
+    session = load(folder)
+    if not session.sweeps:
+        raise BadInput(f"{folder.name} holds no impedance sweep of the motor as it is: append to a session that does")
+    own = []
+    for sweep in _as_told(sweeps, told) if sweeps else ():
+        if sweep.condition is not None and condition is not None and sweep.condition != condition:
+            raise BadInput(f"{sweep.metadata['source']}: its header says {sweep.condition}, but --condition says {condition}; correct one of them")
+        own.append(sweep.under(condition or sweep.condition))
+    analyser = find_analyser(told.analyser).name if told.analyser is not None else session.sweeps[0].metadata.get("analyser")
+    if analyser is not None:
+        own = [sweep.with_metadata(analyser=analyser) for sweep in own]
+    corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
+    everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
+    measurement = Measurement.of(everything, values=(*session.values, *values))
+    return Addition(tuple(own), tuple(values), tuple(_disagreeing(measurement, own)))
+
+
+# Repeats of one condition that differ by so much of |Z|, rms, were not taken under one condition.
+DISAGREEING = 0.02
+
+
+def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
+    """Repeats under one condition that are not repeats."""
+    found = []
+    conditions = {sweep.condition for sweep in new}
+    for one in measurement.conditioned:
+        if one.condition in conditions and one.sweep.repeats > 1:
+            apart = one.sweep.impedance_ohm / one.sweep.mean_ohm - 1
+            rms = float(np.sqrt(np.mean(np.abs(apart) ** 2)))
+            if rms > DISAGREEING:
+                which = f"{one.condition}: the {one.sweep.repeats} {one.sweep.termination} sweeps"
+                found.append(f"{which} disagree by {100 * rms:.2g} %; their mean says little")
+    return found
+
+
+def prepared(
+    sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], told: Told, names: Sequence[str], values: Sequence[SingleValue] = ()
+) -> Import:
     """Everything that a session needs, checked before a folder is made: nothing is left half written.
 
     Parameters
@@ -102,6 +198,7 @@ def prepared(sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], told
     told : Told
     names : sequence of str
         Of the files, as the session records them.
+    values : sequence of SingleValue
 
     Raises
     ------
@@ -135,7 +232,7 @@ def prepared(sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], told
     for item in spectra:
         if applied := str(item.metadata.get("transducer", "")).strip(" ;"):
             caveats.append(f"{item.detector}: the receiver has applied its transducer {clean_text(applied, 60)!r}; it must not be in --corrections")
-    return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), told.limit)
+    return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), told.limit, tuple(values))
 
 
 def _as_told(sweeps: Sequence[ImpedanceSweep], told: Told) -> list[ImpedanceSweep]:

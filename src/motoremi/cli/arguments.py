@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 SEVERAL = ("--short", "--open", "--spectrum")
-_ONE_VALUE = ("--analyser", "--motor", "--serial", "--operator", "--ambient", "--fixture", "--band", "--accuracy", "--corrections", "--limit")
+_ONE_VALUE = (
+    *("--analyser", "--motor", "--serial", "--operator", "--ambient", "--fixture", "--band", "--accuracy", "--corrections", "--limit"),
+    *("--condition", "--value"),
+)
 
 
 def expanded(arguments: Sequence[str]) -> list[str]:

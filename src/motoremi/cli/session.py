@@ -19,10 +19,24 @@ if TYPE_CHECKING:
     from motoremi.diagnosis.diagnosis import Diagnosis
     from motoremi.fitting.result import Fit
     from motoremi.model.motor import Motor
+    from motoremi.workflow_import import Addition
 
 
 def import_(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make.", show_default=False)],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make, or with --append to add to.", show_default=False)],
+    append: Annotated[bool, typer.Option("--append", help="Add to a session: more repeats, sweeps under a condition, values.")] = False,
+    condition: Annotated[
+        str,
+        typer.Option(
+            "--condition",
+            metavar="ID[=VALUE]",
+            help="What was set up for the appended sweeps: second-temperature=53degC, far-end-grounded.",
+        ),
+    ] = "",
+    value: Annotated[
+        list[str] | None,
+        typer.Option("--value", metavar="NAME=QUANTITY", help="A number from another meter: dc-resistance=21.3mohm+-0.1mohm; may be repeated."),
+    ] = None,
     short: Annotated[list[Path] | None, typer.Option("--short", metavar="FILE...", help="Short-circuit sweeps; several are repeats.")] = None,
     open_: Annotated[list[Path] | None, typer.Option("--open", metavar="FILE...", help="Open-circuit sweeps; several are repeats.")] = None,
     spectrum: Annotated[list[Path] | None, typer.Option("--spectrum", metavar="FILE...", help="Emission spectra.")] = None,
@@ -65,10 +79,24 @@ def import_(
 ) -> None:
     """Make a session from files that you already have."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.data.conditions import parse_condition, parse_value
     from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
-    from motoremi.workflow_import import Told, prepared
+    from motoremi.workflow_import import Told, addition, prepared
 
+    values = [parse_value(text) for text in value or []]
+    if append:
+        beside = {"--spectrum": spectrum, "--corrections": corrections, "--limit": limit}
+        for name in (name for name, given in beside.items() if given):
+            raise BadInput(f"{name} is for a new session: leave it out with --append")
+        under = parse_condition(condition) if condition else None
+        told = Told(analyser, band, accuracy)
+        added = addition(out, _sweeps(short or [], open_ or [], fixture), values, under, told)
+        added.store(out)
+        _show_addition(out, added, as_json)
+        return
+    if condition:
+        raise BadInput("--condition is for sweeps that are added to a session: import the motor as it is first, then --append")
     files = [*(short or []), *(open_ or []), *(spectrum or [])]
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
@@ -76,7 +104,7 @@ def import_(
     spectra = [item for path in spectrum or [] for item in read_spectra(path)]
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     told = Told(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
-    made = prepared(read, spectra, told, [path.name for path in files])
+    made = prepared(read, spectra, told, [path.name for path in files], values)
     sweeps, start = made.sweeps, made.start
     verdict = made.store(out)
     if as_json:
@@ -110,6 +138,38 @@ def import_(
         say(f"verdict: {verdict['says']}")
     say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
     raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
+
+
+def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
+    from motoremi.cli.output import emit_json, say
+
+    if as_json:
+        emit_json(
+            {
+                "schema": "motoremi.addition/1",
+                "session": str(session),
+                "sweeps": [
+                    {
+                        "termination": s.termination,
+                        "condition": None if s.condition is None else s.condition.to_dict(),
+                        "points": len(s),
+                        "span_hz": list(s.span_hz),
+                        **_read(s.metadata),
+                    }
+                    for s in added.sweeps
+                ],
+                "values": [one.to_dict() for one in added.values],
+                "caveats": list(added.caveats),
+            }
+        )
+        return
+    for sweep in added.sweeps:
+        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
+    for one in added.values:
+        say(f"value {one}")
+    for remark in added.caveats:
+        say(f"note: {remark}")
+    say(f"next: motoremi diagnose {session}")
 
 
 def _sweeps(short: list[Path], open_: list[Path], fixture: str | None) -> list[ImpedanceSweep]:
@@ -198,7 +258,7 @@ def fit_(
         if name in result.parameters and result.converged:
             say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.undetermined():
-        say(f"  these sweeps do not determine {', '.join(result.undetermined())}: {next_measurement(result, [])['why']}")
+        say(f"  these sweeps do not determine {', '.join(result.undetermined())}: {next_measurement(result)['why']}")
     say(f"next: motoremi diagnose {path}")
 
 
@@ -428,20 +488,40 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
         say(f"   fitted by an earlier version: motoremi fit {path}")
 
 
-def next_(path: SessionPath, as_json: AsJson = False) -> None:
-    """The measurement that would best separate the candidates still standing."""
+def next_(
+    path: SessionPath,
+    without: Annotated[
+        list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
+    ] = None,
+    menu: Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """The measurement that would teach most about the explanations still standing, for each minute at the bench."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.data.session import load
-    from motoremi.workflow import diagnose_session, opened
+    from motoremi.workflow_ask import question_of
 
-    stored = load(path).analysis("diagnosis")
-    if stored is None:
-        with opened(path) as store:
-            stored = diagnose_session(store).to_dict()
+    asked = question_of(path, without or [], menu)
     if as_json:
-        emit_json(stored["next_measurement"])
-    else:
-        say(f"{stored['next_measurement']['id']}: {stored['next_measurement']['why']}")
+        emit_json(asked)
+        return
+    say(f"{asked['id'] or asked['stop']}: {asked['why']}")
+    for one in asked["alternatives"][:5]:
+        say(f"  or {one['id']:22s} {one['information_bits']:.2g} bits in {one['minutes']:.3g} min")
+    if asked["asks"] is not None:
+        say(f"then: {_answer(path, asked)}")
+
+
+def _answer(path: Path, asked: JsonDict) -> str:
+    """The command that brings the answer."""
+    asks = asked["asks"]
+    if asks["kind"] == "value":
+        return f"motoremi import {path} --append --value {asks['condition']}=VALUE{asks['unit']}"
+    files = {"short": "--short FILE...", "open": "--open FILE..."}
+    named = files.get(asks["termination"], "--short FILE... --open FILE...")
+    if asks["condition"] is None:
+        return f"motoremi import {path} --append {named}"
+    value = f"=VALUE{asks['unit']}" if asks["unit"] else ""
+    return f"motoremi import {path} --append --condition {asked['condition_id']}{value} {named}"
 
 
 def report_(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
+from motoremi.diagnosis.asking import Question, next_question
 from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.compare import compare
@@ -15,9 +16,11 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps
 from motoremi.diagnosis.following import next_measurement
+from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import CLEAR_GAIN, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
+from motoremi.diagnosis.rivals import Rivals
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
@@ -79,6 +82,10 @@ class Diagnosis:
         How much better `best` predicts left-out data than `base`, in nats: `bands` and `short_to_open`; empty where they are the same.
     left_over : Remainder, optional
         Where nothing explains the data: what any causal model would reach, where the rest is, where to look.
+    rivals : Rivals, optional
+        The explanations that stand, with what sweeps under conditions and single values taught (`rivals.taught`).
+    question : Question, optional
+        What to measure next about them.
     """
 
     verdict: Verdict
@@ -97,6 +104,8 @@ class Diagnosis:
     reasons: tuple[str, ...]
     validation: JsonDict = field(default_factory=dict)
     left_over: Remainder | None = None
+    rivals: Rivals | None = None
+    question: Question | None = None
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -141,6 +150,8 @@ class Diagnosis:
             ],
             "sets": [{"effects": list(key), "probability": share} for key, share in self.likeliest_sets],
             "next_measurement": dict(self.following),
+            **({} if self.question is None else {"question": self.question.to_dict()}),
+            **({} if self.rivals is None or not self.rivals.taught else {"taught": [one.to_dict() for one in self.rivals.taught]}),
             "analyser": self.base.measurement.analyser.name,
             "reasons": list(self.said),
             **({} if self.left_over is None else {"remainder": self.left_over.to_dict()}),
@@ -207,10 +218,11 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     if not first.model.done:
         first = _without_outliers(fit, first.best.fit, again) or first
     declared = likeliest(first, part(progress, AGAIN, 1.0))
-    judgement = declared.judgement
+    rivals = rivals_in(declared.judgement)
+    judgement = informed(declared.judgement, rivals)
     left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described)
-    findings = _findings(fit, declared, left)
-    return _concluded(judgement, findings, left)
+    findings = (*_findings(fit, declared, left), *of_the_operator(rivals))
+    return _concluded(judgement, findings, left, rivals)
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judgement | None:
@@ -245,13 +257,15 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
     return tuple(found)
 
 
-def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None) -> Diagnosis:
+def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals) -> Diagnosis:
     """The diagnosis that a judgement leads to."""
+    question = next_question(rivals, judgement.base.measurement)
     base, belief = judgement.base, judgement.belief
-    named = () if judgement.accurate or not judgement.stands else judgement.named
+    unknown = departs(rivals)
+    named = () if judgement.accurate or not judgement.stands or unknown else judgement.named
     best = judgement.model if judgement.stands else judgement.closest
     families = tuple((name, *belief.families[name])[:LARGEST_FAMILY] for name in named if belief.families[name])
-    verdict = _verdict(judgement, named, families, findings, left)
+    verdict = "unexplained" if unknown and judgement.stands else _verdict(judgement, named, families, findings, left)
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
@@ -259,15 +273,15 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     if verdict in ("unexplained", "data"):
         # Nothing is believed, so what describes the data best comes first.
         singles.sort(key=lambda one: one.fit.rms_error_percent)
-        following = next_measurement(base, [one.fit for one in singles[:3]])
+        following = next_measurement(base, question)
     else:
         singles.sort(key=lambda one: (-round(probabilities[one.effect], 6), -one.score))
-        following = next_measurement(best.fit if named else base, judgement.rivals() if named else [])
+        following = next_measurement(best.fit if named else base, question)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
         families=families if verdict not in ("unexplained", "data") else (),
-        confidence=_confidence(judgement, verdict, named, families, findings),
+        confidence=confidence_of(rivals, judgement.belief, verdict, _confidence(judgement, verdict, named, families, findings)),
         base=base,
         best=base if verdict == "adequate" else best.fit,
         candidates=tuple(singles),
@@ -277,9 +291,11 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
         where=compare(base).where,
         findings=findings,
         following=following,
-        reasons=tuple(_reasons(judgement, verdict, named, families, validation)),
+        reasons=(*_reasons(judgement, verdict, named, families, validation), *reasons_of(rivals)),
         validation=validation if named or verdict == "unexplained" else {},
         left_over=left,
+        rivals=rivals,
+        question=question,
     )
 
 

@@ -1,16 +1,29 @@
-"""What can be measured next, and what each measurement would do to the elements of a model; what it does to an effect, the effect says.
+"""What can be measured next: what to do, how long it takes, and what it does to the elements of a motor. One row each.
 
-How strongly an effect answers to temperature, bias or handling is an estimate from textbooks (unconfirmed for any one motor), so that
-only the pattern over frequency counts, its size within a factor of two.
+What a measurement does to an effect, the effect says (`Effect.responds`). How strongly elements and effects answer to temperature, bias or
+handling is an estimate from textbooks (unconfirmed for any one motor): it is known within a factor, and the factor is part of the row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
-Kind: TypeAlias = Literal["sweep", "change", "value", "standard"]
+from motoremi.data.conditions import CONDITIONS
+
+Kind: TypeAlias = Literal["sweep", "change", "value", "standard", "reference"]
+# What a motor and its contacts repeat to after they were touched, in the logarithm of each element; an estimate.
+REPEATABILITY = 5e-4
+# What one sweep takes where the instrument's settings are not known, in minutes.
+SWEEP_MINUTES = 0.5
+
+
+class Moved(NamedTuple):
+    """What happens to the logarithm of an element: its mean and standard deviation."""
+
+    mean: float
+    sigma: float
 
 
 @dataclass(frozen=True)
@@ -20,16 +33,25 @@ class Option:
     Parameters
     ----------
     name : str
-        Identifier.
+        Identifier, and that of the condition that its sweeps carry.
     action : str
         What to do, as one would say it at the bench.
-    kind : {"sweep", "change", "value", "standard"}
-        `sweep`: more of the same motor. `change`: the same sweeps after a change, which the analyser's systematic errors survive unchanged.
-        `value`: a single number from another meter. `standard`: a known part in the motor's place.
-    effort : float
-        In units of one sweep.
+    kind : {"sweep", "change", "value", "standard", "reference"}
+        `sweep`: the same motor in another circuit or over another span. `change`: the same sweeps after a change, which the analyser's
+        smooth errors survive. `value`: a single number from another meter. `standard`: a known part in the motor's place. `reference`: what
+        the state that the motor is judged in still lacks.
+    minutes : float
+        Of operator, warming and cooling, beside the sweeps. An estimate.
+    sweeps : tuple of str
+        Terminations that are swept.
+    asked : float, optional
+        Value to ask for, in the unit of the condition; of a temperature, above that of the room.
     elements : mapping
-        Factor on each element of the paper's circuit that the change moves.
+        What the change does to elements of the paper's circuit, beyond what they repeat to.
+    others : float
+        Standard deviation of the logarithm of every parameter of an effect for which the effect names no response.
+    hands : bool
+        Whether a person has to do something.
     procedure : str
         Bench procedure that does it, if the bench can.
     """
@@ -37,29 +59,120 @@ class Option:
     name: str
     action: str
     kind: Kind
-    effort: float
-    elements: Mapping[str, float] = field(default_factory=dict)
+    minutes: float
+    sweeps: tuple[str, ...] = ("short", "open")
+    asked: float | None = None
+    elements: Mapping[str, Moved] = field(default_factory=dict)
+    others: float = REPEATABILITY
+    hands: bool = True
     procedure: str = ""
 
+    @property
+    def reaches_motor(self) -> bool:
+        """Whether it shows the motor in another state or circuit, so that what no catalogue holds may depart from every model there."""
+        return self.kind == "sweep" or bool(self.elements)
+
+    @property
+    def unit(self) -> str:
+        """Of the value that goes with it; empty without one."""
+        setting = CONDITIONS.get(self.name)
+        return "" if setting is None else setting.unit
+
+
+# Changes of insulation, iron and mechanics that nobody can foresee better than this.
+_WARM = {
+    "La": Moved(0.0, 0.01),
+    "Ca": Moved(0.01, 0.015),
+    "Cr": Moved(0.01, 0.02),
+    "Cf": Moved(0.01, 0.02),
+    "Rr": Moved(0.0, 0.15),
+    "Lr": Moved(0.0, 0.02),
+}
+_BIASED = {"Ra": Moved(0.0, 0.01), "La": Moved(-0.105, 0.1), "Rr": Moved(0.0, 0.02), "Lr": Moved(0.0, 0.03)}
+_NO_ROTOR = {
+    "Ra": Moved(0.0, 0.3),
+    "La": Moved(-0.5, 0.5),
+    "Ca": Moved(0.0, 0.3),
+    "Cf": Moved(0.0, 0.5),
+    "Rr": Moved(0.0, 0.7),
+    "Lr": Moved(0.0, 0.7),
+    "Cr": Moved(0.0, 1.0),
+}
+_TURNED = {"Ra": Moved(0.0, 0.01), "La": Moved(0.0, 0.01), "Cr": Moved(0.0, 0.02), "Rr": Moved(0.0, 0.1), "Lr": Moved(0.0, 0.01)}
+_FIELD = {"Ra": Moved(0.0, 0.1), "La": Moved(0.0, 0.1), "Ca": Moved(0.0, 0.03), "Cr": Moved(0.0, 0.01), "Cf": Moved(0.0, 0.01)}
+_FOIL = {"Cf": Moved(0.02, 0.015), "Cr": Moved(0.005, 0.01), "Ca": Moved(0.002, 0.003)}
+_DRY = {"Cf": Moved(-0.01, 0.02), "Cr": Moved(-0.01, 0.02), "Ca": Moved(-0.01, 0.02), "Rr": Moved(0.0, 0.1)}
+_LIFTED = {
+    "Ra": Moved(0.0, 1.0),
+    "La": Moved(0.5, 1.0),
+    "Ca": Moved(0.0, 0.3),
+    "Cr": Moved(-0.3, 0.5),
+    "Cf": Moved(-0.3, 0.5),
+    "Rr": Moved(0.0, 0.5),
+    "Lr": Moved(0.0, 0.3),
+}
 
 MENU = (
-    Option("wide-sweep", "sweep as wide as the analyser goes, both terminations", "sweep", 1.0, procedure="wide_sweep"),
-    Option("far-end-grounded", "tie the far end of the winding to the frame and sweep from the terminal to the frame", "sweep", 2.0),
-    Option("dc-resistance", "measure the winding's DC resistance with four wires", "value", 1.5),
-    Option("insulation-resistance", "measure the insulation resistance from winding to frame at DC", "value", 1.5),
-    Option("repeat-first-sweep", "repeat the first sweep after the last one", "change", 1.0, procedure="impedance_only"),
-    Option("sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0),
-    Option("shaft-turned", "turn the shaft a little and repeat both sweeps", "change", 1.5),
-    Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 2.0),
-    Option("field-winding", "open the field winding's terminals (short them if they were open) and repeat both sweeps", "change", 2.0),
-    Option("standards", "put a 50 Ohm and a 100 pF standard on the fixture in the motor's place", "standard", 2.5),
-    Option("repeat-compensation", "repeat open, short and load compensation and both sweeps", "change", 2.5),
-    Option("longer-lead", "add a known length to the test lead and repeat both sweeps", "change", 3.0),
-    Option("longer-strap", "double the length of the strap to the frame and repeat the open-circuit sweep", "change", 3.0),
-    Option("terminal-block", "lift the lead off the terminal block and sweep the motor without it", "change", 3.0),
-    Option("end-turn-touched", "tape a strip of foil on the end turns and repeat both sweeps", "change", 3.0, elements={"Cf": 1.02}),
-    Option("dc-bias", "repeat both sweeps with a DC bias through the winding", "change", 4.0, elements={"La": 0.9}),
-    Option("second-temperature", "warm the motor by 30 K and repeat both sweeps", "change", 5.0, elements={"Ra": 1.12}),
-    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 8.0, elements={"La": 0.6}),
-    Option("dried", "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps", "change", 6.0),
+    Option(
+        "short-sweep", "short the far end of the winding to its terminal's return and sweep between the terminals", "reference", 2.0, ("short",)
+    ),
+    Option("open-sweep", "leave the far end of the winding open and sweep from the terminal to the frame", "reference", 2.0, ("open",)),
+    Option("repeats", "repeat both sweeps twice without touching anything", "reference", 2.0, hands=False),
+    Option("wide-sweep", "sweep as wide as the analyser goes, both terminations", "sweep", 1.0, hands=False, procedure="wide_sweep"),
+    Option(
+        "far-end-grounded",
+        "tie the far end of the winding to the frame and sweep from the terminal to the frame",
+        "sweep",
+        2.0,
+        ("open",),
+    ),
+    Option("dc-resistance", "measure the winding's DC resistance with four wires", "value", 3.0, ()),
+    Option("insulation-resistance", "measure the insulation resistance from winding to frame at DC", "value", 3.0, ()),
+    Option("repeat-first-sweep", "repeat the first sweep after the last one", "change", 1.0, ("short",), procedure="impedance_only"),
+    Option("sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0, hands=False),
+    Option("shaft-turned", "turn the shaft a little and repeat both sweeps", "change", 1.5, asked=30.0, elements=_TURNED, others=0.02),
+    Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 5.0),
+    Option(
+        "field-winding",
+        "open the field winding's terminals (short them if they were open) and repeat both sweeps",
+        "change",
+        4.0,
+        elements=_FIELD,
+        others=0.05,
+    ),
+    Option("standards", "put a 50 Ohm standard on the fixture in the motor's place and sweep it", "standard", 4.0, asked=50.0),
+    Option("fixture-open", "take the motor off the fixture, leave it open and sweep", "standard", 2.0, ("open",)),
+    Option("fixture-short", "take the motor off the fixture, put the shorting bar on and sweep", "standard", 2.0, ("short",)),
+    Option(
+        "fixture-load",
+        "put a 50 Ohm standard on the fixture in the motor's place and sweep it",
+        "standard",
+        3.0,
+        ("short",),
+        50.0,
+    ),
+    Option("repeat-compensation", "repeat open, short and load compensation and both sweeps", "change", 6.0),
+    Option(
+        "longer-lead",
+        "add a lead of known inductance between fixture and terminal and repeat both sweeps",
+        "change",
+        4.0,
+        asked=50e-9,
+    ),
+    Option("longer-strap", "double the length of the strap to the frame and repeat the open-circuit sweep", "change", 4.0, ("open",)),
+    Option(
+        "known-capacitor",
+        "put a capacitor of known value across the analyser's terminals and repeat both sweeps",
+        "change",
+        4.0,
+        asked=100e-12,
+    ),
+    Option("terminal-block", "lift the lead off the terminal block and sweep the motor without it", "change", 6.0),
+    Option("end-turn-touched", "tape a strip of foil on the end turns and repeat both sweeps", "change", 15.0, elements=_FOIL),
+    Option("dc-bias", "repeat both sweeps with a DC bias through the winding", "change", 6.0, asked=1.0, elements=_BIASED, others=0.03),
+    Option("brushes-lifted", "lift the brushes off the commutator and repeat both sweeps", "change", 10.0, elements=_LIFTED, others=0.5),
+    Option("second-temperature", "warm the motor by 30 K and repeat both sweeps", "change", 24.0, asked=30.0, elements=_WARM, others=0.03),
+    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, elements=_NO_ROTOR, others=0.7),
+    Option("dried", "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps", "change", 240.0, elements=_DRY, others=0.05),
 )
+BY_NAME: Mapping[str, Option] = {option.name: option for option in MENU}

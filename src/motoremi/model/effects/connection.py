@@ -44,7 +44,6 @@ EFFECTS = (
         source="inductance of straight wires: Grover, Inductance Calculations (1946)",
         change=_lead,
         starts=({"resistance_ohm": 0.02, "inductance_h": 1e-7},),
-        responds={"longer-lead": {"resistance_ohm": 2.0, "inductance_h": 2.0}},
         seen_as=("series-inductance",),
     ),
     Effect(

@@ -54,6 +54,8 @@ class Effect:
         Further start values that the sweeps themselves give away; `=La` sets the element La.
     responds : mapping
         Measurement of the menu -> parameter -> factor: what a change of conditions does to it.
+    copper : mapping
+        Parameter -> power of the resistivity of copper (or aluminium) that it follows: at another temperature that is known, not estimated.
     seen_as : tuple of str
         Which laws of `diagnosis.dispersion` an element may show that has this effect.
     repeatable : bool
@@ -86,6 +88,7 @@ class Effect:
     kin: str = ""
     reader: Reader | None = None
     responds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    copper: Mapping[str, float] = field(default_factory=dict)
     seen_as: tuple[str, ...] = ()
     describes: bool = False
     below_hz: float = math.inf

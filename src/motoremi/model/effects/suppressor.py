@@ -88,6 +88,7 @@ EFFECTS = (
             for f in (3e6, 2e7)
         ),
         reader=readings.suppressor_choke,
-        responds={"dc-bias": {"share": 0.8}, "second-temperature": {"resistance_ohm": 1.12}},
+        responds={"dc-bias": {"share": 0.8}},
+        copper={"resistance_ohm": 1.0},
     ),
 )  # fmt: skip

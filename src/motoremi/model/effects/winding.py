@@ -69,7 +69,7 @@ EFFECTS = (
         source="Bessel solution for a round conductor (Lammeraner and Stafl, Eddy Currents, 1966); copper at 20 °C",
         change=scale("Ra", materials.skin_factor),
         starts=({"radius_m": 0.4e-3},),
-        responds={"second-temperature": {"radius_m": 0.945}},
+        copper={"radius_m": -0.5},
         seen_as=("conductor-skin",),
     ),
     Effect(
@@ -90,7 +90,7 @@ EFFECTS = (
         source="Dowell, Proc. IEE 113 (1966) 1387 (textbook form, porosity 0.8 assumed: unconfirmed for a given motor)",
         change=scale("Ra", materials.dowell_factor),
         starts=({"height_m": 0.2e-3, "layers": 4.0}, {"height_m": 0.08e-3, "layers": 8.0}, {"height_m": 0.05e-3, "layers": 3.0}),
-        responds={"second-temperature": {"height_m": 0.945}},
+        copper={"height_m": -0.5},
         seen_as=("conductor-layers",),
     ),
     Effect(
@@ -271,7 +271,11 @@ EFFECTS = (
         source="Holm, Electric Contacts (1967), for films; the capacitance is an estimate without a source",
         change=_film("Ra"),
         starts=({"resistance_ohm": 2.0, "capacitance_f": 2e-8},),
-        responds={"shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7}, "dc-bias": {"resistance_ohm": 0.3}},
+        responds={
+            "shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7},
+            "dc-bias": {"resistance_ohm": 0.3},
+            "brushes-lifted": {"resistance_ohm": 100.0},
+        },
         seen_as=("film",),
     ),
     Effect(

@@ -1,0 +1,408 @@
+"""Which measurement would teach most about the explanations that still stand, for each minute at the bench.
+
+What a measurement can teach is the mutual information between explanation and outcome. Under each explanation the outcome is normal, its
+mean and covariance linear in all that is not known: the model's own parameters, the responses, the analyser's errors, noise, and what no model
+describes; with the responses that effects name, and without. The information in bits follows from draws of outcomes under each explanation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, product
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import logsumexp
+
+from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.conditions import VALUES, SingleValue
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.conditioned import POINTS_AHEAD, ahead, asked_condition
+from motoremi.diagnosis.menu import MENU, SWEEP_MINUTES, Option
+from motoremi.diagnosis.outcome import Outcome, ValueOutcome
+from motoremi.diagnosis.responses import NONE_AT_ALL
+from motoremi.diagnosis.rivals import Rival, Rivals
+from motoremi.diagnosis.weighing import Prediction
+from motoremi.quantities import show
+
+Stop: TypeAlias = Literal["one-stands", "inseparable", "nothing-missing"]
+
+# An explanation that is so many times as likely as all others together stands.
+ODDS = 20.0
+# Explanations that are asked about, and how little probability one of them may have.
+MOST_ASKED, LEAST_ASKED = 6, 2e-3
+# Less than this, a measurement teaches nothing; where none teaches more, pairs of them are looked at.
+NOTHING_BITS, LITTLE_BITS = 0.03, 0.1
+# Size of what no model describes of a change; and for a motor that no model describes, each with its share. Of a value, as a logarithm.
+UNDESCRIBED = {2e-3: 1.0}
+UNDESCRIBED_OUTSIDE = {2e-3: 0.5, 8e-3: 0.2, 0.06: 0.3}
+OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {0.3: 0.5, 1.5: 0.5}
+# Draws of the outcome under each explanation.
+DRAWS = 40
+# Pairs are made of so many measurements that teach most alone.
+PAIRED = 5
+POINTS_OF_A_PAIR = 20
+# An open direction of a model moves its prediction by no more than so many standard deviations of logarithms.
+OPEN = 2.0
+# Expected log odds that tell two explanations apart: 20 to 1.
+APART = 3.0
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What one measurement of the menu would teach.
+
+    Parameters
+    ----------
+    option : Option
+    bits : float
+    minutes : float
+    separates : tuple of tuple of str
+        Groups of explanations that the outcome would tell apart, by label.
+    farthest : float
+        Expected log odds between the pair that it tells apart best.
+    then : str
+        A second measurement, where one alone teaches nothing and both together do.
+    """
+
+    option: Option
+    bits: float
+    minutes: float
+    separates: tuple[tuple[str, ...], ...] = ()
+    farthest: float = 0.0
+    then: str = ""
+
+    @property
+    def rate(self) -> float:
+        """Bits a minute."""
+        return self.bits / self.minutes
+
+    def asks(self) -> JsonDict:
+        """What exactly to measure, as in the contract."""
+        option = self.option
+        if option.kind == "value":
+            return {
+                "kind": "value",
+                "termination": None,
+                "condition": option.name,
+                "value": None,
+                "unit": VALUES[option.name].setting.unit,
+                "instruction": option.action,
+            }
+        condition = asked_condition(option)
+        kind = "standard" if option.kind == "standard" else "sweep"
+        termination = option.sweeps[0] if len(option.sweeps) == 1 else "both"
+        what = None if option.kind == "reference" else QUANTITY.get(option.name, option.name)
+        return {
+            "kind": kind,
+            "termination": termination,
+            "condition": what,
+            "value": condition.value,
+            "unit": condition.unit or None,
+            "instruction": option.action,
+        }
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        found: JsonDict = {
+            "id": self.option.name,
+            "condition_id": self.option.name if self.option.kind in ("sweep", "change", "standard") else None,
+            "asks": self.asks(),
+            "minutes": self.minutes,
+            "information_bits": self.bits,
+            "separates": [list(group) for group in self.separates],
+        }
+        return {**found, "then": self.then} if self.then else found
+
+
+# What is set up, where the menu's name says more than that.
+QUANTITY: Mapping[str, str] = {"second-temperature": "temperature", "dc-bias": "current"}
+
+
+NOTHING_ASKED: JsonDict = {"id": None, "condition_id": None, "asks": None, "minutes": 0.0, "information_bits": 0.0, "separates": []}
+
+
+@dataclass(frozen=True)
+class Question:
+    """What to measure next, or why nothing.
+
+    Parameters
+    ----------
+    worths : tuple of Worth
+        All that can still be measured, the best first.
+    stop : str or None
+    why : str
+    """
+
+    worths: tuple[Worth, ...]
+    stop: Stop | None
+    why: str
+    standing: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> Worth | None:
+        """The measurement to make; None where there is nothing left to ask."""
+        return None if self.stop is not None or not self.worths else self.worths[0]
+
+    def to_dict(self) -> JsonDict:
+        """The contract's JSON, `motoremi.next/2`."""
+        asked = self.asked
+        told = NOTHING_ASKED if asked is None else asked.to_dict()
+        others = [one for one in self.worths if one is not asked]
+        return {
+            "schema": "motoremi.next/2",
+            **told,
+            "why": self.why,
+            "alternatives": [one.to_dict() for one in others],
+            "probabilities": dict(self.standing),
+            "stop": self.stop,
+        }
+
+
+def next_question(
+    rivals: Rivals, measurement: Measurement, without: Iterable[str] = (), odds: float = ODDS, sweep_minutes: float = SWEEP_MINUTES
+) -> Question:
+    """The measurement that teaches most for each minute.
+
+    Parameters
+    ----------
+    rivals : Rivals
+        With what was learnt so far (`rivals.update`).
+    measurement : Measurement
+        What is there already: it is not asked for again.
+    without : iterable of str
+        Measurements that this bench cannot do, or that somebody refused.
+    odds : float
+        At which one explanation stands.
+    sweep_minutes : float
+        What one sweep takes.
+
+    Returns
+    -------
+    Question
+    """
+    missing = _missing(measurement)
+    done = {one.condition.id for one in measurement.conditioned} | {one.name for one in measurement.values}
+    left_out = {*without, *done}
+    possible = [option for option in MENU if option.name not in left_out and option.kind != "reference"]
+    standing = _asked_about(rivals)
+    labels = rivals.by_label
+    best, share = max(labels.items(), key=lambda pair: pair[1])
+    stands = share >= odds / (1 + odds)
+    worths = (
+        [] if len(standing) < 2 else [worth for option in possible if (worth := _worth(option, standing, measurement, sweep_minutes)) is not None]
+    )
+    lacking = [] if missing is None or missing.name in left_out else [Worth(missing, _entropy(standing) / 2, _minutes(missing, sweep_minutes))]
+    ranked = sorted(worths, key=lambda one: -one.rate)
+    ranked = [one for one in ranked if one.bits >= NOTHING_BITS] + sorted(
+        (one for one in ranked if one.bits < NOTHING_BITS), key=lambda one: -one.bits
+    )
+    if lacking:
+        why = f"{missing.action}: one sweep cannot locate an effect" if missing is not None else ""
+        return Question((*lacking, *ranked), None, why, labels)
+    if stands:
+        if best == "nothing missing":
+            return Question(tuple(ranked), "nothing-missing", "nothing is missing that these data could show", labels)
+        return Question(tuple(ranked), "one-stands", f"{best} stands, with a probability of {share:.2g}", labels)
+    if not ranked or max(one.bits for one in ranked) < LITTLE_BITS:
+        ranked = _with_pairs(ranked, standing, measurement, sweep_minutes)
+    if not ranked or max(one.bits for one in ranked) < NOTHING_BITS:
+        return Question(tuple(ranked), "inseparable", _proof(ranked, standing), labels)
+    return Question(tuple(ranked), None, _why(ranked[0], labels), labels)
+
+
+def _missing(measurement: Measurement) -> Option | None:
+    by_name = {option.name: option for option in MENU}
+    if len(measurement.sweeps) == 2:
+        return None
+    return by_name["open-sweep" if measurement.terminations == ("short",) else "short-sweep"]
+
+
+def _asked_about(rivals: Rivals) -> list[tuple[Rival, float]]:
+    """The likeliest explanations with their probabilities, together one; what the catalogue does not hold is always among them."""
+    ranked = sorted(rivals.members, key=lambda one: -one.log_weight)
+    kept = [one for one in ranked if rivals.probabilities[one.key] >= LEAST_ASKED][:MOST_ASKED]
+    kept += [one for one in ranked if one.outside and one not in kept]
+    weights = np.array([max(rivals.probabilities[one.key], LEAST_ASKED) for one in kept])
+    return [(one, float(weight)) for one, weight in zip(kept, weights / weights.sum(), strict=True)]
+
+
+def _minutes(option: Option, sweep_minutes: float) -> float:
+    return option.minutes + sweep_minutes * len(option.sweeps) * (2 if option.name == "repeats" else 1)
+
+
+def _entropy(standing: Sequence[tuple[Rival, float]]) -> float:
+    return float(-sum(weight * np.log2(weight) for _, weight in standing if weight > 0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Component:
+    """A normal distribution of outcomes: share, mean, and square root of the covariance (lower triangle)."""
+
+    log_share: float
+    mean: FloatArray
+    root: FloatArray
+
+    @property
+    def log_scale(self) -> float:
+        return -float(np.sum(np.log(np.diag(self.root)))) - 0.5 * self.mean.size * float(np.log(2 * np.pi))
+
+    def log_density(self, outcomes: FloatArray) -> FloatArray:
+        white = solve_triangular(self.root, (outcomes - self.mean).T, lower=True, check_finite=False)
+        density: FloatArray = self.log_scale + self.log_share - 0.5 * np.sum(white**2, axis=0)
+        return density
+
+
+def _predictions(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[tuple[float, Prediction]]:
+    """What one explanation foresees, with the share of each way in which it may respond."""
+    if option.kind == "value":
+        guess = ValueOutcome(rival.fit, _value(option, rival))
+        return [(1.0, guess)] if guess.known else []
+    sweeps = ahead(option, measurement, points)
+    if not sweeps:
+        return []
+    if rival.outside and option.reaches_motor:
+        return [(1.0, Outcome(rival.fit, sweeps, listed=False, option=option))]
+    responding = Outcome(rival.fit, sweeps, option=option)
+    if not responding.listed:
+        return [(1.0, responding)]
+    return [(1 - NONE_AT_ALL, responding), (NONE_AT_ALL, Outcome(rival.fit, sweeps, listed=False, option=option))]
+
+
+def _value(option: Option, rival: Rival) -> SingleValue:
+    quantity = VALUES[option.name]
+    return SingleValue(option.name, 1.0, quantity.setting.unit, quantity.relative)
+
+
+class _Foreseen(NamedTuple):
+    """One way in which a measurement may come out: its share, mean, derivatives for the model's own unknowns, other columns, white noise."""
+
+    share: float
+    mean: FloatArray
+    own: FloatArray
+    columns: FloatArray
+    sigma: FloatArray
+
+
+def _foreseen(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[_Foreseen]:
+    if option.kind == "value":
+        sizes = OF_VALUE_OUTSIDE if rival.outside else OF_VALUE
+    else:
+        sizes = UNDESCRIBED_OUTSIDE if rival.outside and option.reaches_motor else UNDESCRIBED
+    found = []
+    for share, prediction in _predictions(option, rival, measurement, points):
+        mean, own, by_eta = prediction.at(rival.known.centre, np.zeros(prediction.size))
+        for size, part in sizes.items():
+            columns = np.concatenate([by_eta, prediction.errors, size * prediction.smooth])
+            found.append(_Foreseen(share * part, mean, own, columns, prediction.sigma))
+    return found
+
+
+def _distributions(options: Sequence[Option], rival: Rival, measurement: Measurement, points: int) -> list[_Component]:
+    """The outcomes of measurements that are made one after the other: the model's own unknowns are the same in all of them."""
+    parts = [_foreseen(option, rival, measurement, points) for option in options]
+    if not all(parts):
+        return []
+    precision = rival.known.precision + np.eye(rival.known.centre.size) / OPEN**2
+    half = np.linalg.inv(np.linalg.cholesky(precision))
+    found = []
+    for chosen in product(*parts):
+        own = half @ np.concatenate([one.own for one in chosen], axis=1)
+        covariance = own.T @ own + np.diag(np.concatenate([one.sigma for one in chosen]) ** 2)
+        start = 0
+        for one in chosen:
+            inside = slice(start, start + one.mean.size)
+            covariance[inside, inside] += one.columns.T @ one.columns
+            start = inside.stop
+        root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+        share = float(np.prod([one.share for one in chosen]))
+        found.append(_Component(float(np.log(share)), np.concatenate([one.mean for one in chosen]), root))
+    return found
+
+
+def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float) -> Worth | None:
+    """What one measurement would teach; None where it cannot be foreseen with the sweeps at hand."""
+    told = _information([option], standing, measurement, POINTS_AHEAD)
+    return None if told is None else Worth(option, told[0], _minutes(option, sweep_minutes), told[1], told[2])
+
+
+def _information(
+    options: Sequence[Option], standing: Sequence[tuple[Rival, float]], measurement: Measurement, points: int
+) -> tuple[float, tuple[tuple[str, ...], ...], float] | None:
+    """Bits, the groups told apart, and the largest expected log odds of a pair."""
+    outcomes = [_distributions(options, rival, measurement, points) for rival, _ in standing]
+    if not all(outcomes):
+        return None
+    rng = np.random.default_rng(0)
+    weights = np.array([weight for _, weight in standing])
+    count = len(standing)
+    expected = np.zeros((count, count))
+    bits = 0.0
+    normal = rng.standard_normal((DRAWS, outcomes[0][0].mean.size))
+    for place, components in enumerate(outcomes):
+        drawn = _draws(components, normal, rng)
+        logs = np.array([logsumexp([one.log_density(drawn) for one in other], axis=0) for other in outcomes])
+        mixture = logsumexp(logs + np.log(weights)[:, None], axis=0)
+        bits += weights[place] * float(np.mean(logs[place] - mixture)) / np.log(2)
+        expected[place] = np.mean(logs[place] - logs, axis=1)
+    apart = np.minimum(expected, expected.T)
+    return float(np.clip(bits, 0.0, _entropy(standing))), _groups([rival.label for rival, _ in standing], apart), float(np.max(apart))
+
+
+def _draws(components: Sequence[_Component], normal: FloatArray, rng: np.random.Generator) -> FloatArray:
+    shares = np.exp([one.log_share for one in components])
+    which = rng.choice(len(components), size=len(normal), p=shares / shares.sum())
+    drawn: FloatArray = np.array([components[index].mean + components[index].root @ row for index, row in zip(which, normal, strict=True)])
+    return drawn
+
+
+def _groups(labels: Sequence[str], apart: FloatArray) -> tuple[tuple[str, ...], ...]:
+    """Explanations between which the expected odds stay small, together."""
+    group = list(range(len(labels)))
+    for one, other in combinations(range(len(labels)), 2):
+        if apart[one, other] < APART:
+            group = [group[one] if own == group[other] else own for own in group]
+    return tuple(tuple(label for label, own in zip(labels, group, strict=True) if own == number) for number in dict.fromkeys(group))
+
+
+def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float) -> list[Worth]:
+    """With measurements that teach nothing alone and something together with a second one."""
+    firsts = sorted(ranked, key=lambda one: -one.bits)[:PAIRED]
+    found = list(ranked)
+    for one, other in combinations(firsts, 2):
+        told = _information([one.option, other.option], standing, measurement, POINTS_OF_A_PAIR)
+        if told is not None and told[0] > max(one.bits + other.bits, NOTHING_BITS) * 1.5:
+            first, second = sorted((one, other), key=lambda each: each.minutes)
+            found.append(Worth(first.option, told[0], first.minutes + second.minutes, told[1], told[2], then=second.option.name))
+    best: dict[str, Worth] = {}
+    for each in found:
+        if each.option.name not in best or each.rate > best[each.option.name].rate:
+            best[each.option.name] = each
+    return sorted(best.values(), key=lambda each: -each.rate)
+
+
+def _why(asked: Worth, labels: Mapping[str, float]) -> str:
+    groups = [group for group in asked.separates if group]
+    told = " from ".join(" and ".join(group) for group in groups[:3]) if len(groups) > 1 else " and ".join(list(labels)[:2])
+    then = f", and then {asked.then}" if asked.then else ""
+    return (
+        f"{asked.option.action}{then}: that is expected to teach {asked.bits:.2g} of {_bits(labels):.2g} bits in {asked.minutes:.3g} minutes, "
+        f"and tells {told}"
+    )
+
+
+def _bits(labels: Mapping[str, float]) -> float:
+    return float(-sum(p * np.log2(p) for p in labels.values() if p > 0))
+
+
+def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]) -> str:
+    names = [rival.label for rival, _ in standing if not rival.outside]
+    best = max(ranked, key=lambda one: one.bits, default=None)
+    if best is None:
+        return f"nothing is left on the menu that could tell {' and '.join(names)} apart"
+    return (
+        f"nothing on the menu tells {' and '.join(names)} apart: their outcomes coincide; of {len(ranked)} measurements {best.option.name} "
+        f"would teach most, {show(best.bits, '', 2)} bits"
+    )

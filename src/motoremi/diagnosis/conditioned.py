@@ -1,0 +1,90 @@
+"""The sweeps of a measurement that were taken under conditions, thinned and with the noise that counts; and those that would be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.data.conditions import Condition
+from motoremi.data.measurement import Conditioned, Measurement
+from motoremi.data.noise import Noise
+from motoremi.diagnosis.menu import BY_NAME, Option
+from motoremi.diagnosis.outcome import Observed
+from motoremi.diagnosis.responses import ROOM_DEGC
+
+# Points of a sweep that are weighed: changes are smooth but for resonances, which move by more than their width over so many.
+POINTS = 100
+# Points of a sweep that is only thought of.
+POINTS_AHEAD = 40
+# A point noisier than this says nothing (an open fixture at its low end).
+LARGEST_NOISE = 0.3
+
+
+def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]]:
+    """The sweeps of each condition that the menu knows, in the order in which they came."""
+    found = []
+    for condition in dict.fromkeys(one.condition for one in measurement.conditioned):
+        option = BY_NAME.get(condition.id)
+        own = [one for one in measurement.conditioned if one.condition == condition]
+        if option is not None:
+            sweeps = [seen for one in own if (seen := _observed(one, option, measurement)) is not None]
+            if sweeps:
+                found.append((option, sweeps))
+    return found
+
+
+def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Observed | None:
+    """A sweep as it is weighed; None where nothing stands to hold it against, or all of it is noise."""
+    sweep, reference = one.sweep, _reference(measurement, one.sweep.termination)
+    if reference is None:
+        return None
+    inside = np.ones(sweep.frequency_hz.size, dtype=np.bool_)
+    sigma = np.sqrt(one.noise.variance)
+    if option.kind == "change":
+        frequency, noise = reference
+        # Beyond the reference sweep there is no change to see.
+        inside &= (sweep.frequency_hz >= frequency[0] * (1 - 1e-9)) & (sweep.frequency_hz <= frequency[-1] * (1 + 1e-9))
+        sigma = np.hypot(sigma, np.interp(np.log(sweep.frequency_hz), np.log(frequency), np.sqrt(noise.variance)))
+    inside &= one.noise.regular & (sigma < LARGEST_NOISE)
+    kept = np.flatnonzero(inside)
+    if kept.size < 2:
+        return None
+    kept = kept[np.unique(np.linspace(0, kept.size - 1, min(POINTS, kept.size)).round().astype(np.intp))]
+    return Observed(one.condition, sweep.termination, sweep.frequency_hz[kept], sigma[kept], sweep.mean_ohm[kept])
+
+
+def _reference(measurement: Measurement, termination: str) -> tuple[FloatArray, Noise] | None:
+    pairs = zip(measurement.sweeps, measurement.noise, strict=True)
+    return next(((sweep.frequency_hz, noise) for sweep, noise in pairs if sweep.termination == termination), None)
+
+
+def asked_condition(option: Option) -> Condition:
+    """The condition that a measurement of the menu asks for."""
+    value = option.asked
+    if option.name == "second-temperature" and value is not None:
+        value = ROOM_DEGC + value
+    return Condition(option.name, value, option.unit if value is not None else "")
+
+
+def ahead(option: Option, measurement: Measurement, points: int = POINTS_AHEAD) -> list[Observed]:
+    """The sweeps that a measurement of the menu would give, without data; none of a termination that the session has no sweep of."""
+    sweeps = []
+    for termination in option.sweeps:
+        reference = _reference(measurement, termination)
+        if reference is None:
+            continue
+        frequency, noise = reference
+        low, high = measurement.analyser.span_hz if option.name == "wide-sweep" else (float(frequency[0]), float(frequency[-1]))
+        grid = (
+            np.geomspace(min(low, frequency[0]), max(high, frequency[-1]), points) if option.name == "wide-sweep" else _thinned(frequency, points)
+        )
+        sigma = np.interp(np.log(grid), np.log(frequency), np.sqrt(noise.variance))
+        sweeps.append(Observed(asked_condition(option), termination, grid, np.sqrt(2) * sigma if option.kind == "change" else sigma))
+    return sweeps
+
+
+def _thinned(frequency_hz: FloatArray, points: int) -> FloatArray:
+    index: Sequence[int] = np.unique(np.linspace(0, frequency_hz.size - 1, min(points, frequency_hz.size)).round().astype(np.intp)).tolist()
+    return frequency_hz[list(index)]

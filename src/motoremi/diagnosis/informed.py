@@ -1,0 +1,77 @@
+"""A judgement of the reference sweeps, with what sweeps under conditions and single values have taught since."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from motoremi.diagnosis.belief import MOST_NAMES, Belief, believe
+from motoremi.diagnosis.findings import Finding
+from motoremi.diagnosis.judgement import RELAXING, Judgement
+from motoremi.diagnosis.rivals import Key, Rivals, rivals_of, update
+
+# How often the truth is none of the models found, by what the leading one leaves. As `belief.RELIABLE` has it for such answers.
+OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.25, "not": 0.9}
+
+
+def rivals_in(judgement: Judgement) -> Rivals:
+    """The explanations that a judgement leaves standing, with what the measurement holds beside the reference sweeps.
+
+    Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
+    """
+    credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not _distributed(key)}
+    return update(rivals_of(credible, OUTSIDE[judgement.standing]), judgement.base.measurement)
+
+
+def _distributed(key: Key) -> bool:
+    return len(key) == MOST_NAMES and set(key) <= RELAXING
+
+
+def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
+    """The judgement with scores that know what was learnt; the same where nothing was."""
+    if not rivals.taught:
+        return judgement
+    inside = [one for one in rivals.members if not one.outside]
+    best = max(judgement.found[one.key].score for one in inside)
+    changes = {one.key: one.log_weight - (judgement.found[one.key].score - best) for one in inside}
+    # What was too unlikely to be weighed keeps its distance from the one that gained most.
+    most = max(changes.values())
+    found = {key: dataclasses.replace(one, score=one.score + changes.get(key, most)) for key, one in judgement.found.items()}
+    return Judgement(judgement.base, found, believe(found))
+
+
+def departs(rivals: Rivals) -> bool:
+    """Whether what was measured since is none of what any explanation of the catalogue foresees."""
+    return bool(rivals.taught) and rivals.outside > 0.5
+
+
+def confidence_of(rivals: Rivals, belief: Belief, verdict: str, before: float) -> float:
+    """How often such an answer is true; once more was measured, what the catalogue does not hold has its probability from there."""
+    if not rivals.taught:
+        return before
+    if verdict == "unexplained":
+        return max(rivals.outside, before) if departs(rivals) else before
+    # A serious finding, or a model that is pushed to a bound, is as serious as before.
+    return min(before / max(belief.probability, 1e-9), 1 - rivals.outside) * belief.probability
+
+
+def reasons_of(rivals: Rivals) -> list[str]:
+    """What each further measurement taught, in words."""
+    said = []
+    for taught in rivals.taught:
+        best, share = max(taught.probabilities.items(), key=lambda pair: pair[1])
+        said.append(f"{taught.id} taught {taught.bits:.2g} bits: then {best} had a probability of {share:.2g}")
+    if departs(rivals):
+        said.append("it departs from what every explanation of the catalogue foresees")
+    return said
+
+
+def of_the_operator(rivals: Rivals) -> list[Finding]:
+    """Sweeps and values that are none of what was asked for."""
+    return [
+        Finding(
+            "not-as-asked", f"{one.says}; it is not used", "repeat that measurement, or append it under the condition that it was taken in", False
+        )
+        for taught in rivals.taught
+        for one in taught.mistakes
+    ]

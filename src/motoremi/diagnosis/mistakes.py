@@ -1,0 +1,123 @@
+"""What an operator may have done instead of what was asked: each is an explanation of a sweep, with a small prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.conditions import STANDARDS, Condition
+from motoremi.data.kernels import logarithm, smooth_basis
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.menu import BY_NAME, Option
+from motoremi.diagnosis.outcome import SMOOTH, Observed, Outcome
+from motoremi.diagnosis.weighing import Known, weigh
+from motoremi.fitting.result import Fit
+
+# One action in twenty goes wrong. An assumption; unconfirmed.
+WRONG = 0.05
+# A sweep that nothing explains at all is rarer.
+STRANGE = 0.005
+# What such a sweep may be off by, and what a repeated one is.
+ANYTHING = {1.5: 1.0}
+THE_SAME = {5e-4: 0.5, 2e-3: 0.5}
+# Measurements that cannot leave a sweep as it was.
+MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", "second-temperature", "rotor-out", *STANDARDS)
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One explanation of a sweep that is none of what was asked.
+
+    Parameters
+    ----------
+    kind : str
+    says : str
+        As one would tell the operator.
+    log_likelihood : float
+        Of the sweep, the prior of the mistake included.
+    """
+
+    kind: str
+    says: str
+    log_likelihood: float
+
+
+def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known) -> Mistake:
+    """The likeliest mistake that would give a sweep, and how likely all of them together make it."""
+    asked = f"{sweep.termination} sweep, {sweep.condition}"
+    found: list[Mistake] = []
+    for reference in measurement.sweeps:
+        same = reference.termination == sweep.termination
+        if (same and option.name not in MUST_SHOW) or not _covers(reference.frequency_hz, sweep.frequency_hz):
+            continue
+        log = _log_likelihood(sweep, _at(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
+        what = f"it is the {reference.termination} sweep of the motor as it was"
+        found.append(Mistake("nothing-changed" if same else "wrong-termination", f"{asked}: {what}, again", log))
+    if option.kind == "standard":
+        for name in ("fixture-open", "fixture-short", "fixture-load"):
+            if name != option.name and not (option.name == "standards" and name == "fixture-load"):
+                value = 50.0 if name == "fixture-load" else None
+                other = Condition(name, value, "Ohm" if value else "")
+                log = weigh(Outcome(likeliest, [replace(sweep, condition=other)]), known).log_likelihood
+                found.append(Mistake("wrong-standard", f"{asked}: it is that of {other}", log))
+    elif option.kind == "change":
+        other_end = "open" if sweep.termination == "short" else "short"
+        if other_end in measurement.terminations:
+            log = weigh(Outcome(likeliest, [replace(sweep, termination=other_end)]), known).log_likelihood
+            found.append(Mistake("wrong-termination", f"{asked}: the far end of the winding was as for the {other_end} sweep", log))
+    share = np.log(WRONG / max(len(found), 1))
+    weighed = [replace(one, log_likelihood=one.log_likelihood + share) for one in found]
+    middle: ComplexArray = np.full(sweep.frequency_hz.size, np.exp(np.mean(np.log(np.abs(_impedance(sweep))))), dtype=np.complex128)
+    strange = _log_likelihood(sweep, middle, ANYTHING) + np.log(STRANGE)
+    weighed.append(Mistake("strange", f"{asked}: neither what was asked for nor any known mistake gives it", float(strange)))
+    best = max(weighed, key=lambda one: one.log_likelihood)
+    return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))
+
+
+def _covers(own_hz: FloatArray, wanted_hz: FloatArray) -> bool:
+    return bool(own_hz[0] <= wanted_hz[0] * 1.001 and own_hz[-1] >= wanted_hz[-1] * 0.999)
+
+
+def _at(frequency_hz: FloatArray, impedance_ohm: ComplexArray, wanted_hz: FloatArray) -> ComplexArray:
+    values, place = logarithm(impedance_ohm), np.log(frequency_hz)
+    between: ComplexArray = np.interp(np.log(wanted_hz), place, values.real) + 1j * np.interp(np.log(wanted_hz), place, values.imag)
+    return np.exp(between)
+
+
+def _impedance(sweep: Observed) -> ComplexArray:
+    assert sweep.impedance_ohm is not None
+    return sweep.impedance_ohm
+
+
+class _Given:
+    """A prediction without unknowns."""
+
+    size = 0
+
+    def __init__(self, sweep: Observed, impedance_ohm: ComplexArray) -> None:
+        ratio = np.log(_impedance(sweep) / impedance_ohm)
+        self._left: FloatArray = np.concatenate([ratio.real, ratio.imag])
+        self.sigma: FloatArray = np.concatenate([sweep.sigma, sweep.sigma])
+        columns = smooth_basis(sweep.frequency_hz, SMOOTH).T
+        nothing = np.zeros_like(columns)
+        self.smooth: FloatArray = np.concatenate([np.concatenate([columns, nothing], axis=1), np.concatenate([nothing, columns], axis=1)])
+        self.errors: FloatArray = np.zeros((0, self.sigma.size))
+
+    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        nothing = np.zeros((0, self.sigma.size))
+        return np.zeros(self.sigma.size), nothing, nothing
+
+    def residual(self, mean: FloatArray) -> FloatArray:
+        return self._left - mean
+
+
+def _log_likelihood(sweep: Observed, impedance_ohm: ComplexArray, sizes: dict[float, float]) -> float:
+    empty = Known(np.zeros(0), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+    return weigh(_Given(sweep, impedance_ohm), empty, sizes).log_likelihood
+
+
+def option_of(condition: Condition) -> Option | None:
+    """The row of the menu that a condition belongs to."""
+    return BY_NAME.get(condition.id)

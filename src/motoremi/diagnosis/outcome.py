@@ -1,0 +1,369 @@
+"""What a measurement under a condition would show if a model were true: its prediction, and how that moves with all that is not known.
+
+The outcome is a vector of real numbers. Of a sweep it is ln Z at each frequency (real parts, then imaginary parts) less what the model left of
+the reference sweep there, so that whatever both sweeps share (the analyser's smooth errors, what no model describes) is gone. What moves
+the prediction: the model's own parameters, as far as the sweeps at hand leave them open; the response numbers of the condition, standard
+normal; what compensation leaves at a connection that is made anew; and smooth errors, standard normal along the columns of a basis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.analyser import error_basis
+from motoremi.data.conditions import Condition, SingleValue
+from motoremi.data.kernels import logarithm, slope, smooth_basis
+from motoremi.diagnosis.menu import BY_NAME, Option
+from motoremi.diagnosis.responses import Responses, factors, responses
+from motoremi.fitting.problem import behind_fixture, residual_parameters
+from motoremi.fitting.result import Fit
+from motoremi.model import laws
+from motoremi.model.circuit import Leaf, Node, Parallel, Series, Tape
+from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.motor import Motor
+
+# What no model describes of a change is smooth over this length, in decades; beside it, the place of a resonance moves by as much.
+SMOOTH: tuple[tuple[float, float], ...] = ((1.0, 0.6),)
+# The analyser reads no infinite impedance.
+OPEN_OHM = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """One sweep under a condition, thinned: or where one would be made.
+
+    Parameters
+    ----------
+    condition : Condition
+    termination : str
+    frequency_hz : ndarray, shape (n,)
+    sigma : ndarray, shape (n,)
+        Noise of ln Z, that of the reference sweep included where it counts.
+    impedance_ohm : ndarray, shape (n,), or None
+        None for a sweep that is only thought of.
+    """
+
+    condition: Condition
+    termination: str
+    frequency_hz: FloatArray
+    sigma: FloatArray
+    impedance_ohm: ComplexArray | None = None
+
+
+class Outcome:
+    """The prediction of one model for the sweeps of one condition.
+
+    Parameters
+    ----------
+    fit : Fit
+    sweeps : sequence of Observed
+        All of one condition.
+    listed : bool
+        Whether the responses that effects name come.
+    option : Option, optional
+        The row of the menu; by default that of the condition.
+    """
+
+    def __init__(self, fit: Fit, sweeps: Sequence[Observed], listed: bool = True, option: Option | None = None) -> None:
+        self.fit, self.sweeps = fit, tuple(sweeps)
+        self.condition = self.sweeps[0].condition
+        self.option = option or BY_NAME[self.condition.id]
+        problem = fit.problem
+        self._names = [p.name for p in problem.everything]
+        found = responses(self.condition, self._names, self.option) if self.option.kind == "change" else Responses((), 1)
+        self._responses = found if listed else found.without_listed()
+        self._anew = self._connections()
+        self.size = self._responses.size + len(self._anew)
+        self._varying = np.array([self._names.index(p.name) for p in problem.unknowns], dtype=np.intp)
+        self._log = np.array([p.scale == "log" for p in problem.unknowns])
+        self._scale = np.array([problem.vector_scale(i) for i in range(len(problem.unknowns))])
+        self._tapes = [Tape(self._circuit(sweep), self._names) for sweep in self.sweeps]
+        self._before = [None if self.absolute else self._reference_tape(sweep) for sweep in self.sweeps]
+
+    @property
+    def listed(self) -> bool:
+        """Whether any response may come or not."""
+        return self._responses.listed
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the sweep stands for itself, not against one of the reference state."""
+        return self.option.kind != "change"
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """White noise of each number, shape (2 n,)."""
+        return np.concatenate([np.concatenate([sweep.sigma, sweep.sigma]) for sweep in self.sweeps])
+
+    def _connections(self) -> list[tuple[int, float]]:
+        """Place and standard deviation of what compensation leaves at the connections: between two terminations each is made anew."""
+        analyser = self.fit.measurement.analyser
+        if analyser.ideal:
+            return []
+        declared = self.fit.sizes.declared
+        own = [p for t in dict.fromkeys(sweep.termination for sweep in self.sweeps) for p in residual_parameters(analyser, t)]
+        return [(self._names.index(p.name), declared * float(p.sigma or 0.0)) for p in own if p.name in self._names]
+
+    def _circuit(self, sweep: Observed) -> Node:
+        s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
+        return self._behind(_set_up(self.fit.motor, self.option, self.condition, sweep.termination, s), sweep)
+
+    def _reference_tape(self, sweep: Observed) -> Tape:
+        return Tape(self._behind(self.fit.motor.circuit(sweep.termination), sweep), self._names)
+
+    def _behind(self, circuit: Node, sweep: Observed) -> Node:
+        analyser = self.fit.measurement.analyser
+        return circuit if analyser.ideal else behind_fixture(circuit, analyser, sweep.termination, sweep.frequency_hz)
+
+    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Prediction, shape (2 n,), its derivatives for the model's unknowns, shape (k, 2 n), and for eta, shape (q, 2 n)."""
+        problem = self.fit.problem
+        values = problem.physical(u)
+        chain = np.where(self._log, values[self._varying], self._scale)
+        factor, slopes = factors(self._responses, eta[: self._responses.size], self._names)
+        moved = values * factor
+        redrawn = np.zeros(len(self._names), dtype=np.bool_)
+        for number, (place, sigma) in enumerate(self._anew, start=self._responses.size):
+            moved[place] = sigma * eta[number]
+            redrawn[place] = True
+        means, by_u, by_eta = [], [], []
+        for sweep, tape, before in zip(self.sweeps, self._tapes, self._before, strict=True):
+            s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
+            with np.errstate(all="ignore"):
+                impedance, gradient = tape.gradient(s, moved)
+                relative = gradient / impedance
+                mean = logarithm(impedance)
+                own = np.where(redrawn[:, None], 0.0, relative * factor[:, None])[self._varying] * chain[:, None]
+                response = np.concatenate(
+                    [slopes @ (relative * moved[:, None]), *([relative[place] * sigma][0][None] for place, sigma in self._anew)]
+                )
+                if before is not None:
+                    reference, tilt = before.gradient(s, values)
+                    mean = mean - logarithm(reference)
+                    own = own - (tilt / reference)[self._varying] * chain[:, None]
+            means.append(_real(mean))
+            by_u.append(_real(own))
+            by_eta.append(_real(response))
+        return np.nan_to_num(np.concatenate(means, axis=-1)), *(np.nan_to_num(np.concatenate(x, axis=-1)) for x in (by_u, by_eta))
+
+    @cached_property
+    def data(self) -> FloatArray:
+        """What was measured, shape (2 n,): ln Z, of a change less ln Z of the reference sweep."""
+        rows = []
+        for sweep in self.sweeps:
+            assert sweep.impedance_ohm is not None
+            measured = logarithm(sweep.impedance_ohm)
+            if not self.absolute:
+                measured = measured - self._reference(sweep)
+            rows.append(_real(measured))
+        return np.concatenate(rows)
+
+    def _reference(self, sweep: Observed) -> ComplexArray:
+        """ln Z of the reference sweep at a sweep's frequencies: between its points, what the model left of it is straight."""
+        measurement = self.fit.measurement
+        own = next(one for one in measurement.sweeps if one.termination == sweep.termination)
+        fitted = self._modelled(own.termination, own.frequency_hz)
+        left = logarithm(own.mean_ohm / fitted)
+        place, wanted = np.log(own.frequency_hz), np.log(sweep.frequency_hz)
+        between: ComplexArray = np.interp(wanted, place, left.real) + 1j * np.interp(wanted, place, left.imag)
+        return between + logarithm(self._modelled(own.termination, sweep.frequency_hz))
+
+    def _modelled(self, termination: str, frequency_hz: FloatArray) -> ComplexArray:
+        here = Observed(self.condition, termination, frequency_hz, np.ones_like(frequency_hz))
+        s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
+        with np.errstate(all="ignore"):
+            return self._reference_tape(here).impedance(s, self.fit.problem.physical(self.fit.unknowns))
+
+    def residual(self, mean: FloatArray) -> FloatArray:
+        """Data less a prediction, phases within half a turn."""
+        left = self.data - mean
+        start = 0
+        for sweep in self.sweeps:
+            phases = slice(start + sweep.frequency_hz.size, start + 2 * sweep.frequency_hz.size)
+            left[phases] -= 2 * np.pi * np.rint(left[phases] / (2 * np.pi))
+            start = phases.stop
+        return left
+
+    @cached_property
+    def smooth(self) -> FloatArray:
+        """Columns, shape (p, 2 n), of what no model describes of a condition, for a size of one: in value and in place."""
+        count = sum(2 * sweep.frequency_hz.size for sweep in self.sweeps)
+        rows, start = [], 0
+        values = self.fit.problem.physical(self.fit.unknowns)
+        for sweep, tape in zip(self.sweeps, self._tapes, strict=True):
+            s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
+            with np.errstate(all="ignore"):
+                steepness = slope(sweep.frequency_hz, tape.impedance(s, values), float(np.median(sweep.sigma)))
+            columns = smooth_basis(sweep.frequency_hz, SMOOTH).T
+            place = np.nan_to_num(np.clip(np.abs(steepness), 0.0, 1e3)) * np.exp(1j * np.angle(steepness)) * columns
+            for column in (columns.astype(np.complex128), 1j * columns, place):
+                wide = np.zeros((len(column), count))
+                wide[:, start : start + 2 * sweep.frequency_hz.size] = _real(column)
+                rows.append(wide)
+            start += 2 * sweep.frequency_hz.size
+        return np.concatenate(rows)
+
+    @cached_property
+    def errors(self) -> FloatArray:
+        """Columns, shape (p, 2 n), of the analyser's smooth errors: of a change only what does not cancel."""
+        analyser, declared = self.fit.measurement.analyser, self.fit.sizes.declared
+        count = sum(2 * sweep.frequency_hz.size for sweep in self.sweeps)
+        if analyser.ideal:
+            return np.zeros((0, count))
+        frequency = np.concatenate([sweep.frequency_hz for sweep in self.sweeps])
+        values = self.fit.problem.physical(self.fit.unknowns)
+        here = self._impedances(self._tapes, values)
+        basis = error_basis(analyser, frequency, here)
+        if self.absolute:
+            told = [basis]
+        elif self.option.name == "repeat-compensation":
+            told = [np.sqrt(2) * basis]
+        elif analyser.by_reflection:
+            told = [basis - error_basis(analyser, frequency, self._impedances([tape for tape in self._before if tape is not None], values))]
+        else:
+            return np.zeros((0, count))
+        columns = declared * np.concatenate(told, axis=1).T
+        parts, start = [], 0
+        for sweep in self.sweeps:
+            parts.append(_real(np.concatenate([columns, 1j * columns])[:, start : start + sweep.frequency_hz.size]))
+            start += sweep.frequency_hz.size
+        return np.concatenate(parts, axis=1)
+
+    def _impedances(self, tapes: Sequence[Tape], values: FloatArray) -> ComplexArray:
+        factor, _ = factors(self._responses, np.zeros(self._responses.size), self._names)
+        moved = values if len(tapes) and tapes is not self._tapes else values * factor
+        with np.errstate(all="ignore"):
+            rows = [tape.impedance(np.asarray(2j * np.pi * sweep.frequency_hz), moved) for sweep, tape in zip(self.sweeps, tapes, strict=True)]
+        joined: ComplexArray = np.concatenate(rows)
+        return np.where(np.isfinite(joined), joined, OPEN_OHM)
+
+
+class ValueOutcome:
+    """The prediction of one model for a single value, as a logarithm; the same face as `Outcome`.
+
+    Parameters
+    ----------
+    fit : Fit
+    value : SingleValue
+    """
+
+    listed = False
+    size = 1
+
+    def __init__(self, fit: Fit, value: SingleValue) -> None:
+        self.fit, self.value = fit, value
+        relative = value.sigma / value.value_si
+        self.sigma: FloatArray = np.array([float(np.hypot(relative, self._doubt()))])
+        self.data: FloatArray = np.array([np.log(value.value_si)])
+        self.errors: FloatArray = np.zeros((0, 1))
+        self.smooth: FloatArray = np.ones((1, 1))
+
+    def _doubt(self) -> float:
+        """How far the quantity may be from what the model calls by its name, as a logarithm."""
+        name = self.value.name
+        if name == "insulation-resistance":
+            return FINITE_DOUBT if self._leaks else LEAKAGE_DOUBT
+        if name == "lead-length":
+            return LEAD_DOUBT if self._lead is not None else NO_LEAD_DOUBT
+        return VALUE_DOUBT[name]
+
+    @property
+    def _leaks(self) -> bool:
+        """Whether the model has a path to the frame at DC."""
+        if "open" not in self.fit.measurement.terminations:
+            return False
+        return abs(self._impedance("open", DIRECT_CURRENT_HZ, dict(self.fit.parameters))) < 0.1 * HIGHEST_INSULATION_OHM
+
+    @property
+    def _lead(self) -> str | None:
+        return next((p.name for p in self.fit.problem.unknowns if p.name == "lead-inductance.inductance_h"), None)
+
+    @property
+    def known(self) -> bool:
+        """Whether the model says anything of it at all."""
+        needed = "short" if self.value.name == "dc-resistance" else "open"
+        return self.value.name == "lead-length" or needed in self.fit.measurement.terminations
+
+    def residual(self, mean: FloatArray) -> FloatArray:
+        """Data less a prediction."""
+        return self.data - mean
+
+    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `Outcome.at`."""
+        mean = self._predicted(u)
+        slopes = np.zeros((u.size, 1))
+        for index in range(u.size):
+            step = u.copy()
+            step[index] += NUDGE
+            slopes[index] = (self._predicted(step) - mean) / NUDGE
+        return np.array([mean]), np.nan_to_num(slopes), np.zeros((1, 1))
+
+    def _predicted(self, u: FloatArray) -> float:
+        values = self.fit.problem.named(u)
+        name = self.value.name
+        if name == "lead-length":
+            return float(np.log(values[self._lead] / LEAD_H_PER_M) if self._lead else np.log(USUAL_LEAD_M))
+        if name == "dc-resistance":
+            return float(np.log(max(self._impedance("short", DIRECT_CURRENT_HZ, values).real, 1e-12)))
+        if name == "insulation-resistance":
+            resistance = abs(self._impedance("open", DIRECT_CURRENT_HZ, values))
+            return float(-np.log(1 / resistance + 1 / HIGHEST_INSULATION_OHM))
+        admittance = 1 / self._impedance("open", 1e3, values)
+        if name == "capacitance-1khz":
+            return float(np.log(max(admittance.imag / (2 * np.pi * 1e3), 1e-18)))
+        return float(np.log(max(admittance.real / max(admittance.imag, 1e-18), 1e-9)))
+
+    def _impedance(self, termination: str, frequency_hz: float, values: dict[str, float]) -> complex:
+        names = list(self.fit.motor.used_parameters(termination))
+        s: ComplexArray = np.array([2j * np.pi * frequency_hz])
+        with np.errstate(all="ignore"):
+            return complex(Tape(self.fit.motor.circuit(termination), names).impedance(s, np.array([values[name] for name in names]))[0])
+
+
+# Uncertainties of what a single value means, beyond its meter's: the motor's temperature (3 K of copper), a capacitance that a bridge measures
+# with its leads, an insulation that leaks by paths that no model holds (within a factor of three of 10 GOhm), a lead of 1 uH to the metre.
+VALUE_DOUBT = {"dc-resistance": 0.015, "capacitance-1khz": 0.01, "tan-delta-1khz": 0.1}
+FINITE_DOUBT, LEAKAGE_DOUBT, HIGHEST_INSULATION_OHM = 0.15, 1.1, 10e9
+LEAD_H_PER_M, LEAD_DOUBT, USUAL_LEAD_M, NO_LEAD_DOUBT = 1e-6, 0.4, 0.1, 1.2
+DIRECT_CURRENT_HZ = 1e-4
+NUDGE = 1e-4
+
+
+def _set_up(motor: Motor, option: Option, condition: Condition, termination: str, s: ComplexArray) -> Node:
+    """The circuit that stands before the analyser."""
+    value = condition.value
+    if option.kind == "standard":
+        part = _standard(option.name, value, s)
+        own = [name for name in motor.effects if find_effect(name).effect.group == "instrument"]
+        return add_effects(Motor(winding=part, frame=part), own).circuit("short" if termination == "short" else "open")
+    if option.name == "far-end-grounded":
+        return motor.circuit("grounded")
+    circuit = motor.circuit(termination)
+    if value is not None and (option.name == "longer-lead" or (option.name == "longer-strap" and termination == "open")):
+        return Series((circuit, _known(s * value)))
+    if value is not None and option.name == "known-capacitor":
+        return Parallel((circuit, _known(1 / (s * value))))
+    return circuit
+
+
+def _standard(name: str, value: float | None, s: ComplexArray) -> Node:
+    if name == "fixture-open":
+        return _known(np.full_like(s, OPEN_OHM))
+    if name == "fixture-short":
+        return _known(np.full_like(s, 1e-9))
+    return _known(np.full_like(s, value or 50.0))
+
+
+def _known(impedance_ohm: ComplexArray) -> Leaf:
+    return Leaf("known", laws.given(impedance_ohm), ())
+
+
+def _real(values: ComplexArray) -> FloatArray:
+    """Real parts, then imaginary parts, along the last axis."""
+    joined: FloatArray = np.concatenate([values.real, values.imag], axis=-1)
+    return joined

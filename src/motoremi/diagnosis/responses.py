@@ -1,0 +1,138 @@
+"""What a condition changes in a model: response parameters with priors, each a standard normal number until something is measured.
+
+Known physics is tight (copper's temperature coefficient), the rest wide: a response that an effect names is known within a factor of two and
+may not come at all; elements and effects that nobody names move by what `menu` says, at least by what a motor repeats to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.data.conditions import Condition
+from motoremi.diagnosis.menu import BY_NAME, REPEATABILITY, Moved, Option
+from motoremi.model.effects import find_effect
+from motoremi.model.motor import BASE_PARAMETERS
+
+# Of copper and nearly of aluminium, per kelvin at 20 degC (IEC 60028).
+COPPER_PER_K = 3.93e-3
+# A room where nobody read the thermometer, and how well the winding's own temperature is known; degC and K.
+ROOM_DEGC, ROOM_SIGMA_K = 23.0, 3.0
+# The menu's responses to warmth are for so many kelvin.
+WARMED_BY_K = 30.0
+# A response is known within this factor.
+RESPONSE_FACTOR = 2.0
+# One in ten of the responses that the catalogue names does not come. An assumption; unconfirmed.
+NONE_AT_ALL = 0.1
+# What "gone" leaves.
+GONE = 0.05
+
+
+@dataclass(frozen=True)
+class Response:
+    """How a parameter of the model moves with response numbers eta.
+
+    Parameters
+    ----------
+    parameter : str
+    mean : float
+        Of the logarithm of its factor.
+    sigma : float
+        Logarithm of the factor = mean + sigma * eta; for `listed`, mean * exp(sigma * eta): its sign is known, its size within a factor.
+    number : int
+        Which eta.
+    listed : bool
+    """
+
+    parameter: str
+    mean: float
+    sigma: float
+    number: int
+    listed: bool = False
+
+    def logarithm(self, eta: FloatArray) -> tuple[float, float]:
+        """Of the factor, and its derivative for eta."""
+        own = float(eta[self.number])
+        if not self.listed:
+            return self.mean + self.sigma * own, self.sigma
+        value = self.mean * math.exp(self.sigma * min(own, 5.0))
+        return value, value * self.sigma
+
+
+@dataclass(frozen=True)
+class Responses:
+    """All that a condition changes in one model.
+
+    Parameters
+    ----------
+    members : tuple of Response
+    size : int
+        How many numbers eta.
+    """
+
+    members: tuple[Response, ...]
+    size: int
+
+    @property
+    def listed(self) -> bool:
+        """Whether the model has an effect that is known to answer."""
+        return any(one.listed for one in self.members)
+
+    def without_listed(self) -> Responses:
+        """The same where what the effects name does not come."""
+        return Responses(tuple(one for one in self.members if not one.listed), self.size)
+
+
+def responses(condition: Condition, parameters: Sequence[str], option: Option | None = None) -> Responses:
+    """What a condition changes in a model with these parameters (`La`, `eddy-laminations.corner_hz`); errors of the analyser are none of it."""
+    option = option or BY_NAME[condition.id]
+    warmed_k = (condition.value or 0.0) - ROOM_DEGC if condition.id == "second-temperature" else None
+    strength = 1.0 if warmed_k is None else warmed_k / WARMED_BY_K
+    # A part of known size is in the circuit: nothing has to answer to it.
+    known = option.name in ("longer-lead", "longer-strap", "known-capacitor") and condition.value is not None
+    elements = {parameter.name for parameter in BASE_PARAMETERS}
+    members: list[Response] = []
+    # Number 0 is the winding's true warmth, shared by all its copper.
+    count = 1
+    for name in parameters:
+        label, _, short = name.rpartition(".")
+        power = _copper(label, short) if warmed_k is not None else None
+        if power is not None and warmed_k is not None:
+            share = math.log1p(COPPER_PER_K * warmed_k / (1 + COPPER_PER_K * (ROOM_DEGC - 20)))
+            doubt = ROOM_SIGMA_K * COPPER_PER_K
+            members.append(Response(name, power * share, power * doubt, 0))
+        if name in elements:
+            moved = option.elements.get(name, Moved(0.0, 0.0)) if power is None else Moved(0.0, 0.0)
+            members.append(Response(name, moved.mean * strength, math.hypot(moved.sigma * strength, REPEATABILITY), count))
+            count += 1
+        elif label:
+            factor = None if known else find_effect(label.split("#")[0]).effect.responds.get(option.name, {}).get(short)
+            if factor is not None and power is None:
+                members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
+                count += 1
+            members.append(Response(name, 0.0, option.others if factor is None else REPEATABILITY, count))
+            count += 1
+    return Responses(tuple(members), count)
+
+
+def _copper(label: str, short: str) -> float | None:
+    """Power of the copper's resistivity that a parameter follows; None for what is not copper."""
+    if not label:
+        return 1.0 if short == "Ra" else None
+    return find_effect(label.split("#")[0]).effect.copper.get(short)
+
+
+def factors(found: Responses, eta: FloatArray, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Factor on each parameter, shape (p,), and the derivative of its logarithm for each eta, shape (q, p)."""
+    place = {name: index for index, name in enumerate(names)}
+    logarithms, slopes = np.zeros(len(names)), np.zeros((found.size, len(names)))
+    for one in found.members:
+        if (at := place.get(one.parameter)) is not None:
+            value, slope = one.logarithm(eta)
+            logarithms[at] += value
+            slopes[one.number, at] += slope
+    return np.exp(logarithms), slopes

@@ -1,0 +1,266 @@
+"""The explanations that still stand, and what new data under conditions do to their probabilities.
+
+log odds of two rivals change by the difference of log p(new data | rival, sweeps at hand). A motor that the catalogue does not hold is always
+one of the rivals: its prediction is the likeliest model's, with a wide departure. What an operator may have done instead of what was asked
+is an explanation of each sweep as well, so that no wrong sweep decides anything.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from scipy.special import logsumexp
+
+from motoremi.arrays import JsonDict
+from motoremi.data.conditions import VALUES, SingleValue
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.conditioned import by_condition
+from motoremi.diagnosis.menu import BY_NAME, Option
+from motoremi.diagnosis.mistakes import WRONG, Mistake, mistakes
+from motoremi.diagnosis.outcome import Observed, Outcome, ValueOutcome
+from motoremi.diagnosis.weighing import UNDESCRIBED_OUTSIDE, Known, Weighed, weigh, weigh_either
+from motoremi.fitting.result import Fit
+
+Key = tuple[str, ...]
+# Name of the rival that the catalogue does not hold.
+OUTSIDE = "outside-the-catalogue"
+# Log odds behind the best beyond which a model is not weighed: it keeps its distance.
+BEHIND = 12.0
+MOST_RIVALS = 10
+# What the catalogue does not hold is like one of so many that lead.
+LIKE = 3
+# A mistake is looked at where it is within these log odds of what was asked for.
+PLAUSIBLE = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """One explanation.
+
+    Parameters
+    ----------
+    key : tuple of str
+        Effects that it adds; (OUTSIDE,) for what the catalogue does not hold.
+    fit : Fit
+    log_weight : float
+    known : Known
+        What the data so far say of its unknowns.
+    """
+
+    key: Key
+    fit: Fit
+    log_weight: float
+    known: Known
+
+    @property
+    def outside(self) -> bool:
+        """Whether it stands for what the catalogue does not hold."""
+        return self.key == (OUTSIDE,)
+
+    @property
+    def label(self) -> str:
+        """As it is told."""
+        return " + ".join(self.key) or "nothing missing"
+
+
+@dataclass(frozen=True)
+class Taught:
+    """What one condition or value taught.
+
+    Parameters
+    ----------
+    id : str
+        As it is written, for example `second-temperature=53degC`.
+    bits : float
+        Information: how far the probabilities moved (Kullback and Leibler).
+    probabilities : dict
+        Afterwards, by label.
+    mistakes : tuple of Mistake
+        What was found to be none of what was asked; such sweeps are not used.
+    """
+
+    id: str
+    bits: float
+    probabilities: Mapping[str, float]
+    mistakes: tuple[Mistake, ...] = ()
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "id": self.id,
+            "information_bits": self.bits,
+            "probabilities": dict(self.probabilities),
+            "mistakes": [{"kind": one.kind, "says": one.says} for one in self.mistakes],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Rivals:
+    """Explanations with their probabilities; the last is what the catalogue does not hold. Immutable.
+
+    Parameters
+    ----------
+    members : tuple of Rival
+    taught : tuple of Taught
+        What was learnt since the reference sweeps.
+    """
+
+    members: tuple[Rival, ...]
+    taught: tuple[Taught, ...] = ()
+
+    @cached_property
+    def probabilities(self) -> dict[Key, float]:
+        """Of each explanation."""
+        logs = np.array([one.log_weight for one in self.members])
+        weights = np.exp(logs - logsumexp(logs))
+        return {one.key: float(weight) for one, weight in zip(self.members, weights, strict=True)}
+
+    @property
+    def by_label(self) -> dict[str, float]:
+        """The same for people, the likeliest first."""
+        pairs = [(one.label, self.probabilities[one.key]) for one in self.members]
+        return dict(sorted(pairs, key=lambda pair: -pair[1]))
+
+    @property
+    def likeliest(self) -> Rival:
+        """The one of the catalogue that leads."""
+        return max((one for one in self.members if not one.outside), key=lambda one: one.log_weight)
+
+    @property
+    def nearest(self) -> tuple[Rival, ...]:
+        """Those of the catalogue that lead: what it does not hold is like one of them."""
+        return tuple(sorted((one for one in self.members if not one.outside), key=lambda one: -one.log_weight)[:LIKE])
+
+    @property
+    def outside(self) -> float:
+        """Probability that the catalogue does not hold it."""
+        return self.probabilities.get((OUTSIDE,), 0.0)
+
+
+def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float) -> Rivals:
+    """Explanations from fits with their log scores.
+
+    Parameters
+    ----------
+    fits : mapping
+        Effects that were added -> fit and log of evidence times prior.
+    outside : float
+        Probability that the catalogue does not hold the explanation, above 0 and below 1.
+    """
+    best = max(score for _, score in fits.values())
+    near = sorted((key for key, (_, score) in fits.items() if score >= best - BEHIND), key=lambda key: -fits[key][1])[:MOST_RIVALS]
+    members = [Rival(key, fits[key][0], fits[key][1] - best, Known.of(fits[key][0])) for key in near]
+    inside = float(logsumexp([one.log_weight for one in members]))
+    leading = members[0]
+    members.append(Rival((OUTSIDE,), leading.fit, inside + float(np.log(outside / (1 - outside))), leading.known))
+    return Rivals(tuple(members))
+
+
+def update(rivals: Rivals, measurement: Measurement) -> Rivals:
+    """The same explanations after all sweeps under conditions and single values of a measurement.
+
+    Parameters
+    ----------
+    rivals : Rivals
+        As the reference sweeps left them.
+    measurement : Measurement
+        Of which `conditioned` and `values` are new.
+    """
+    for option, sweeps in by_condition(measurement):
+        rivals = _after_sweeps(rivals, measurement, option, sweeps)
+    for value in measurement.values:
+        rivals = _after_value(rivals, value)
+    return rivals
+
+
+def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, sweeps: Sequence[Observed]) -> Rivals:
+    leading = rivals.likeliest
+    wrong = {one.termination: mistakes(one, option, measurement, leading.fit, leading.known) for one in sweeps}
+    done = [_weighed(rival, sweeps, rivals) for rival in rivals.members]
+    right = float(np.log(1 - WRONG))
+    logs: list[dict[Key, float]] = [{(): one.log_likelihood + len(sweeps) * right} for one in done]
+    learnt: list[dict[Key, Known]] = [{(): one.known} for one in done]
+    best = max(log[()] for log in logs)
+    for size in range(1, len(sweeps) + 1):
+        for left_out in combinations(sorted(wrong), size):
+            used = [one for one in sweeps if one.termination not in left_out]
+            instead = sum(wrong[name].log_likelihood for name in left_out)
+            guess = _weighed(leading, used, rivals).log_likelihood if used else 0.0
+            if guess + instead + len(used) * right < best - PLAUSIBLE:
+                continue
+            for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
+                found = _weighed(rival, used, rivals) if used else Weighed(0.0, rival.known, 0.0)
+                log[left_out] = found.log_likelihood + instead + len(used) * right
+                known[left_out] = found.known
+    members = []
+    shares: dict[Key, float] = {}
+    total = float(logsumexp([rival.log_weight + value for rival, log in zip(rivals.members, logs, strict=True) for value in log.values()]))
+    for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
+        for left_out, value in log.items():
+            shares[left_out] = shares.get(left_out, 0.0) + float(np.exp(rival.log_weight + value - total))
+        factor = float(logsumexp(list(log.values())))
+        members.append(dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=known[max(log.items(), key=lambda pair: pair[1])[0]]))
+    told = tuple(wrong[name] for name in sorted(wrong) if sum(share for left_out, share in shares.items() if name in left_out) > 0.5)
+    return _with(rivals, members, str(sweeps[0].condition), told)
+
+
+def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
+    if rival.outside:
+        return _weighed_outside(sweeps, rivals)
+    responding = Outcome(rival.fit, sweeps)
+    return weigh_either((responding, Outcome(rival.fit, sweeps, listed=False) if responding.listed else None), rival.known)
+
+
+def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
+    """An unknown motor answers like any of those that describe the reference sweeps, or departs from it."""
+    departs = BY_NAME[sweeps[0].condition.id].reaches_motor
+    near = rivals.nearest
+    own = [weigh(Outcome(one.fit, sweeps, listed=False), one.known, UNDESCRIBED_OUTSIDE if departs else None) for one in near]
+    logs = np.array([one.log_weight for one in near])
+    return dataclasses.replace(own[0], log_likelihood=float(logsumexp(logs - logsumexp(logs) + [one.log_likelihood for one in own])))
+
+
+# A value that somebody read off wrongly.
+SLIP = 0.02
+
+
+def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
+    setting = VALUES[value.name].setting
+    slip = float(np.log(SLIP) - np.log(np.log(setting.high / setting.low)))
+    members, read = [], []
+    for rival in rivals.members:
+        prediction = ValueOutcome(rival.fit, value)
+        if not prediction.known:
+            return rivals
+        found = weigh(prediction, rival.known, OUTSIDE_VALUE if rival.outside else AS_READ)
+        own = found.log_likelihood + float(np.log(1 - SLIP))
+        members.append(
+            dataclasses.replace(
+                rival, log_weight=rival.log_weight + float(np.logaddexp(own, slip)), known=found.known if own > slip else rival.known
+            )
+        )
+        read.append(rival.log_weight + own)
+    total = float(logsumexp([one.log_weight for one in members]))
+    told: tuple[Mistake, ...] = ()
+    if float(np.exp(logsumexp(read) - total)) < 0.5:
+        told = (Mistake("strange-value", f"{value}: far from what any explanation gives", slip),)
+    return _with(rivals, members, value.text, told)
+
+
+# What no model describes of a value, as a logarithm.
+AS_READ = {1e-6: 1.0}
+OUTSIDE_VALUE = {0.3: 0.5, 1.5: 0.5}
+
+
+def _with(rivals: Rivals, members: Sequence[Rival], name: str, told: tuple[Mistake, ...]) -> Rivals:
+    leading = Rivals(tuple(members)).likeliest
+    # What the catalogue does not hold is foreseen as the one that leads now.
+    after = Rivals(tuple(dataclasses.replace(one, fit=leading.fit, known=leading.known) if one.outside else one for one in members))
+    bits = sum(p * np.log2(p / max(rivals.probabilities[key], 1e-300)) for key, p in after.probabilities.items() if p > 0)
+    taught = Taught(name, float(max(bits, 0.0)), after.by_label, told)
+    return Rivals(after.members, (*rivals.taught, taught))

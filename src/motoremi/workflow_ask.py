@@ -1,0 +1,137 @@
+"""What to measure next in a session, with what a bench cannot do and what a laboratory has of its own."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from motoremi.arrays import JsonDict
+from motoremi.data.session import Session, load
+from motoremi.data.source import decode, read_bytes, show_name
+from motoremi.data.text import clean_text
+from motoremi.diagnosis.asking import NOTHING_ASKED, NOTHING_BITS
+from motoremi.diagnosis.menu import BY_NAME
+from motoremi.errors import BadInput
+from motoremi.workflow import diagnose_session, opened
+
+_KEYS = {"id", "like", "minutes", "instruction", "hands"}
+
+
+def question_of(path: Path, without: Iterable[str] = (), menu: Path | None = None) -> JsonDict:
+    """What to measure next, `motoremi.next/2`; the session is diagnosed first where it has not been since its last sweep or value.
+
+    Parameters
+    ----------
+    path : Path
+        Of the session.
+    without : iterable of str
+        Measurements that cannot be made.
+    menu : Path, optional
+        TOML with `[[measurement]]` tables: `id`, `minutes`, and, for one of a laboratory's own, `like` (the measurement of the menu that it
+        answers in another way) and `instruction`.
+
+    Raises
+    ------
+    BadInput
+        For an unknown measurement, or a menu that cannot be read.
+    """
+    own = [] if menu is None else _own(menu)
+    known = {*BY_NAME, *(str(one["id"]) for one in own)}
+    refused = set(without)
+    for name in sorted(refused - known):
+        raise BadInput(f"unknown measurement {clean_text(name, 40)!r}; known are {', '.join(sorted(known))}")
+    session = load(path)
+    stored = session.analysis("diagnosis") if is_up_to_date(session) else None
+    if stored is None or "question" not in stored:
+        with opened(path) as store:
+            stored = diagnose_session(store).to_dict()
+    return chosen(stored["question"], refused, own)
+
+
+def is_up_to_date(session: Session) -> bool:
+    """Whether the stored diagnosis knows every sweep and value."""
+    for document in reversed(session.documents):
+        if document["kind"] in ("sweep", "value"):
+            return False
+        if document["kind"] == "analysis" and document.get("name") == "diagnosis":
+            return True
+    return False
+
+
+def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()) -> JsonDict:
+    """A question once more, without some of its measurements and with a laboratory's own."""
+    refused = set(without)
+    if not refused and not list(own):
+        return question
+    asked = [] if question["id"] is None else [{key: question[key] for key in _ENTRY if key in question}]
+    entries = {str(one["id"]): one for one in (*asked, *question["alternatives"])}
+    for mine in own:
+        like = str(mine.get("like", mine["id"]))
+        if like in entries:
+            entry = dict(entries[like])
+            entry["id"] = str(mine["id"])
+            entry["minutes"] = float(mine["minutes"])
+            if "instruction" in mine:
+                entry["asks"] = {**entry["asks"], "instruction": str(mine["instruction"])}
+            entries[entry["id"]] = entry
+    kept = [one for name, one in entries.items() if name not in refused]
+    kept.sort(
+        key=lambda one: (
+            one["condition_id"] is None and one["asks"]["kind"] == "sweep",
+            one["information_bits"] >= NOTHING_BITS,
+            one["information_bits"] / one["minutes"],
+        ),
+        reverse=True,
+    )
+    rest = {"schema": question["schema"], "probabilities": question["probabilities"]}
+    if question["stop"] is not None and not (question["stop"] == "inseparable" and own):
+        return {**question, "alternatives": kept}
+    if not kept:
+        return {**rest, **NOTHING_ASKED, "why": "nothing is left on the menu", "alternatives": [], "stop": "inseparable"}
+    first = kept[0]
+    if first["information_bits"] < NOTHING_BITS:
+        why = f"nothing that is left on the menu tells them apart: {first['id']} would teach most, {first['information_bits']:.2g} bits"
+        return {**rest, **NOTHING_ASKED, "why": why, "alternatives": kept, "stop": "inseparable"}
+    if first["id"] == question["id"]:
+        why = question["why"]
+    else:
+        why = f"{first['asks']['instruction']}: that is expected to teach {first['information_bits']:.2g} bits in {first['minutes']:.3g} minutes"
+    return {**rest, **first, "why": why, "alternatives": kept[1:], "stop": None}
+
+
+def _order(entry: JsonDict) -> tuple[bool, bool, float]:
+    """What the session lacks first, then by bits a minute where there are any."""
+    lacking = entry["condition_id"] is None and entry["asks"]["kind"] == "sweep"
+    return lacking, entry["information_bits"] >= NOTHING_BITS, entry["information_bits"] / entry["minutes"]
+
+
+_ENTRY = ("id", "condition_id", "asks", "minutes", "information_bits", "separates", "then")
+
+
+def _own(path: Path) -> list[JsonDict]:
+    """The measurements of a laboratory."""
+    name = show_name(path)
+    try:
+        tables = tomllib.loads(decode(read_bytes(path), name)).get("measurement", [])
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{name}: {clean_text(str(error), 100)}") from error
+    if not isinstance(tables, list) or not tables:
+        raise BadInput(f"{name}: holds no [[measurement]] table with id and minutes")
+    for table in tables:
+        _check(name, table)
+    return tables
+
+
+def _check(name: str, table: object) -> None:
+    if not isinstance(table, dict) or not isinstance(table.get("id"), str):
+        raise BadInput(f"{name}: each [[measurement]] needs its id")
+    label = clean_text(table["id"], 40)
+    for key in sorted(set(table) - _KEYS):
+        raise BadInput(f"{name}: [[measurement]] {label}: unknown key {clean_text(str(key), 40)!r}; known are {', '.join(sorted(_KEYS))}")
+    minutes = table.get("minutes")
+    if isinstance(minutes, bool) or not isinstance(minutes, int | float) or not 0 < minutes < 1e5:
+        raise BadInput(f"{name}: [[measurement]] {label}: minutes must be a number above 0")
+    if (like := table.get("like", table["id"])) not in BY_NAME:
+        raise BadInput(f"{name}: [[measurement]] {label}: like must be one of {', '.join(BY_NAME)}, not {clean_text(str(like), 40)!r}")
