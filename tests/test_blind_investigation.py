@@ -30,10 +30,11 @@ def judge(evidence: Evidence) -> Standing:
     have = {sweep.condition.id for sweep in evidence.sweeps if sweep.condition is not None} | {value.name for value in evidence.values}
     truth = ("eddy-laminations",)
     decided = DECIDES in have
+    answer = Answer("missing-effect", truth, () if decided else (("eddy-laminations", "skin-effect"),), 0.97 if decided else 0.6)
     return Standing(
-        Answer("missing-effect", truth, () if decided else (("eddy-laminations", "skin-effect"),), 0.97 if decided else 0.6),
         {"eddy-laminations": 0.97 if decided else 0.5, "skin-effect": 0.03 if decided else 0.5},
         tuple(offer for offer in OFFERS if offer.id not in have),
+        lambda: answer,
         "one-stands" if decided else "",
         tuple(sorted(have)),
         0.1,
@@ -75,7 +76,7 @@ def test_what_one_policy_measured_is_judged_once() -> None:
 def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
     def family(stop: str) -> Standing:
         answer = Answer("family", ("skin-effect",), (("skin-effect", "eddy-laminations"),), 0.9)
-        return Standing(answer, {"skin-effect": 0.6, "eddy-laminations": 0.4}, (), stop)
+        return Standing({"skin-effect": 0.6, "eddy-laminations": 0.4}, (), lambda: answer, stop)
 
     assert play(sealed(), lambda evidence: family("inseparable"), (PRODUCT,))[0].settled
     assert not play(sealed(), lambda evidence: family("one-stands"), (PRODUCT,))[0].settled

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import json
+import sys
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +14,15 @@ import pytest
 from fault_matrix import SEED, measured, small
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import Answer
+from motoremi.bench.answer import Answer, NotDone
 from motoremi.bench.asked import Asking, Order, asked_value, procedure_for
 from motoremi.bench.hidden_bench import SEALED, keep_bench, kept_bench
 from motoremi.bench.procedure import Procedure, parse_procedure
 from motoremi.bench.rerun import rerun
 from motoremi.bench.resume import Done
 from motoremi.bench.simulated import SimulatedBench
-from motoremi.cli.investigate import minutes_of
+from motoremi.cli import main
+from motoremi.cli.investigate import minutes_of, typed_value
 from motoremi.data.conditions import SingleValue, parse_value
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
@@ -115,27 +120,31 @@ def gone_through(
     answers: Sequence[Answer | None] = (),
     minutes: float = 120.0,
     stop_at: Callable[[JsonDict], bool] | None = None,
+    kill: bool = False,
 ) -> tuple[Investigation | None, Hands]:
-    """One run of the loop; None if it was stopped."""
+    """One run of the loop; None if it was stopped by Ctrl-C, or killed: then nothing more is written, and no instrument is left safely."""
     bench = SimulatedBench(SEED)
+    writer = reopen(folder)
+
+    def stop(document: JsonDict) -> None:
+        if stop_at is not None and stop_at(document):
+            raise KeyboardInterrupt
+
+    writer.subscribe(stop)
+    hands = Hands(bench, load(folder), writer, answers)
     found = None
-    try:
-        with reopen(folder) as writer:
-            if stop_at is not None:
-                writer.subscribe(lambda document: _stop() if stop_at(document) else None)
-            hands = Hands(bench, load(folder), writer, answers)
-            try:
-                found = investigate(writer, scripted(writer, menu), hands, minutes)
-            finally:
-                hands.asking.leave_safe()
-    except KeyboardInterrupt:
-        pass
+    with suppress(KeyboardInterrupt):
+        found = investigate(writer, scripted(writer, menu), hands, minutes)
+    if kill:
+        # What the end of a process does.
+        writer._log.close()
+        if writer._traffic is not None:
+            writer._traffic.close()
+    else:
+        hands.asking.leave_safe()
+        writer.close("done" if found is not None else "interrupted")
     bench.close()
     return found, hands
-
-
-def _stop() -> None:
-    raise KeyboardInterrupt
 
 
 def at(session: Session, name: str) -> list[ImpedanceSweep]:
@@ -173,10 +182,12 @@ def test_everything_that_was_asked_is_in_the_session_and_is_replayed_bit_for_bit
     assert [value.to_dict() for value in load(tmp_path / "again").values] == [value.to_dict() for value in session.values]
 
 
-def test_a_killed_investigation_goes_on_where_it_was_and_is_replayed_as_well(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_stopped_or_killed_investigation_goes_on_where_it_was_and_is_replayed_as_well(kill: bool, tmp_path: Path) -> None:
     begun(tmp_path / "s")
-    found, _ = gone_through(tmp_path / "s", stop_at=lambda document: document.get("file") == "sweeps/short-second-temperature-1.csv")
+    found, _ = gone_through(tmp_path / "s", stop_at=lambda document: document.get("file") == "sweeps/short-second-temperature-1.csv", kill=kill)
     assert found is None
+    assert load(tmp_path / "s").interrupted == kill
     stored = (tmp_path / "s/sweeps/short-second-temperature-1.csv").read_bytes()
     found, hands = gone_through(tmp_path / "s")
     assert found is not None
@@ -303,3 +314,75 @@ def test_the_simulated_bench_of_a_session_is_kept_and_cannot_be_read_by_accident
         kept_bench(session)
     begun(tmp_path / "other")
     assert kept_bench(load(tmp_path / "other")) is None
+
+
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    """`motoremi investigate` with the scripted mind."""
+    monkeypatch.setattr("motoremi.workflow_thinking.Mind", lambda store, odds, progress: scripted(store))
+    monkeypatch.setattr(sys, "argv", ["motoremi", "investigate", *arguments])
+    with pytest.raises(SystemExit) as left:
+        main()
+    told = capsys.readouterr()
+    return int(left.value.code or 0), told.out, told.err
+
+
+def test_the_command_investigates_the_simulated_bench_of_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, bench = tmp_path / "s", SimulatedBench(SEED)
+    measured(folder, plain(), bench)
+    bench.close()
+    with reopen(folder) as writer:
+        keep_bench(writer, SEED, [])
+    status, out, err = command(monkeypatch, capsys, str(folder), "--bench", "sim", "--budget", "1h", "--json")
+    assert (status, err) == (0, "")
+    told = json.loads(out)
+    assert told["schema"] == "motoremi.investigation/1"
+    assert [step["id"] for step in told["steps"]] == ["second-temperature", "dc-resistance", "fixture-short"]
+    assert (told["minutes"], told["stop"]) == (30.0, "one-stands")
+    assert set(told["steps"][0]["probabilities"]) == {"eddy-laminations", "skin-effect"}
+    assert "diagnosis" in told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--bench", "sim", "--budget", "soon"), "cannot read 'soon' as a time"),
+        (("--bench", "sim", "--odds", "1"), "odds of 1 let nothing stand"),
+        (("--bench", "sim"), "was not measured on this simulated bench"),
+        ((), "Missing option '--bench'"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: tuple[str, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begun(tmp_path / "s")
+    before = load(tmp_path / "s").documents
+    status, out, err = command(monkeypatch, capsys, str(tmp_path / "s"), *arguments)
+    assert (status, out) == (2, "")
+    assert says in err
+    assert err.count("\n") == 1
+    assert load(tmp_path / "s").documents == before
+
+
+def test_an_interrupted_measurement_is_finished_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(KeyboardInterrupt), SessionWriter.create(tmp_path / "s", {"simulated": True}):
+        raise KeyboardInterrupt
+    status, _, err = command(monkeypatch, capsys, str(tmp_path / "s"), "--bench", "sim")
+    assert status == 2
+    assert "finish it first: motoremi run --resume" in err
+
+
+def test_a_value_is_asked_for_until_it_is_one_and_may_be_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    order = order_of(COPPER)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("cold\n21.3\ninsulation-resistance=2Gohm\n21.3 mOhm\n"))
+    assert typed_value(order) == parse_value("dc-resistance=21.3mOhm")
+    told = capsys.readouterr().err
+    assert "use four wires" in told
+    assert "insulation-resistance was not asked for" in told
+    monkeypatch.setattr(sys, "stdin", io.StringIO("n\n"))
+    with pytest.raises(NotDone):
+        typed_value(order)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    with pytest.raises(BadInput, match="run from a terminal"):
+        typed_value(order)

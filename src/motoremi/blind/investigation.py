@@ -6,7 +6,7 @@ import time
 import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -18,6 +18,9 @@ from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome
 from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
 from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.asking import next_question
+from motoremi.diagnosis.diagnosis import Diagnosis
+from motoremi.workflow_thinking import after, searched
 
 ODDS, BUDGET_MINUTES = 20.0, 240.0
 # A policy that asks for more than so much never ends.
@@ -31,29 +34,37 @@ Judge: TypeAlias = Callable[[Evidence], Standing]
 _Done: TypeAlias = tuple[tuple[str, int], ...]
 
 
-def judged(evidence: Evidence) -> Standing:
-    """What the product says of the evidence."""
-    from motoremi.diagnosis.diagnosis import diagnose
-    from motoremi.fitting.fit import fit
-    from motoremi.model.motor import dc_motor
-    from motoremi.workflow_thinking import question_after
+class Product:
+    """What the product says of evidence; what it found in the reference sweeps is kept while only other things are added."""
 
-    base = fit(dc_motor(), Measurement.of(evidence.sweeps, values=evidence.values))
-    started = time.perf_counter()
-    found = diagnose(base)
-    question = question_after(found, (), ODDS)
-    took = time.perf_counter() - started
-    told = found.to_dict()
-    listed = ([question] if question["id"] else []) + list(question["alternatives"])
-    mistaken = tuple(str(taught["id"]) for taught in told.get("taught", []) if taught["mistakes"])
-    return Standing(
-        Answer(found.verdict, found.effects, found.families, found.confidence, seconds=took),
-        {str(name): float(share) for name, share in question["probabilities"].items()},
-        tuple(Offer.of(one) for one in listed if one.get("asks")),
-        str(question["stop"] or ""),
-        mistaken,
-        took,
-    )
+    def __init__(self) -> None:
+        self._searched: dict[bytes, Diagnosis] = {}
+
+    def __call__(self, evidence: Evidence) -> Standing:
+        """What stands, and what to measure next."""
+        measurement = Measurement.of(evidence.sweeps, values=evidence.values)
+        reference = [sweep for sweep in evidence.sweeps if sweep.condition is None]
+        key = b"".join(sweep.impedance_ohm.tobytes() for sweep in reference)
+        started = time.perf_counter()
+        if key not in self._searched:
+            self._searched[key] = searched(Measurement.of(reference))
+        found = self._searched[key]
+        rivals = after(found, measurement)
+        question = next_question(rivals, measurement, (), ODDS).to_dict()
+        took = time.perf_counter() - started
+        listed = ([question] if question["id"] else []) + list(question["alternatives"])
+        return Standing(
+            rivals.by_label,
+            tuple(Offer.of(one) for one in listed if one.get("asks")),
+            lambda: _answer(found.informed_by(measurement)),
+            str(question["stop"] or ""),
+            tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes),
+            took,
+        )
+
+
+def _answer(found: Diagnosis) -> Answer:
+    return Answer(found.verdict, found.effects, found.families, found.confidence)
 
 
 @dataclass(frozen=True)
@@ -123,16 +134,17 @@ class PlayedRun:
         return {**asdict(self.case), **asdict(self.run), **asdict(self.run.answer), "outcome": self.outcome, "settled": self.settled}
 
 
-def play(case: Sealed, judge: Judge = judged, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
+def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
     """Play one sealed motor by each policy; what one of them has measured and judged is not judged again for another."""
     known: dict[_Done, Standing] = {}
+    says = judge or Product()
 
     def standing(done: _Done, asked: Mapping[str, Offer]) -> Standing:
         if done not in known:
             evidence = case.begin()
             for name, turn in done:
                 evidence = evidence.plus(case.give(asked[name].asked, turn).evidence)
-            known[done] = judge(evidence)
+            known[done] = says(evidence)
         return known[done]
 
     return [PlayedRun(case, _guarded(case, name, standing)) for name in policies]
@@ -156,12 +168,12 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
     noticed: set[str] = set()
     minutes = 0.0
 
-    def after(offer: Offer) -> tuple[tuple[str, int], ...]:
+    def with_it(offer: Offer) -> tuple[tuple[str, int], ...]:
         turn = sum(name == offer.id for name, _ in done)
         return tuple(sorted([*done, (offer.id, turn)]))
 
     def look(offer: Offer) -> Standing:
-        return standing(after(offer), {**asked, offer.id: offer})
+        return standing(with_it(offer), {**asked, offer.id: offer})
 
     now = standing((), {})
     while True:
@@ -175,17 +187,16 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         turn = sum(name == offer.id for name in order)
         if case.give(offer.asked, turn).mistake is not None:
             made.append(offer.id)
-        done[:] = after(offer)
+        done[:] = with_it(offer)
         asked[offer.id] = offer
         order.append(offer.id)
         minutes += offer.minutes
         now = standing(tuple(done), asked)
-    return Run(policy, tuple(order), minutes, stop, now.answer, tuple(made), tuple(name for name in made if name in noticed), tuple(seconds))
+    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), tuple(name for name in made if name in noticed), tuple(seconds))
 
 
 def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
-    within = Standing(now.answer, now.probabilities, tuple(left), now.stop, now.mistaken, now.seconds)
-    return POLICIES[policy](within, look, case.hidden, rng)
+    return POLICIES[policy](replace(now, offers=tuple(left)), look, case.hidden, rng)
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedRun]:

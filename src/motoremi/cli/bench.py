@@ -285,7 +285,7 @@ def tell(document: JsonDict) -> None:
         identity = document["identity"]
         say(f"  {document['role']}: {identity['vendor']} {identity['model']} serial {identity['serial']} at {document['resource']}")
     elif kind in ("sweep", "spectrum", "standard"):
-        what = " ".join(str(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
+        what = " ".join(_told(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
         if "state" in document:
             say(
@@ -324,6 +324,13 @@ def tell(document: JsonDict) -> None:
         warn(document)
     elif kind == "safe" and not document["safe"]:
         say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
+
+
+def _told(value: object) -> str:
+    """A word of a document; what was set up for a sweep is a table there."""
+    from motoremi.data.conditions import Condition
+
+    return Condition.restored(value).text if isinstance(value, dict) else str(value)
 
 
 def warn(document: JsonDict) -> None:

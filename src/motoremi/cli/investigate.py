@@ -18,6 +18,7 @@ from motoremi.errors import BadInput
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from motoremi.bench.answer import Answer
     from motoremi.bench.asked import Asking, Order
     from motoremi.bench.bench_file import BenchFile
     from motoremi.bench.connect import Bench
@@ -67,10 +68,11 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
     from motoremi.data.session import load, reopen
     from motoremi.interrupts import stopped_by_signals
     from motoremi.workflow_investigate import investigate
-    from motoremi.workflow_thinking import thinking
+    from motoremi.workflow_thinking import Mind
 
     session = load(path)
     bench_file = _bench_of(session, bench_file)
+    without = (*without, *_uncorrected(session))
     procedure = on_bench(procedure_for(session), bench_file)
     bench_file.refuse_unless_allowed(procedure)
     refuse_unless_calibrated(procedure, bench_file)
@@ -87,7 +89,7 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
             hands.asking = asking
             shown: Callable[[Thought, Step | None], None] = (lambda thought, step: None) if quiet else show_step
             try:
-                return investigate(writer, thinking(writer, odds, bars.bar("diagnosing")), hands, minutes, shown, without)
+                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), hands, minutes, shown, without)
             finally:
                 asking.leave_safe()
     finally:
@@ -128,6 +130,20 @@ def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
     return bench_file
 
 
+def _uncorrected(session: Session) -> tuple[str, ...]:
+    """The widest sweep, where what stands between motor and analyser is not known over its span."""
+    from motoremi.bench.asked import WIDE
+    from motoremi.bench.procedure import load_procedure
+
+    widest = load_procedure("wide_sweep").sweep
+    assert widest is not None
+    try:
+        session.corrections.refuse_outside("analyser", widest.start, widest.stop)
+    except BadInput:
+        return (WIDE,)
+    return ()
+
+
 @dataclass
 class _Hands:
     """The operator of a bench: a person at the terminal, or the simulation."""
@@ -158,13 +174,13 @@ class _Hands:
         if isinstance(self.made, SimulatedBench):
             return self.made.single_value(order.id, order.turn)
         with self.paused():
-            return _typed_value(order)
+            return typed_value(order)
 
     def minutes(self, estimated: float) -> float:
         """By the clock; on a simulated bench, where nobody warms a motor, as estimated."""
         return estimated if self.simulated else (time.monotonic() - self.started_s) / 60
 
-    def prompt(self, text: str):  # type: ignore[no-untyped-def]
+    def prompt(self, text: str) -> Answer | None:
         """Tell the operator what to do."""
         from motoremi.cli.bench import ask_operator
 
@@ -181,7 +197,7 @@ class _Hands:
             self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
 
 
-def _typed_value(order: Order) -> SingleValue:
+def typed_value(order: Order) -> SingleValue:
     """Ask for a number until it is one; `n` says that it cannot be had."""
     from motoremi.bench.answer import TYPED, NotDone
     from motoremi.bench.asked import asked_value
