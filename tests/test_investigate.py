@@ -386,3 +386,24 @@ def test_a_value_is_asked_for_until_it_is_one_and_may_be_refused(monkeypatch: py
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
     with pytest.raises(BadInput, match="run from a terminal"):
         typed_value(order)
+
+
+def test_the_demo_asks_for_one_measurement_and_one_of_two_explanations_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The only test here that thinks for itself."""
+    monkeypatch.setattr(sys, "argv", ["motoremi", "demo", "--investigate", "--json", "--out", str(tmp_path / "s")])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert not left.value.code
+    told = json.loads(capsys.readouterr().out)
+    assert (told["stop"], [step["id"] for step in told["steps"]]) == ("one-stands", ["shaft-turned"])
+    assert told["diagnosis"]["effects"] == told["hidden"] == ["bearing-film"]
+    assert told["steps"][0]["probabilities"]["bearing-film"] > 0.99
+    session = load(tmp_path / "s")
+    assert session.analysis("diagnosis") == told["diagnosis"]
+    asked = next(document for document in session.documents if document["kind"] == "asked")
+    assert asked["minutes"] == told["minutes"]
+    # What the motor hides is in the sealed file alone; what is said of it before the diagnosis is not the truth but what stands.
+    before = [document for document in session.documents if document["seq"] < asked["seq"]]
+    assert "bearing-film" not in json.dumps(before)

@@ -169,7 +169,7 @@ class Asking:
             self._do(execution, [Identify(do="identify"), *compensation])
         elif order.id == COMPENSATION:
             self._do(execution, compensation)
-        condition = "" if order.condition is None else order.condition.text
+        condition = None if order.condition is None else order.condition.text
         self._set_up(order)
         try:
             self._do(execution, [Sweep(do="sweep", termination=name, repeat=order.repeats, condition=condition) for name in order.terminations])

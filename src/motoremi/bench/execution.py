@@ -25,6 +25,7 @@ from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
 from motoremi.bench.tables import DRIVER_SETTINGS, SpectrumSpec
 from motoremi.bench.writer import Writer
+from motoremi.data.conditions import parse_condition
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.data.sweep import ImpedanceSweep, Termination
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
@@ -133,13 +134,13 @@ class Execution:
             self._emission.final(planned, step, stored)
 
     def _sweep(self, step: Sweep, stored: int) -> None:
-        condition = step.under
-        standard = None if condition is None else IN_THE_MOTORS_PLACE.get(condition.id)
+        under = None if step.condition is None else parse_condition(step.condition)
+        standard = None if under is None else IN_THE_MOTORS_PLACE.get(under.id)
         connection = self.connect(standard or step.termination)
         for _ in range(stored, step.repeat):
             # Stored one by one: an instrument that fails in the third sweep leaves two.
             swept = self.state.around(lambda: self._swept(step.termination, of_a_standard=standard is not None))
-            self.writer.add_sweep(swept.with_metadata(connection=connection).under(condition))
+            self.writer.add_sweep(swept.with_metadata(connection=connection).under(under))
             self.state.refuse_trouble()
 
     def _compensate(self, step: Compensate) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connections import Condition, ConnectionName, Line
 from motoremi.bench.quantity import Quantity
 from motoremi.bench.state_steps import SupplyStep, WaitFor
 from motoremi.bench.strict import Strict
-from motoremi.data import conditions
+from motoremi.data.conditions import parse_condition
 from motoremi.data.spectrum import Detector
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
@@ -58,22 +58,13 @@ class Sweep(Strict):
     do: Literal["sweep"]
     termination: Termination = Field(description="short: between the terminals, far one joined to the frame; open: terminal to frame")
     repeat: Repeats = 1
-    condition: str = Field(default="", max_length=100, description="what is set up for it, such as second-temperature=53degC; empty: nothing")
+    condition: str | None = Field(default=None, description="what was set up for it: second-temperature=53degC")
 
-    @model_validator(mode="after")
-    def _known_condition(self) -> Self:
-        if self.condition:
-            conditions.parse_condition(self.condition)
-        return self
-
-    @property
-    def under(self) -> conditions.Condition | None:
-        """What is set up for it."""
-        return conditions.parse_condition(self.condition) if self.condition else None
-
-    def parameters(self) -> JsonDict:
-        """The condition only where there is one."""
-        return self.model_dump(include={"termination", "repeat", *(("condition",) if self.condition else ())})
+    @field_validator("condition")
+    @classmethod
+    def _condition_is_known(cls, condition: str | None) -> str | None:
+        under = None if condition is None else parse_condition(condition)
+        return None if under is None else under.text
 
 
 class Check(Strict):

@@ -48,10 +48,10 @@ class Product:
         started = time.perf_counter()
         if key not in self._searched:
             self._searched[key] = searched(Measurement.of(reference))
-        found = self._searched[key]
+        found, ready = self._searched[key], time.perf_counter()
         rivals = after(found, measurement)
         question = next_question(rivals, measurement, (), ODDS).to_dict()
-        took = time.perf_counter() - started
+        took = time.perf_counter() - ready
         listed = ([question] if question["id"] else []) + list(question["alternatives"])
         return Standing(
             rivals.by_label,
@@ -60,6 +60,7 @@ class Product:
             str(question["stop"] or ""),
             tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes),
             took,
+            ready - started,
         )
 
 
@@ -83,8 +84,8 @@ class Run:
         The last.
     made, found : tuple of str
         Measurements that the operator did otherwise, and those of them that were noticed.
-    seconds : tuple of float
-        Of each decision.
+    seconds, search_seconds : tuple of float
+        Of each decision, and of the search before it (0 where nothing was searched).
     """
 
     policy: str
@@ -95,6 +96,7 @@ class Run:
     made: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
     seconds: tuple[float, ...] = ()
+    search_seconds: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,7 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
     order: list[str] = []
     made: list[str] = []
     seconds: list[float] = []
+    searches: list[float] = []
     noticed: set[str] = set()
     minutes = 0.0
 
@@ -178,6 +181,7 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
     now = standing((), {})
     while True:
         seconds.append(now.seconds)
+        searches.append(now.search_seconds)
         noticed.update(now.mistaken)
         left = [offer for offer in now.offers if minutes + offer.minutes <= BUDGET_MINUTES]
         if now.stop or not left or len(order) >= MOST_STEPS:
@@ -192,7 +196,8 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         order.append(offer.id)
         minutes += offer.minutes
         now = standing(tuple(done), asked)
-    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), tuple(name for name in made if name in noticed), tuple(seconds))
+    found = tuple(name for name in made if name in noticed)
+    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), found, tuple(seconds), tuple(searches))
 
 
 def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
@@ -212,13 +217,14 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
     dict
         `goals`, as on the other boards, of the product's policy; `by_policy`: share settled, wrong, median minutes, stops; `by_start`: the
         same for each start of the product's; `reliability` and `kinds_of_verdict`: stated confidence against hit rate; `mistakes`: made and
-        noticed; `seconds` a step; `wrong` and `unsettled`: runs to look at.
+        noticed; `seconds` a decision and `search_seconds` a search; `wrong` and `unsettled`: runs to look at.
     """
     by_policy = {name: [one for one in played if one.run.policy == name] for name in POLICIES}
     by_policy = {name: ones for name, ones in by_policy.items() if ones}
     own = by_policy.get(PRODUCT, [])
     made = [(one, name) for one in own for name in one.run.made]
     seconds = [second for one in own for second in one.run.seconds]
+    searches = [second for one in own for second in one.run.search_seconds if second]
     goals = {
         "named, or proven inseparable": goal([one.settled for one in own], NAMED_GOAL),
         "wrong": goal([one.wrong for one in own], WRONG_GOAL, at_most=True),
@@ -239,10 +245,15 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
         "reliability": reliability(own),
         "kinds_of_verdict": by_kind_of_verdict(own),
         "mistakes": {"made": len(made), "found": sum(name in one.run.found for one, name in made)},
-        "seconds": {"steps": len(seconds), "median": float(np.median(seconds)) if seconds else None, "largest": max(seconds, default=None)},
+        "seconds": _seconds(seconds),
+        "search_seconds": _seconds(searches),
         "unsettled": [one.to_dict() for one in own if not one.settled],
         "troubles": [{"index": one.case.index, "policy": one.run.policy, "trouble": one.answer.trouble} for one in played if one.answer.trouble],
     }
+
+
+def _seconds(measured: Sequence[float]) -> JsonDict:
+    return {"count": len(measured), "median": float(np.median(measured)) if measured else None, "largest": max(measured, default=None)}
 
 
 def _minutes_goal(by_policy: Mapping[str, Sequence[PlayedRun]], name: str, wanted: float) -> JsonDict:

@@ -27,10 +27,11 @@ def markdown(result: JsonDict) -> str:
                 f"{row['median_steps']:.0f} | {stops} |"
             )
     lines += calibration_lines(result)
-    mistakes, seconds = result["mistakes"], result["seconds"]
+    mistakes = result["mistakes"]
     lines += ["", f"Operator's mistakes: {mistakes['made']} made, {mistakes['found']} noticed."]
-    if seconds["steps"]:
-        lines.append(f"One decision: median {seconds['median']:.1f} s, longest {seconds['largest']:.1f} s.")
+    for what, key in (("One decision", "seconds"), ("One search for explanations in reference sweeps", "search_seconds")):
+        if result[key]["count"]:
+            lines.append(f"{what}: median {result[key]['median']:.1f} s, longest {result[key]['largest']:.1f} s.")
     if result["unsettled"]:
         lines += ["", "Neither named nor proven inseparable (`index: hidden -> answer`):", ""]
         lines += [f"{wrong_line(one)}, {one['start']}, after {', '.join(one['steps']) or 'nothing'}, {one['stop']}" for one in result["unsettled"]]

@@ -80,7 +80,9 @@ class Standing:
     conclude : callable
         The answer that is given if this is the end.
     seconds : float
-        That it took to say so.
+        That it took to weigh the explanations and to choose.
+    search_seconds : float
+        That it took before to find them, where the reference sweeps were new.
     """
 
     probabilities: Mapping[str, float]
@@ -89,6 +91,7 @@ class Standing:
     stop: str = ""
     mistaken: tuple[str, ...] = ()
     seconds: float = 0.0
+    search_seconds: float = 0.0
 
 
 # Looks ahead: what would stand after an offer. Only one policy may.

@@ -39,8 +39,6 @@ _KINDS: Mapping[str, EffectKind] = {
     )
 }
 MOTOR_EFFECTS: tuple[str, ...] = tuple(_KINDS)
-# What is connected to the motor from outside, and what changes all of it: worked in last.
-TERMINAL_EFFECTS: tuple[str, ...] = tuple(kind.name for kind in (*SUPPRESSOR_EFFECTS, *CONNECTION_EFFECTS, *DRIFT_EFFECTS))
 OUTSIDE_EFFECTS: tuple[str, ...] = tuple(kind.name for kind in _OUTSIDE)
 # Made by the simulated analyser, see `analyser.py`.
 ANALYSER_FAULTS: tuple[str, ...] = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import ComplexArray, JsonDict
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import MOTOR_EFFECTS, TERMINAL_EFFECTS, HiddenEffect, draw_effects
+from motoremi.simulate.effects import MOTOR_EFFECTS, HiddenEffect, draw_effects
 from motoremi.simulate.hidden import ELEMENTS, Elements, log_uniform, uniform
 from motoremi.simulate.network import Network, impedance, to_spice
 
@@ -86,15 +86,8 @@ class SimulatedMotor:
         network = self.apart(termination)
         return network.with_node("Y", GROUND) if termination == "short" else network
 
-    def apart(self, termination: Termination, at_the_brushes: Callable[[Network], Network] | None = None) -> Network:
-        """The network of one sweep with the far end Y still a node of its own.
-
-        Parameters
-        ----------
-        termination : {"short", "open"}
-        at_the_brushes : callable, optional
-            What is changed between the motor's inside and all that is connected to its terminals.
-        """
+    def apart(self, termination: Termination) -> Network:
+        """The network of one sweep with the far end Y still a node of its own."""
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
         network = (
@@ -107,13 +100,7 @@ class SimulatedMotor:
             .capacitor("Cr", "core", "G", self.Cr)
             .capacitor("Cf", "Y", "G", self.Cf)
         )
-        ordered = sorted(self.effects, key=lambda effect: MOTOR_EFFECTS.index(effect.name))
-        inside = [effect for effect in ordered if effect.name not in TERMINAL_EFFECTS]
-        for effect in inside:
-            network = effect.apply(network, self.elements, termination)
-        if at_the_brushes is not None:
-            network = at_the_brushes(network)
-        for effect in ordered[len(inside) :]:
+        for effect in sorted(self.effects, key=lambda effect: MOTOR_EFFECTS.index(effect.name)):
             network = effect.apply(network, self.elements, termination)
         return network
 

@@ -126,6 +126,8 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
     "field-winding": {"field-coupling": {"field_capacitance_f": _times(1e6)}},
     "longer-strap": {"ground-strap-inductance": {"inductance_h": _times(2.0), "resistance_ohm": _times(2.0)}},
     "terminal-block": {"terminal-capacitance": {"capacitance_f": _times(0.05)}},
+    # Brushes span several bars; a lead is clipped to one.
+    "brushes-lifted": {"Ra": {"": _scatter(0.02)}, "La": {"": _scatter(0.02)}, "Ca": {"": _scatter(0.02)}, "Cf": {"": _times(0.99)}},
     "rotor-out": {
         "La": {"": _times(0.6)},
         "Cr": {"": _times(0.2)},

@@ -17,12 +17,13 @@ from motoremi.simulate.hidden import log_uniform, uniform
 from motoremi.simulate.motor import GROUND, TERMINAL, SimulatedMotor
 from motoremi.simulate.network import Network, impedance
 from motoremi.simulate.response import Responses
+from motoremi.simulate.suppressor import SUPPRESSOR_EFFECTS
 
 FAR_END_GROUNDED = "far-end-grounded"
 OPEN_OHM, SHORT_OHM = 1e12, 1e-6
 USUAL_LEAD_H, USUAL_CAPACITOR_F, USUAL_LOAD_OHM = 50e-9, 100e-12, 50.0
-# A strap's length is worth so much even where nobody thought of it; a lifted brush leaves so much between itself and its bar.
-_STRAP_H, _GAP_F, _HOLDER_F = (15e-9, 60e-9), (3e-12, 15e-12), (2e-12, 6e-12)
+# A strap's length is worth so much even where nobody thought of it.
+_STRAP_H = (15e-9, 60e-9)
 # A known part is what is written on it within these.
 _LEAD_TOLERANCE, _CAPACITOR_TOLERANCE, _LOAD_TOLERANCE = 0.05, 0.01, 2e-3
 # Low enough that nothing but resistance is left: of the winding, and of the insulation.
@@ -31,6 +32,8 @@ _SOUND_INSULATION_OHM = (3e9, 1e11)
 # Inductance of a test lead by its length, and the lead of somebody who hides none.
 _LEAD_H_PER_M, _SHORT_LEAD_M = (7e-7, 1.2e-6), (0.02, 0.1)
 _OWN_LEADS = {kind.name for kind in (*CONNECTION_EFFECTS, *DRIFT_EFFECTS)}
+
+_AT_THE_TERMINALS = {"brush-contact", "terminal-capacitance", *(kind.name for kind in SUPPRESSOR_EFFECTS)}
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,10 @@ class Specimen:
             How often this was done before.
         """
         motor = self.responses.under(condition, value, turn)
-        network = motor.apart(termination, self._lifted if condition == "brushes-lifted" else None)
+        if condition == "brushes-lifted":
+            # At the bars, what the brushes and the terminals had is left behind.
+            motor = replace(motor, effects=tuple(effect for effect in motor.effects if effect.name not in _AT_THE_TERMINALS))
+        network = motor.apart(termination)
         if condition == "repeat-first-sweep" and termination == "short" and (drift := motor.effect("temperature-drift")):
             # By the time that the first sweep is repeated, the motor is as warm as it was in the last one.
             network = drift.apply(network, motor.elements, "open")
@@ -113,18 +119,6 @@ class Specimen:
                 lead, rng = self.motor.effect("lead-inductance"), self._rng(name)
                 return uniform(rng, *_SHORT_LEAD_M) if lead is None else lead.sizes["inductance_h"] / uniform(rng, *_LEAD_H_PER_M)
         raise BadInput(f"the simulation knows no single value {name!r}: use one of {', '.join(VALUES)}")
-
-    def _lifted(self, network: Network) -> Network:
-        """Air under each brush, and what the holders are worth by themselves."""
-        rng = self._rng("brushes-lifted")
-        first, second, holder = uniform(rng, *_GAP_F), uniform(rng, *_GAP_F), uniform(rng, *_HOLDER_F)
-        return (
-            network.with_node("X", "bar1")
-            .with_node("Y", "bar2")
-            .capacitor("gap1", "X", "bar1", first)
-            .capacitor("gap2", "bar2", "Y", second)
-            .capacitor("holder", "X", "G", holder)
-        )
 
     def _outside(self, network: Network, termination: Termination, condition: str, value: float | None) -> Network:
         """With what was connected between motor and analyser."""
