@@ -340,3 +340,51 @@ class _Scored:
 
     def __init__(self, score: float) -> None:
         self.score = score
+
+
+def test_report_and_workbench_list_conditions_values_and_the_path(session: Path) -> None:
+    from motoremi.data.session import reopen
+    from motoremi.report.cause import diagnosis_section
+    from motoremi.report.conditions import beside_tables
+    from motoremi.report.identity import identity_section
+    from motoremi.report.model import session_hash
+    from motoremi.workbench.desk import Desk
+    from motoremi.workbench.views import head
+
+    before = session_hash(load(session))
+    warm = [one.with_metadata(source="warm.csv") for one in sweeps({}, "second-temperature=53degC", {"Ra": 1.1})]
+    with reopen(session) as writer:
+        writer.save_analysis("diagnosis", {"question": {"id": "second-temperature", "why": "it tells them apart"}})
+        writer.close("done")
+    addition(session, warm, [parse_value("dc-resistance=12ohm+-1%")], None, Told()).store(session)
+    found = load(session)
+    assert session_hash(found) != before
+    assert [table.title for table in beside_tables(found)] == ["Sweeps under conditions", "Single values"]
+    assert any("sweeps/open-second-temperature-1.csv" in row for row in identity_section(found, "").tables[-1].rows for row in row)
+    asked = found.analysis("investigation")
+    assert asked is not None
+    assert asked["steps"] == [
+        {"asked": "second-temperature", "why": "it tells them apart", "brought": "second-temperature=53degC, dc-resistance=12Ohm+-120mOhm"}
+    ]
+    taught = [{"id": "second-temperature=53degC", "information_bits": 0.7, "probabilities": {"core-loss": 0.97}, "mistakes": []}]
+    stored = {
+        "verdict": "adequate", "effects": [], "families": [], "confidence": 0.9, "candidates": [], "reasons": [], "findings": [],
+        "next_measurement": {"id": "repeat", "why": "nothing"},
+        "taught": taught,
+    }
+    titles = [table.title for table in diagnosis_section(stored, asked).tables]
+    assert {"What was asked for, and what was brought", "What each further measurement taught"} <= set(titles)
+    told = head(Desk(session), "motor")
+    assert [one["summary"].endswith("second-temperature=53degC") for one in told["conditioned"]] == [True, True]
+    assert told["values"] == [{"name": "dc-resistance", "summary": "12Ohm ± 120mOhm"}]
+
+
+def test_a_procedure_says_the_condition_of_its_sweeps() -> None:
+    from pydantic import ValidationError
+
+    from motoremi.bench.steps import Sweep
+
+    assert Sweep(do="sweep", termination="short").parameters() == {"termination": "short", "repeat": 1}
+    assert Sweep(do="sweep", termination="short", condition="dc-bias=1A").condition == "dc-bias=1A"
+    with pytest.raises((ValidationError, ValueError), match="needs its value"):
+        Sweep(do="sweep", termination="short", condition="dc-bias")

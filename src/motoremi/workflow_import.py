@@ -123,9 +123,22 @@ class Addition:
                 writer.add_sweep(sweep)
             for value in self.values:
                 writer.add_value(value)
+            if asked := self._asked(folder):
+                writer.save_analysis("investigation", asked)
             if any(sweep.condition is None for sweep in self.sweeps) and load(folder).ladder:
                 # Its models were fitted to fewer sweeps.
                 writer.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
+
+    def _asked(self, folder: Path) -> JsonDict | None:
+        """What had been asked for beside what was brought, after all that was before; None where nothing was asked."""
+        session = load(folder)
+        question = (session.analysis("diagnosis") or {}).get("question")
+        if question is None:
+            return None
+        brought = [str(one) for one in dict.fromkeys(sweep.condition or f"the {sweep.termination} sweep once more" for sweep in self.sweeps)]
+        step = {"asked": question["id"], "why": question["why"], "brought": ", ".join([*brought, *(value.text for value in self.values)])}
+        earlier = (session.analysis("investigation") or {}).get("steps", [])
+        return {"schema": "motoremi.asked/1", "steps": [*earlier, step]}
 
 
 def addition(folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[SingleValue], condition: Condition | None, told: Told) -> Addition:

@@ -47,7 +47,7 @@ def impedance_csv(sweep: ImpedanceSweep) -> str:
     if sweep.sigma_relative is not None:
         titles.append("sigma_relative")
         columns.append(sweep.sigma_relative.tolist())
-    header = {"termination": sweep.termination, "points": len(sweep)}
+    header: dict[str, Any] = {"termination": sweep.termination, "points": len(sweep)}
     if sweep.condition is not None:
         header["condition"] = sweep.condition.text
     return _text(header, sweep.metadata, titles, columns)

@@ -116,8 +116,8 @@ class Session:
     @property
     def simulated(self) -> bool:
         """Whether any of it comes from a simulated bench: this session's own, or the one whose files were imported."""
-        measured = (*self.sweeps, *self.conditioned, *self.spectra, *self.finals)
-        told = [self.start, *(one.metadata for one in measured)]
+        told = [self.start, *(sweep.metadata for sweep in (*self.sweeps, *self.conditioned))]
+        told += [one.metadata for one in (*self.spectra, *self.finals)]
         return self.start.get("backend") == "sim" or any(map(is_simulated, told))
 
     @property

@@ -38,7 +38,7 @@ NOTHING_BITS, LITTLE_BITS = 0.03, 0.1
 # Size of what no model describes of a change; and for a motor that no model describes, each with its share. Of a value, as a logarithm.
 UNDESCRIBED = {2e-3: 1.0}
 UNDESCRIBED_OUTSIDE = {2e-3: 0.5, 8e-3: 0.2, 0.06: 0.3}
-OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {0.3: 0.5, 1.5: 0.5}
+OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 # Draws of the outcome under each explanation.
 DRAWS = 40
 # Pairs are made of so many measurements that teach most alone.

@@ -149,7 +149,8 @@ class Outcome:
             means.append(_real(mean))
             by_u.append(_real(own))
             by_eta.append(_real(response))
-        return np.nan_to_num(np.concatenate(means, axis=-1)), *(np.nan_to_num(np.concatenate(x, axis=-1)) for x in (by_u, by_eta))
+        together, own_slopes, answers = (np.nan_to_num(np.concatenate(parts, axis=-1)) for parts in (means, by_u, by_eta))
+        return together, own_slopes, answers
 
     @cached_property
     def data(self) -> FloatArray:
@@ -200,7 +201,7 @@ class Outcome:
             with np.errstate(all="ignore"):
                 steepness = slope(sweep.frequency_hz, tape.impedance(s, values), float(np.median(sweep.sigma)))
             columns = smooth_basis(sweep.frequency_hz, SMOOTH).T
-            place = np.nan_to_num(np.clip(np.abs(steepness), 0.0, 1e3)) * np.exp(1j * np.angle(steepness)) * columns
+            place: ComplexArray = np.asarray(np.nan_to_num(steepness) * np.minimum(1.0, 1e3 / np.maximum(np.abs(steepness), 1e-300)) * columns)
             for column in (columns.astype(np.complex128), 1j * columns, place):
                 wide = np.zeros((len(column), count))
                 wide[:, start : start + 2 * sweep.frequency_hz.size] = _real(column)

@@ -254,7 +254,7 @@ def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
 
 # What no model describes of a value, as a logarithm.
 AS_READ = {1e-6: 1.0}
-OUTSIDE_VALUE = {0.3: 0.5, 1.5: 0.5}
+OUTSIDE_VALUE = {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 
 
 def _with(rivals: Rivals, members: Sequence[Rival], name: str, told: tuple[Mistake, ...]) -> Rivals:

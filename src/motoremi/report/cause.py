@@ -9,6 +9,7 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.report import plots
+from motoremi.report.conditions import asked_table, path_table
 from motoremi.report.parts import Section, Table
 from motoremi.report.svg import picture
 from motoremi.report.words import described, findings_of, in_words, place_of, reasons_of
@@ -18,7 +19,7 @@ MOST_CANDIDATES = 10
 LEAST_SHOWN = 1e-3
 
 
-def diagnosis_section(diagnosis: JsonDict) -> Section:
+def diagnosis_section(diagnosis: JsonDict, asked: JsonDict | None = None) -> Section:
     """What is missing, the ranking with its evidence, left-out data, and what to measure next."""
     rows = []
     for candidate in diagnosis["candidates"][:MOST_CANDIDATES]:
@@ -47,7 +48,10 @@ def diagnosis_section(diagnosis: JsonDict) -> Section:
     texts += [f"Not told apart by these data: {', '.join(family)}." for family in diagnosis["families"]]
     texts += [_explained(str(name)) for name in diagnosis["effects"]]
     texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
-    found, further = _findings(diagnosis), (*_sets(diagnosis), *_left_out(diagnosis), *_menu(diagnosis))
+    found, further = (
+        _findings(diagnosis),
+        (*_sets(diagnosis), *_left_out(diagnosis), *path_table(diagnosis), *asked_table(asked), *_menu(diagnosis)),
+    )
     if not rows:
         return Section("Diagnosis", tuple(texts), (*found, *further))
     others = len(diagnosis["candidates"]) - len(rows)
@@ -97,10 +101,17 @@ def _worse(known: Sequence[tuple[str, float]]) -> frozenset[int]:
 def _menu(diagnosis: JsonDict) -> tuple[Table, ...]:
     """What each measurement would do to tell the candidates apart."""
     rows = tuple(
-        (str(one["id"]), str(one["action"]), f"{100 * one['separates']:.0f} %", _number(one["ratio"]))
+        (
+            str(one["id"]),
+            str(one["action"]),
+            _number(one.get("minutes")),
+            _number(one.get("information_bits")),
+            f"{100 * one['separates']:.0f} %",
+            _number(one["ratio"]),
+        )
         for one in diagnosis["next_measurement"].get("menu", ())
     )
-    columns = ("measurement", "do", "pairs of candidates told apart", "smallest difference over uncertainty")
+    columns = ("measurement", "do", "minutes", "bits expected", "pairs of candidates told apart", "log odds of the best pair")
     return (Table("What could be measured next, best first", columns, rows),) if rows else ()
 
 

@@ -100,10 +100,13 @@ def identity_section(session: Session, session_sha256: str) -> Section:
     measured = [d for d in session.documents if d["kind"] in MEASURED]
     sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
         "sweep": iter(session.sweeps),
+        "sweep under a condition": iter(session.conditioned),
         "spectrum": iter(session.spectra),
         "final": iter(session.finals),
     }
-    files = tuple(_file(d, next(sources[d["kind"]]), session) for d in measured)
+    files = tuple(
+        _file(d, next(sources["sweep under a condition" if "condition" in d and d["kind"] == "sweep" else d["kind"]]), session) for d in measured
+    )
     if files:
         columns = ("file", "came from" if imported_files(session) else "measured (UTC)", "points", "SHA-256")
         tables.append(Table("Measured files", columns, files))

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 
 from motoremi.arrays import JsonDict
+from motoremi.data.conditions import SingleValue
 from motoremi.data.session import Session
 from motoremi.report.equipment import equipment_of
 from motoremi.report.gaps import gaps
@@ -90,6 +91,8 @@ def session_hash(session: Session) -> str:
     for document in session.documents:
         if document["kind"] in ("sweep", "spectrum", "final"):
             digest.update(str(document["sha256"]).encode())
+        elif document["kind"] == "value":
+            digest.update(SingleValue.restored(document).text.encode())
     return digest.hexdigest()
 
 
@@ -126,6 +129,16 @@ def _data(materials: Materials) -> JsonDict:
             if document["kind"] == "instrument"
         ],
         "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
+        "conditioned": [
+            {
+                "termination": s.termination,
+                "condition": None if s.condition is None else s.condition.to_dict(),
+                "points": len(s),
+                "span_hz": list(s.span_hz),
+            }
+            for s in session.conditioned
+        ],
+        "values": [value.to_dict() for value in session.values],
         "steps": [dict(zip(("number", "does", "with", "state"), step, strict=True)) for step in planned_steps(session)],
         "spectra": [
             {"detector": s.detector, "condition": s.condition, "points": len(s), "highest_dbuv": float(s.level_dbuv.max())}

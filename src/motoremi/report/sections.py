@@ -14,6 +14,7 @@ from motoremi.fitting.result import Fit
 from motoremi.quantities import error_bar, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of
+from motoremi.report.conditions import beside_tables
 from motoremi.report.emission import emission_section
 from motoremi.report.equipment import equipment_section
 from motoremi.report.headline import spans, tolerance
@@ -61,7 +62,7 @@ def _makers(materials: Materials, session_sha256: str) -> Iterator[tuple[str, Ca
     if comparison is not None:
         yield "comparison", lambda: _comparison(comparison)
     if diagnosis is not None:
-        yield "diagnosis", lambda: diagnosis_section(diagnosis)
+        yield "diagnosis", lambda: diagnosis_section(diagnosis, session.analysis("investigation"))
     if session.spectra:
         yield "emission", lambda: emission_section(materials)
     yield "state", lambda: state_section(session)
@@ -92,10 +93,11 @@ def sweeps_section(materials: Materials) -> Section:
     if measurement.accuracy_percent is not None:
         texts.append(f"Accuracy stated for these data: {measurement.accuracy_percent:g} %; a model that is as good as that is good enough.")
     table = Table("Sweeps", ("termination", "points", "span", "repeats", "noise of the mean (rms)", "noise known from"), rows)
+    tables = (table, *beside_tables(session))
     if not results:
         alone = picture("sweeps", plots.measured_figure(measurement), "Measured impedance, mean of the repeats.")
-        return Section("Sweeps", (*texts, *measurement.caveats()), (table,), (alone,))
-    return Section("Sweeps and model", tuple(texts), (table,), (sweeps_picture(results),))
+        return Section("Sweeps", (*texts, *measurement.caveats()), tables, (alone,))
+    return Section("Sweeps and model", tuple(texts), tables, (sweeps_picture(results),))
 
 
 def sweeps_picture(results: Sequence[Fit]) -> Picture:

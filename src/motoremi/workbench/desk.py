@@ -242,7 +242,7 @@ def _ladder(session: Session) -> list[JsonDict]:
 
 def _measured(session: Session) -> list[object]:
     """What the measured files are: analyses come and go without changing it."""
-    return [document.get("sha256") for document in session.documents if document["kind"] == "sweep"]
+    return [document.get("sha256", document.get("seq")) for document in session.documents if document["kind"] in ("sweep", "value")]
 
 
 def _tolerance(stored: JsonDict) -> Tolerance:

@@ -53,6 +53,8 @@ def head(desk: Desk, identifier: str) -> JsonDict:
             if document["kind"] == "instrument"
         ],
         "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
+        "conditioned": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.conditioned],
+        "values": [{"name": one.name, "summary": one.text.partition("=")[2].replace("+-", " ± ")} for one in session.values],
         "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.corrected_spectra],
         "challenge": "sealed_sha256" in start,
         "sealed": is_open_challenge(session),

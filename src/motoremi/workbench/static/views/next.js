@@ -21,7 +21,7 @@ export const next = {
       !procedure && told.action && h("p", { class: "note" }, "No procedure of the bench does this: it is done by hand.")));
     if (told.menu?.length) {
       where.append(card("What else could be measured",
-        table(["measurement", "what to do", "pairs told apart", "smallest difference, in uncertainties"], told.menu.map((one) => [one.id, one.action, share(one.separates), show(one.ratio, "", 3)]))));
+        table(["measurement", "what to do", "minutes", "bits expected", "pairs told apart"], told.menu.map((one) => [one.id, one.action, show(one.minutes, "", 3), show(one.information_bits, "", 2), share(one.separates)]))));
     }
   },
 };

@@ -107,5 +107,5 @@ function identity(head) {
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
     head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
     h("h3", {}, "Measured"),
-    table(["what", "how much"], [...head.sweeps.map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
+    table(["what", "how much"], [...[...head.sweeps, ...head.conditioned].map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.values.map((one) => [one.name, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
 }

@@ -1,0 +1,41 @@
+"""Sweeps under conditions, single values, and the path of an investigation: what was asked, why, and what it taught."""
+
+from __future__ import annotations
+
+from motoremi.arrays import JsonDict
+from motoremi.data.session import Session
+from motoremi.quantities import show, show_band
+from motoremi.report.parts import Table
+
+
+def beside_tables(session: Session) -> tuple[Table, ...]:
+    """What was measured beside the motor as it is; nothing where there is nothing."""
+    rows = tuple((str(sweep.condition), sweep.termination, str(len(sweep)), show_band(*sweep.span_hz)) for sweep in session.conditioned)
+    values = tuple((one.name, show(one.value_si, one.unit), show(one.sigma, one.unit, 2)) for one in session.values)
+    tables = []
+    if rows:
+        tables.append(Table("Sweeps under conditions", ("condition", "termination", "points", "span"), rows))
+    if values:
+        tables.append(Table("Single values", ("value", "measured", "standard uncertainty"), values))
+    return tuple(tables)
+
+
+def path_table(diagnosis: JsonDict) -> tuple[Table, ...]:
+    """What each further measurement taught, in the order in which they came."""
+    rows = tuple((str(one["id"]), f"{one['information_bits']:.2g}", _leading(one), _mistakes(one)) for one in diagnosis.get("taught", ()))
+    columns = ("measured", "bits", "probable then", "not as asked")
+    return (Table("What each further measurement taught", columns, rows),) if rows else ()
+
+
+def asked_table(asked: JsonDict | None) -> tuple[Table, ...]:
+    """What was asked for, why, and what was brought."""
+    rows = tuple((str(one["asked"] or "nothing"), str(one["why"]), str(one["brought"])) for one in (asked or {}).get("steps", ()))
+    return (Table("What was asked for, and what was brought", ("asked", "why", "brought"), rows),) if rows else ()
+
+
+def _leading(taught: JsonDict) -> str:
+    return ", ".join(f"{label} {share:.2g}" for label, share in list(taught["probabilities"].items())[:3] if share >= 0.01)
+
+
+def _mistakes(taught: JsonDict) -> str:
+    return "; ".join(str(one["says"]) for one in taught["mistakes"]) or "-"
