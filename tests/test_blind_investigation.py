@@ -87,6 +87,8 @@ def test_mistakes_are_counted_and_those_that_were_noticed() -> None:
     assert run.made == run.found == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
     blind = play(sealed(mistaken=1.0), lambda evidence: dataclasses.replace(judge(evidence), mistaken=()), ("cheapest first",))[0].run
     assert (len(blind.made), blind.found) == (4, ())
+    careful = play(sealed(), judge, ("cheapest first",))[0].run
+    assert (careful.made, set(careful.alarms)) == ((), set(careful.steps))
 
 
 def test_a_judge_that_crashes_is_the_worst_answer_and_stops_nobody_else() -> None:

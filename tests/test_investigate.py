@@ -27,6 +27,7 @@ from motoremi.data.conditions import SingleValue, parse_value
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
+from motoremi.report.conditions import asked_table
 from motoremi.workflow_investigate import Investigation, Think, Thought, investigate, order_of, taught_bits
 
 WARM: JsonDict = {
@@ -164,6 +165,9 @@ def test_everything_that_was_asked_is_in_the_session_and_is_replayed_bit_for_bit
     assert verify(tmp_path / "s") == []
     assert session.analysis("investigation") == found.to_dict()
     assert found.to_dict()["schema"] == "motoremi.investigation/1"
+    assert [step.brought.partition("=")[0] for step in found.steps] == [step.id for step in found.steps]
+    assert found.steps[0].brought == "second-temperature=53degC"
+    assert asked_table(session.analysis("investigation"))[0].rows[0] == ("second-temperature", "insulation answers", "second-temperature=53degC")
     assert [sweep.termination for sweep in at(session, "second-temperature")] == ["short", "open"]
     cold, warm = session.sweeps[0], at(session, "second-temperature")[0]
     # Ra is 12 % more at 30 K above ambient; the lowest frequencies of the short sweep hold it and the reactance.
@@ -240,11 +244,20 @@ def test_what_takes_longer_than_the_time_that_is_left_is_not_asked(tmp_path: Pat
 
 def test_more_of_the_motor_as_it_is_are_repeats(tmp_path: Path) -> None:
     begun(tmp_path / "s")
+    earlier = {"asked": "dc-resistance", "why": "copper", "brought": "dc-resistance=1Ohm"}
+    with reopen(tmp_path / "s") as writer:
+        writer.save_analysis("ladder", {"steps": [{"fit": {}}]})
+        writer.save_analysis("investigation", {"schema": "motoremi.asked/1", "steps": [earlier]})
     found, _ = gone_through(tmp_path / "s", menu=(REPEATS,))
     assert found is not None
     session = load(tmp_path / "s")
     assert [sweep.termination for sweep in session.sweeps] == ["short", "open", "short", "open"]
     assert session.conditioned == ()
+    # The ladder's models were fitted to fewer sweeps; what was brought by files before stays told.
+    assert session.ladder == []
+    stored = session.analysis("investigation")
+    assert stored is not None
+    assert [step["asked"] for step in stored["steps"]] == ["dc-resistance", "repeats"]
 
 
 def test_an_empty_menu_ends_at_once(tmp_path: Path) -> None:

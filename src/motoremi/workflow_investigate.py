@@ -101,6 +101,8 @@ class Step:
         Of the best model after it.
     why : str
         What it was asked for.
+    brought : str
+        What came, as it is written: the condition with its value, or the value.
     """
 
     id: str
@@ -109,6 +111,7 @@ class Step:
     taught_bits: float
     error_percent: float
     why: str = ""
+    brought: str = ""
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
@@ -118,7 +121,9 @@ class Step:
             "probabilities": dict(self.probabilities),
             "taught_bits": self.taught_bits,
             "error_percent": self.error_percent,
+            "asked": self.id,
             "why": self.why,
+            "brought": self.brought,
         }
 
 
@@ -253,21 +258,32 @@ class _Run:
             stop, question = self._question(thought)
             if stop:
                 found = Investigation(tuple(self.path.steps), tuple(self.path.refused), stop, thought.conclude())
-                self.store.save_analysis("investigation", found.to_dict())
+                self.store.save_analysis(
+                    "investigation", {**found.to_dict(), "steps": [*self._by_files(), *(step.to_dict() for step in found.steps)]}
+                )
                 return found
             order = order_of(question, self.path.turn(str(question["id"])))
             thought = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, thought)
+
+    def _by_files(self) -> list[JsonDict]:
+        """What was asked for and brought by files before."""
+        stored = load(self.store.path).analysis("investigation") or {}
+        return [step for step in stored.get("steps", []) if "minutes" not in step]
 
     def _ask(self, order: Order, minutes: float, why: str) -> JsonDict:
         return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict())
 
     def _answered(self, asked: JsonDict, order: Order | None, before: Thought) -> Thought:
         """What stands after the answer to a question; None for an order that was carried out before."""
+        brought = str(asked["order"]["condition"] or asked["id"])
         try:
             if order is not None and order.is_value:
-                self.store.add_value(self.hands.value(order))
+                value = self.hands.value(order)
+                self.store.add_value(value)
+                brought = value.text
             elif order is not None:
                 self.hands.sweep(order)
+                self._forget_the_ladder(order)
         except NotDone:
             self.store.emit("refused", id=asked["id"])
             self.path.refused.append(str(asked["id"]))
@@ -280,11 +296,17 @@ class _Run:
             taught_bits(before.probabilities, after.probabilities),
             after.error_percent,
             str(asked["why"]),
+            brought,
         )
         self.store.emit("answered", **step.to_dict())
         self.path.steps.append(step)
         self.tell(after, step)
         return after
+
+    def _forget_the_ladder(self, order: Order) -> None:
+        """Its models were fitted to fewer sweeps."""
+        if order.condition is None and load(self.store.path).ladder:
+            self.store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
 
     def _question(self, thought: Thought) -> tuple[str, JsonDict]:
         """Why to stop, empty to go on, and what to ask; what takes longer than the time that is left is not asked."""

@@ -82,8 +82,8 @@ class Run:
     stop : str
     answer : Answer
         The last.
-    made, found : tuple of str
-        Measurements that the operator did otherwise, and those of them that were noticed.
+    made, found, alarms : tuple of str
+        Measurements that the operator did otherwise, those of them that were noticed, and those that were done as asked and doubted.
     seconds, search_seconds : tuple of float
         Of each decision, and of the search before it (0 where nothing was searched).
     """
@@ -95,6 +95,7 @@ class Run:
     answer: Answer
     made: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
     seconds: tuple[float, ...] = ()
     search_seconds: tuple[float, ...] = ()
 
@@ -197,7 +198,8 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         minutes += offer.minutes
         now = standing(tuple(done), asked)
     found = tuple(name for name in made if name in noticed)
-    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), found, tuple(seconds), tuple(searches))
+    alarms = tuple(sorted(noticed - set(made)))
+    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), found, alarms, tuple(seconds), tuple(searches))
 
 
 def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
@@ -217,7 +219,7 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
     dict
         `goals`, as on the other boards, of the product's policy; `by_policy`: share settled, wrong, median minutes, stops; `by_start`: the
         same for each start of the product's; `reliability` and `kinds_of_verdict`: stated confidence against hit rate; `mistakes`: made and
-        noticed; `seconds` a decision and `search_seconds` a search; `wrong` and `unsettled`: runs to look at.
+        noticed; `seconds` a decision and `search_seconds` a search; `unsettled` and `troubles`: runs to look at.
     """
     by_policy = {name: [one for one in played if one.run.policy == name] for name in POLICIES}
     by_policy = {name: ones for name, ones in by_policy.items() if ones}
@@ -244,7 +246,11 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
         "by_start": {start: _figures(ones) for start in STARTS if (ones := [one for one in own if one.case.start == start])},
         "reliability": reliability(own),
         "kinds_of_verdict": by_kind_of_verdict(own),
-        "mistakes": {"made": len(made), "found": sum(name in one.run.found for one, name in made)},
+        "mistakes": {
+            "made": len(made),
+            "found": sum(name in one.run.found for one, name in made),
+            "false_alarms": sum(len(one.run.alarms) for one in own),
+        },
         "seconds": _seconds(seconds),
         "search_seconds": _seconds(searches),
         "unsettled": [one.to_dict() for one in own if not one.settled],

@@ -28,7 +28,7 @@ def markdown(result: JsonDict) -> str:
             )
     lines += calibration_lines(result)
     mistakes = result["mistakes"]
-    lines += ["", f"Operator's mistakes: {mistakes['made']} made, {mistakes['found']} noticed."]
+    lines += ["", f"Operator's mistakes: {mistakes['made']} made, {mistakes['found']} noticed, {mistakes['false_alarms']} false alarms."]
     for what, key in (("One decision", "seconds"), ("One search for explanations in reference sweeps", "search_seconds")):
         if result[key]["count"]:
             lines.append(f"{what}: median {result[key]['median']:.1f} s, longest {result[key]['largest']:.1f} s.")
