@@ -265,6 +265,8 @@ def _predictions(option: Option, rival: Rival, measurement: Measurement, points:
         return []
     if rival.outside and option.reaches_motor:
         return [(1.0, Outcome(rival.fit, sweeps, listed=False, option=option))]
+    if rival.outside and option.kind == "standard":
+        return [(0.5, Outcome(rival.fit, sweeps, option=option)), (0.5, Outcome(rival.fit, sweeps, option=option, sound=True))]
     responding = Outcome(rival.fit, sweeps, option=option)
     if not responding.listed:
         return [(1.0, responding)]

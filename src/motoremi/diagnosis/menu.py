@@ -49,7 +49,9 @@ class Option:
     elements : mapping
         What the change does to elements of the paper's circuit, beyond what they repeat to.
     others : float
-        Standard deviation of the logarithm of every parameter of an effect for which the effect names no response.
+        Standard deviation of the logarithm of every parameter of an effect that the change reaches and that names no response.
+    reaches : tuple of str
+        Groups of effects that the change reaches.
     hands : bool
         Whether a person has to do something.
     procedure : str
@@ -64,6 +66,7 @@ class Option:
     asked: float | None = None
     elements: Mapping[str, Moved] = field(default_factory=dict)
     others: float = REPEATABILITY
+    reaches: tuple[str, ...] = ()
     hands: bool = True
     procedure: str = ""
 
@@ -111,6 +114,10 @@ _LIFTED = {
     "Rr": Moved(0.0, 0.5),
     "Lr": Moved(0.0, 0.3),
 }
+# Groups of effects that a change reaches.
+MACHINE = ("winding", "rotor")
+COPPER_AND_IRON = (*MACHINE, "connection")
+EVERYTHING = (*COPPER_AND_IRON, "insulation")
 
 MENU = (
     Option(
@@ -130,7 +137,16 @@ MENU = (
     Option("insulation-resistance", "measure the insulation resistance from winding to frame at DC", "value", 3.0, ()),
     Option("repeat-first-sweep", "repeat the first sweep after the last one", "change", 1.0, ("short",), procedure="impedance_only"),
     Option("sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0, hands=False),
-    Option("shaft-turned", "turn the shaft a little and repeat both sweeps", "change", 1.5, asked=30.0, elements=_TURNED, others=0.02),
+    Option(
+        "shaft-turned",
+        "turn the shaft a little and repeat both sweeps",
+        "change",
+        1.5,
+        asked=30.0,
+        elements=_TURNED,
+        others=0.02,
+        reaches=MACHINE,
+    ),
     Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 5.0),
     Option(
         "field-winding",
@@ -139,6 +155,7 @@ MENU = (
         4.0,
         elements=_FIELD,
         others=0.05,
+        reaches=("winding",),
     ),
     Option("standards", "put a 50 Ohm standard on the fixture in the motor's place and sweep it", "standard", 4.0, asked=50.0),
     Option("fixture-open", "take the motor off the fixture, leave it open and sweep", "standard", 2.0, ("open",)),
@@ -169,7 +186,16 @@ MENU = (
     ),
     Option("terminal-block", "lift the lead off the terminal block and sweep the motor without it", "change", 6.0),
     Option("end-turn-touched", "tape a strip of foil on the end turns and repeat both sweeps", "change", 15.0, elements=_FOIL),
-    Option("dc-bias", "repeat both sweeps with a DC bias through the winding", "change", 6.0, asked=1.0, elements=_BIASED, others=0.03),
+    Option(
+        "dc-bias",
+        "repeat both sweeps with a DC bias through the winding",
+        "change",
+        6.0,
+        asked=1.0,
+        elements=_BIASED,
+        others=0.03,
+        reaches=COPPER_AND_IRON,
+    ),
     Option(
         "brushes-lifted",
         "lift the brushes, clip the leads to the commutator bars under them and repeat both sweeps",
@@ -177,9 +203,27 @@ MENU = (
         10.0,
         elements=_LIFTED,
         others=0.5,
+        reaches=MACHINE,
     ),
-    Option("second-temperature", "warm the motor by 30 K and repeat both sweeps", "change", 24.0, asked=30.0, elements=_WARM, others=0.03),
-    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, elements=_NO_ROTOR, others=0.7),
-    Option("dried", "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps", "change", 240.0, elements=_DRY, others=0.05),
+    Option(
+        "second-temperature",
+        "warm the motor by 30 K and repeat both sweeps",
+        "change",
+        24.0,
+        asked=30.0,
+        elements=_WARM,
+        others=0.03,
+        reaches=EVERYTHING,
+    ),
+    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, elements=_NO_ROTOR, others=0.7, reaches=MACHINE),
+    Option(
+        "dried",
+        "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps",
+        "change",
+        240.0,
+        elements=_DRY,
+        others=0.05,
+        reaches=("insulation", "rotor"),
+    ),
 )
 BY_NAME: Mapping[str, Option] = {option.name: option for option in MENU}

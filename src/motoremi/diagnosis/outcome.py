@@ -67,10 +67,12 @@ class Outcome:
         Whether the responses that effects name come.
     option : Option, optional
         The row of the menu; by default that of the condition.
+    sound : bool
+        Whether the analyser has none of the model's errors: what they were taken for is then in the motor, and no standard shows it.
     """
 
-    def __init__(self, fit: Fit, sweeps: Sequence[Observed], listed: bool = True, option: Option | None = None) -> None:
-        self.fit, self.sweeps = fit, tuple(sweeps)
+    def __init__(self, fit: Fit, sweeps: Sequence[Observed], listed: bool = True, option: Option | None = None, sound: bool = False) -> None:
+        self.fit, self.sweeps, self._sound = fit, tuple(sweeps), sound
         self.condition = self.sweeps[0].condition
         self.option = option or BY_NAME[self.condition.id]
         problem = fit.problem
@@ -111,7 +113,7 @@ class Outcome:
 
     def _circuit(self, sweep: Observed) -> Node:
         s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
-        return self._behind(_set_up(self.fit.motor, self.option, self.condition, sweep.termination, s), sweep)
+        return self._behind(_set_up(self.fit.motor, self.option, self.condition, sweep.termination, s, self._sound), sweep)
 
     def _reference_tape(self, sweep: Observed) -> Tape:
         return Tape(self._behind(self.fit.motor.circuit(sweep.termination), sweep), self._names)
@@ -202,7 +204,7 @@ class Outcome:
                 steepness = slope(sweep.frequency_hz, tape.impedance(s, values), float(np.median(sweep.sigma)))
             columns = smooth_basis(sweep.frequency_hz, SMOOTH).T
             place: ComplexArray = np.asarray(np.nan_to_num(steepness) * np.minimum(1.0, 1e3 / np.maximum(np.abs(steepness), 1e-300)) * columns)
-            for column in (columns.astype(np.complex128), 1j * columns, place):
+            for column in (np.asarray(columns, dtype=np.complex128), np.asarray(1j * columns, dtype=np.complex128), place):
                 wide = np.zeros((len(column), count))
                 wide[:, start : start + 2 * sweep.frequency_hz.size] = _real(column)
                 rows.append(wide)
@@ -335,12 +337,12 @@ DIRECT_CURRENT_HZ = 1e-4
 NUDGE = 1e-4
 
 
-def _set_up(motor: Motor, option: Option, condition: Condition, termination: str, s: ComplexArray) -> Node:
+def _set_up(motor: Motor, option: Option, condition: Condition, termination: str, s: ComplexArray, sound: bool) -> Node:
     """The circuit that stands before the analyser."""
     value = condition.value
     if option.kind == "standard":
         part = _standard(option.name, value, s)
-        own = [name for name in motor.effects if find_effect(name).effect.group == "instrument"]
+        own = [name for name in motor.effects if find_effect(name).effect.group == "instrument" and not sound]
         return add_effects(Motor(winding=part, frame=part), own).circuit("short" if termination == "short" else "open")
     if option.name == "far-end-grounded":
         return motor.circuit("grounded")

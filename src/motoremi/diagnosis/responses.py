@@ -114,7 +114,8 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
             if factor is not None and power is None:
                 members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
                 count += 1
-            members.append(Response(name, 0.0, option.others if factor is None else REPEATABILITY, count))
+            reached = factor is None and find_effect(label.split("#")[0]).effect.group in option.reaches
+            members.append(Response(name, 0.0, option.others if reached else REPEATABILITY, count))
             count += 1
     return Responses(tuple(members), count)
 

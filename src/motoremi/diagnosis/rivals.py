@@ -32,6 +32,8 @@ OUTSIDE = "outside-the-catalogue"
 # Log odds behind the best beyond which a model is not weighed: it keeps its distance.
 BEHIND = 12.0
 MOST_RIVALS = 10
+# How often the response that is foreseen for a true explanation is wrong altogether: no single measurement refutes by more than 50 to 1.
+DOUBT = 0.02
 # What the catalogue does not hold is like one of so many that lead.
 LIKE = 3
 # A mistake is looked at where it is within these log odds of what was asked for.
@@ -197,16 +199,23 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
                 found = _weighed(rival, used, rivals) if used else Weighed(0.0, rival.known, 0.0)
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
+    doubted = _doubted(rivals, [float(logsumexp(list(log.values()))) for log in logs])
     members = []
     shares: dict[Key, float] = {}
     total = float(logsumexp([rival.log_weight + value for rival, log in zip(rivals.members, logs, strict=True) for value in log.values()]))
-    for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
+    for rival, log, known, factor in zip(rivals.members, logs, learnt, doubted, strict=True):
         for left_out, value in log.items():
             shares[left_out] = shares.get(left_out, 0.0) + float(np.exp(rival.log_weight + value - total))
-        factor = float(logsumexp(list(log.values())))
         members.append(dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=known[max(log.items(), key=lambda pair: pair[1])[0]]))
     told = tuple(wrong[name] for name in sorted(wrong) if sum(share for left_out, share in shares.items() if name in left_out) > 0.5)
     return _with(rivals, members, str(sweeps[0].condition), told)
+
+
+def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
+    """Log likelihoods where each rival may be right and its response wrong: the outcome is then as any of them has it."""
+    weights = np.array([one.log_weight for one in rivals.members])
+    any_of_them = float(logsumexp(weights - logsumexp(weights) + np.array(logs)))
+    return [float(np.logaddexp(np.log(1 - DOUBT) + log, np.log(DOUBT) + any_of_them)) for log in logs]
 
 
 def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
@@ -222,7 +231,11 @@ def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
     near = rivals.nearest
     own = [weigh(Outcome(one.fit, sweeps, listed=False), one.known, UNDESCRIBED_OUTSIDE if departs else None) for one in near]
     logs = np.array([one.log_weight for one in near])
-    return dataclasses.replace(own[0], log_likelihood=float(logsumexp(logs - logsumexp(logs) + [one.log_likelihood for one in own])))
+    like_them = float(logsumexp(logs - logsumexp(logs) + [one.log_likelihood for one in own]))
+    if BY_NAME[sweeps[0].condition.id].kind == "standard":
+        sound = weigh(Outcome(near[0].fit, sweeps, sound=True), near[0].known).log_likelihood
+        like_them = float(np.logaddexp(like_them, sound) - np.log(2))
+    return dataclasses.replace(own[0], log_likelihood=like_them)
 
 
 # A value that somebody read off wrongly.
@@ -232,20 +245,21 @@ SLIP = 0.02
 def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
     setting = VALUES[value.name].setting
     slip = float(np.log(SLIP) - np.log(np.log(setting.high / setting.low)))
-    members, read = [], []
+    logs, known, read = [], [], []
     for rival in rivals.members:
         prediction = ValueOutcome(rival.fit, value)
         if not prediction.known:
             return rivals
         found = weigh(prediction, rival.known, OUTSIDE_VALUE if rival.outside else AS_READ)
         own = found.log_likelihood + float(np.log(1 - SLIP))
-        members.append(
-            dataclasses.replace(
-                rival, log_weight=rival.log_weight + float(np.logaddexp(own, slip)), known=found.known if own > slip else rival.known
-            )
-        )
+        logs.append(float(np.logaddexp(own, slip)))
+        known.append(found.known if own > slip else rival.known)
         read.append(rival.log_weight + own)
-    total = float(logsumexp([one.log_weight for one in members]))
+    total = float(logsumexp([rival.log_weight + log for rival, log in zip(rivals.members, logs, strict=True)]))
+    members = [
+        dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=own)
+        for rival, factor, own in zip(rivals.members, _doubted(rivals, logs), known, strict=True)
+    ]
     told: tuple[Mistake, ...] = ()
     if float(np.exp(logsumexp(read) - total)) < 0.5:
         told = (Mistake("strange-value", f"{value}: far from what any explanation gives", slip),)
