@@ -12,6 +12,13 @@ Condition = Literal["motor running", "motor off"]
 Line = Literal["L1", "L2", "L3", "N", "+", "-"]
 Standard = Literal["open", "short", "load"]
 STANDARDS: dict[Standard, ConnectionName] = {"open": "open-standard", "short": "short-standard", "load": "load-standard"}
+# What is connected for a sweep of a known part in the motor's place, by the condition that the sweep is under.
+IN_THE_MOTORS_PLACE: dict[str, ConnectionName] = {
+    "fixture-open": "open-standard",
+    "fixture-short": "short-standard",
+    "fixture-load": "load-standard",
+    "standards": "load-standard",
+}
 AT_THE_LISN: dict[Condition, ConnectionName] = {"motor running": "lisn-motor-on", "motor off": "lisn-motor-off"}
 
 

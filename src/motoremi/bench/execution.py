@@ -11,7 +11,7 @@ from motoremi.arrays import JsonDict
 from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.answer import NotDone, Prompt
 from motoremi.bench.connect import Bench
-from motoremi.bench.connections import AT_THE_LISN, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
+from motoremi.bench.connections import AT_THE_LISN, IN_THE_MOTORS_PLACE, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
 from motoremi.bench.difference import RecordedEnd
 from motoremi.bench.driver import Driver, Identity
 from motoremi.bench.emission_steps import EmissionSteps
@@ -100,9 +100,13 @@ class Execution:
             if result is not None:
                 self._tell_verdict(planned, result)
         else:
-            with _unreadable_is_trouble():
-                self._measure(planned)
+            self.measure(planned)
         self.writer.emit("step-stop", step=planned.number, of=self._of, do=step.do)
+
+    def measure(self, planned: Planned) -> None:
+        """Do a step that needs the bench, without its documents."""
+        with _unreadable_is_trouble():
+            self._measure(planned)
 
     def _measure(self, planned: Planned) -> None:
         step = planned.step
@@ -121,19 +125,23 @@ class Execution:
             self.connect(STANDARDS[step.standard])
             self._compensate(step)
         elif isinstance(step, Sweep):
-            connection = self.connect(step.termination)
-            under = None if step.condition is None else parse_condition(step.condition)
-            for _ in range(stored, step.repeat):
-                # Stored one by one: an instrument that fails in the third sweep leaves two.
-                swept = self.state.around(lambda: self._swept(step.termination))
-                self.writer.add_sweep(swept.with_metadata(connection=connection).under(under))
-                self.state.refuse_trouble()
+            self._sweep(step, stored)
         elif isinstance(step, Check):
             self._check(planned, step)
         elif isinstance(step, Scan):
             self._emission.scan(step, stored)
         elif isinstance(step, Final):
             self._emission.final(planned, step, stored)
+
+    def _sweep(self, step: Sweep, stored: int) -> None:
+        under = None if step.condition is None else parse_condition(step.condition)
+        standard = None if under is None else IN_THE_MOTORS_PLACE.get(under.id)
+        connection = self.connect(standard or step.termination)
+        for _ in range(stored, step.repeat):
+            # Stored one by one: an instrument that fails in the third sweep leaves two.
+            swept = self.state.around(lambda: self._swept(step.termination, of_a_standard=standard is not None))
+            self.writer.add_sweep(swept.with_metadata(connection=connection).under(under))
+            self.state.refuse_trouble()
 
     def _compensate(self, step: Compensate) -> None:
         analyser = self._analyser()

@@ -14,6 +14,7 @@ from motoremi.bench.difference import RecordedEnd, ReplayDifference
 from motoremi.bench.execution import Analyse
 from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.replay import ReplayBench
+from motoremi.bench.rerun_asked import before_investigations, rerun_asked
 from motoremi.bench.resume import Done
 from motoremi.bench.runner import Outcome, done_by, run
 from motoremi.bench.writer import Writer
@@ -122,6 +123,11 @@ def rerun(
             # A kill or Ctrl-C during a step that asks no instrument leaves no trace in the traffic: there is nothing to stop a replay by.
             if recorded_stop and not from_outside:
                 raise InstrumentError(f"the recorded run ended with {recorded_stop!r}, its replay came to its end")
+    if len(before_investigations(session.documents)) < len(session.documents):
+        with reopen(folder) as writer:
+            if listen is not None:
+                writer.subscribe(listen)
+            rerun_asked(session.documents, bench, writer, session.path.name)
     bench.finish()
     again = load(folder)
     return Replayed(folder, *_held_against(session, again), tuple(bench.differences), ended, outcome)
@@ -148,14 +154,15 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answe
     """Each run of the session: what was done before it, why it stopped (empty: it came to its end), whether by a kill or by Ctrl-C,
     what the operator answered, and when the next one began.
     """
-    starts = [i for i, d in enumerate(session.documents) if d["kind"] == "resume"]
-    edges = [0, *starts, len(session.documents)]
+    documents = before_investigations(session.documents)
+    starts = [i for i, d in enumerate(documents) if d["kind"] == "resume"]
+    edges = [0, *starts, len(documents)]
     for first, end in itertools.pairwise(edges):
-        own = itertools.takewhile(lambda d: d["kind"] != "reopen", session.documents[first:end])
+        own = itertools.takewhile(lambda d: d["kind"] != "reopen", documents[first:end])
         # A run whose report failed has two: the measurement's and its own.
         stop = next(reversed([d for d in own if d["kind"] == "stop"]), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
-        answers = [d["answer"] for d in session.documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
+        answers = [d["answer"] for d in documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
         from_outside = stop is None or stop["status"] == "interrupted"
         until = datetime.fromisoformat(session.documents[end]["time"]) if end < len(session.documents) else None
         yield (done_by(session, session.documents[:first]) if first else None), reason, from_outside, answers, until

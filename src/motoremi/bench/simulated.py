@@ -22,12 +22,15 @@ from motoremi.bench.driver import Driver
 from motoremi.bench.recording import TrafficSink
 from motoremi.bench.simulated_device import SimulatedDevice
 from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS, virtual_instrument
+from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import emission
 from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.arrangement import Arrangement
 from motoremi.simulate.effects import split_effects
 from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.specimen import Specimen
 from motoremi.simulate.stand import MotorStand
 
 OPEN_STANDARD_OHM = 1e12
@@ -180,6 +183,8 @@ class SimulatedBench:
         self.clock = clock or VirtualClock()
         hidden, faults = split_effects(effects)
         self.motor = SimulatedMotor.random(seed, hidden)
+        self._specimen = Specimen(self.motor, seed)
+        self._arrangement = Arrangement(self._specimen)
         self.stand = MotorStand(self.clock.now)
         self._analyser = SimulatedAnalyser(seed, faults=faults)
         self._connected: ConnectionName = "open-standard"
@@ -234,6 +239,23 @@ class SimulatedBench:
             self.stand.drive(*OPERATORS_SUPPLY) if what == "lisn-motor-on" else self.stand.release()
         return self._connection
 
+    def arrange(self, condition: Condition | None, terminations: Sequence[Termination], turn: int = 0) -> None:
+        """Have the operator set something up for the sweeps that follow; None: put everything back.
+
+        Parameters
+        ----------
+        condition : Condition or None
+        terminations : sequence of str
+            Which sweeps will follow.
+        turn : int
+            How often the same was asked before.
+        """
+        self._arrangement = Arrangement(self._specimen, condition, tuple(terminations), turn)
+
+    def single_value(self, name: str, turn: int = 0) -> SingleValue:
+        """What the operator reads off another meter."""
+        return Arrangement(self._specimen, turn=turn).single_value(name)
+
     def at_work(self, role: str) -> ConnectionName:
         """What an instrument of that role is connected to while it measures the motor."""
         return "open" if role == "analyser" else "lisn-motor-on"
@@ -249,17 +271,20 @@ class SimulatedBench:
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int, averages: int = 1) -> ComplexArray:
         """What the analyser would read without fixture, in ohm; the mean of so many readings."""
         connected_ohm = self.connected_ohm(frequency_hz)
+        analyser: SimulatedAnalyser = self._arrangement.analyser(self._analyser)
         if self._connected in ("short", "open"):
-            return self._analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
+            return analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
         if self._is_reference and self._connected != "load-standard":
             return connected_ohm
         like: Termination = "short" if self._connected == "short-standard" else "open"
-        return self._analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
+        return analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
 
     def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
         """What is connected, as it truly is, in ohm."""
         if self._connected in ("short", "open"):
-            return self.motor.impedance(self._connected, frequency_hz)
+            return self._arrangement.impedance(self._connected, frequency_hz)
+        if self._arrangement.on_the_fixture:
+            return self._arrangement.impedance("open", frequency_hz)
         return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
 
     def at_line(self, line: str) -> None:

@@ -54,11 +54,13 @@ class ReflectionAnalyser:
     rng : Generator
     level : float
         Size of each error term.
+    noise : Generator, optional
+        Of the noise, where that is not to go on from the errors' own.
     """
 
-    def __init__(self, rng: Generator, level: float) -> None:
+    def __init__(self, rng: Generator, level: float, noise: Generator | None = None) -> None:
         self._seeds = [int(seed) for seed in rng.integers(0, 2**31, 3)]
-        self._noise = rng
+        self._noise = noise or rng
         self.level = level
 
     def measure(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:

@@ -123,7 +123,7 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
         if bench_file.backend == "sim":
             return None
         with bars.paused():
-            return _ask(text)
+            return ask_operator(text)
 
     return run(procedure, made, writer, analyse=analyse(bars.bar("diagnosing")), prompt=ask, tick=tick, done=done)
 
@@ -180,7 +180,7 @@ def _duration(seconds: float) -> str:
     return f"{seconds // 60:.0f} min {seconds % 60:.0f} s"
 
 
-def _ask(text: str) -> Answer:
+def ask_operator(text: str) -> Answer:
     """Tell the operator what to do and wait for one of the three answers."""
     from motoremi.bench.answer import TYPED
     from motoremi.data.text import clean_text
@@ -285,7 +285,7 @@ def tell(document: JsonDict) -> None:
         identity = document["identity"]
         say(f"  {document['role']}: {identity['vendor']} {identity['model']} serial {identity['serial']} at {document['resource']}")
     elif kind in ("sweep", "spectrum", "standard"):
-        what = " ".join(str(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
+        what = " ".join(_told(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
         if "state" in document:
             say(
@@ -306,6 +306,10 @@ def tell(document: JsonDict) -> None:
     elif kind == "state":
         reached = document["reached"] or "not reached, the operator goes on"
         say(f"  {reached} after {_duration(document['seconds'])}: {state_line(document['state'])}")
+    elif kind == "asked":
+        say(f"asked: {document['order']['instruction']} ({document['minutes']:.3g} min)")
+    elif kind == "refused":
+        say(f"  {document['id']} is not done; the next best instead")
     elif kind == "prompt":
         say(f"  the operator: {document['answer']}")
     elif kind == "step-start":
@@ -320,6 +324,13 @@ def tell(document: JsonDict) -> None:
         warn(document)
     elif kind == "safe" and not document["safe"]:
         say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
+
+
+def _told(value: object) -> str:
+    """A word of a document; what was set up for a sweep is a table there."""
+    from motoremi.data.conditions import Condition
+
+    return Condition.restored(value).text if isinstance(value, dict) else str(value)
 
 
 def warn(document: JsonDict) -> None:

@@ -65,6 +65,9 @@ def scoreboard_(
     jobs: Annotated[int, typer.Option(help="Processes. With 1 a diagnosis has two cores, as at the bench.", min=1)] = max(1, os.cpu_count() or 1),
     hard: Annotated[bool, typer.Option("--hard", help="Motors measured outside the protocol, one departure each.")] = False,
     spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, seen in emission spectra.")] = False,
+    investigate: Annotated[
+        bool, typer.Option("--investigate", help="Sealed motors investigated by several policies: minutes at the bench, names, mistakes found.")
+    ] = False,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -72,10 +75,10 @@ def scoreboard_(
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
 
-    if hard and spectra:
-        raise BadInput("--hard and --spectra are two scoreboards: ask for one")
+    if hard + spectra + investigate > 1:
+        raise BadInput("--hard, --spectra and --investigate are scoreboards of their own: ask for one")
     chosen = seed if seed is not None else secrets.randbelow(1_000_000)
-    board = _boards()["hard" if hard else "spectra" if spectra else "usual"]
+    board = _boards()["hard" if hard else "spectra" if spectra else "investigate" if investigate else "usual"]
     with progress_bars(as_json) as bars:
         result = {"seed": chosen, **board.summary(board.play(chosen, cases, jobs, bars.bar(board.label)))}
     if out is not None:
@@ -100,11 +103,14 @@ class _Board:
 
 
 def _boards() -> dict[str, _Board]:
-    from motoremi.blind import hard, hard_table, scoreboard, spectra, table
+    from motoremi.blind import hard, hard_table, investigation, investigation_table, scoreboard, spectra, table
 
     return {
         "usual": _Board("blind test", scoreboard.play_all, scoreboard.summary, table.markdown, table.write_all),
         "hard": _Board("blind test outside the protocol", hard.play_all, hard.summary, hard_table.markdown, hard_table.write_all),
+        "investigate": _Board(
+            "investigations", investigation.play_all, investigation.summary, investigation_table.markdown, investigation_table.write_all
+        ),
         "spectra": _Board("blind test of spectra", spectra.play_all, spectra.summary, spectra.markdown, spectra.write_all),
     }
 

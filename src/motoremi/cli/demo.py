@@ -15,15 +15,22 @@ if TYPE_CHECKING:
     from motoremi.bench.procedure import Procedure
     from motoremi.fitting.result import Fit
 
+# A motor whose sweeps leave two explanations standing that one measurement tells apart.
+INVESTIGATED = (5, "bearing-film")
+
 
 def demo_(
     out: Out = None,
     effect: Annotated[str | None, typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default one at random.")] = None,
     seed: Annotated[int | None, typer.Option(help="Which motor, which errors of the analyser, which effect.", min=0)] = None,
+    investigate: Annotated[
+        bool, typer.Option("--investigate", help="Measure once, and let the bench ask for what decides between the explanations that stand.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure a simulated motor that hides an effect, fit, see where it fails, diagnose, add, watch the error fall, report."""
     from motoremi.bench.bench_file import BenchFile
+    from motoremi.bench.hidden_bench import keep_bench
     from motoremi.bench.runner import run, start_document
     from motoremi.bench.simulated import SimulatedBench
     from motoremi.cli.bars import progress_bars
@@ -33,6 +40,12 @@ def demo_(
     from motoremi.workflow import add_to_session, analyse, compare_session, diagnosis_in, ladder_of, opened, report_session
     from motoremi.workflow_emission import emission_story
 
+    if investigate:
+        from motoremi.cli.demo_investigate import demo_investigation
+
+        told = INVESTIGATED if seed is None and effect is None else (1 if seed is None else seed, effect or INVESTIGATED[1])
+        demo_investigation(out if out is not None else fresh_folder("demo"), *told, as_json=as_json)
+        return
     chosen_seed = seed if seed is not None else secrets.randbelow(100_000)
     chosen = DEMO_EFFECTS[chosen_seed % len(DEMO_EFFECTS)] if effect is None else effect
     hidden = () if chosen == "none" else (chosen,)
@@ -42,6 +55,7 @@ def demo_(
     bench_file = BenchFile(backend="sim", operator="demo", seed=chosen_seed)
     try:
         writer = SessionWriter.create(folder, {**start_document(procedure, bench_file), "motor": f"simulated motor {chosen_seed}"})
+        keep_bench(writer, chosen_seed, hidden)
         if not as_json:
             say("A simulated motor on the embedded bench hides something; motoremi does not know what.\n")
             writer.subscribe(tell)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
+from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.asking import Question, next_question
 from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.candidates import Candidate, possible_effects
@@ -22,6 +24,7 @@ from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.rivals import Rivals
 from motoremi.diagnosis.validation import cross_validated
+from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.fitting.search import Task, arrived_on_all
@@ -43,6 +46,21 @@ LOOKS = 3
 LISTED = 12
 # Shares of the longest diagnosis: where the search ends, and the one without points that only its best model sees.
 SEARCH, AGAIN = 0.6, 0.75
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What a search found in reference sweeps, before anything else was looked at.
+
+    Parameters
+    ----------
+    fit : Fit
+        What it began with.
+    declared : Declared
+    """
+
+    fit: Fit
+    declared: Declared
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +104,8 @@ class Diagnosis:
         The explanations that stand, with what sweeps under conditions and single values taught (`rivals.taught`).
     question : Question, optional
         What to measure next about them.
+    searched : Searched, optional
+        What the diagnosis rests on.
     """
 
     verdict: Verdict
@@ -106,6 +126,19 @@ class Diagnosis:
     left_over: Remainder | None = None
     rivals: Rivals | None = None
     question: Question | None = None
+    searched: Searched | None = None
+
+    def informed_by(self, measurement: Measurement) -> Diagnosis:
+        """The diagnosis with other sweeps under conditions and other single values; nothing is searched again.
+
+        Parameters
+        ----------
+        measurement : Measurement
+            Its reference sweeps are those of this diagnosis.
+        """
+        if self.searched is None:
+            raise BadInput("this diagnosis was not made by a search: diagnose the fit again")
+        return _informed(self.searched, measurement)
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -217,12 +250,17 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     first = _without_outliers(fit, fit, search) or judge(fit, search)
     if not first.model.done:
         first = _without_outliers(fit, first.best.fit, again) or first
-    declared = likeliest(first, part(progress, AGAIN, 1.0))
-    rivals = rivals_in(declared.judgement)
+    return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0))), fit.measurement)
+
+
+def _informed(searched: Searched, measurement: Measurement) -> Diagnosis:
+    """What the search in the reference sweeps let one believe, with what was measured beside them."""
+    declared = searched.declared
+    rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
     left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described)
-    findings = (*_findings(fit, declared, left), *of_the_operator(rivals))
-    return _concluded(judgement, findings, left, rivals)
+    findings = (*_findings(searched.fit, declared, left), *of_the_operator(rivals))
+    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement), searched=searched)
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judgement | None:
@@ -257,9 +295,9 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
     return tuple(found)
 
 
-def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals) -> Diagnosis:
+def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement) -> Diagnosis:
     """The diagnosis that a judgement leads to."""
-    question = next_question(rivals, judgement.base.measurement)
+    question = next_question(rivals, measurement)
     base, belief = judgement.base, judgement.belief
     unknown = departs(rivals)
     named = () if judgement.accurate or not judgement.stands or unknown else judgement.named

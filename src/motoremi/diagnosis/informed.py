@@ -5,22 +5,25 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
+from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import MOST_NAMES, Belief, believe
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import RELAXING, Judgement
 from motoremi.diagnosis.rivals import Key, Rivals, rivals_of, update
 
+# Of the finding that a sweep or value is none of what was asked for.
+NOT_AS_ASKED = "not-as-asked"
 # How often the truth is none of the models found, by what the leading one leaves. As `belief.RELIABLE` has it for such answers.
 OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.25, "not": 0.9}
 
 
-def rivals_in(judgement: Judgement) -> Rivals:
+def rivals_in(judgement: Judgement, measurement: Measurement) -> Rivals:
     """The explanations that a judgement leaves standing, with what the measurement holds beside the reference sweeps.
 
     Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
     """
     credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not _distributed(key)}
-    return update(rivals_of(credible, OUTSIDE[judgement.standing]), judgement.base.measurement)
+    return update(rivals_of(credible, OUTSIDE[judgement.standing]), measurement)
 
 
 def _distributed(key: Key) -> bool:
@@ -70,7 +73,7 @@ def of_the_operator(rivals: Rivals) -> list[Finding]:
     """Sweeps and values that are none of what was asked for."""
     return [
         Finding(
-            "not-as-asked", f"{one.says}; it is not used", "repeat that measurement, or append it under the condition that it was taken in", False
+            NOT_AS_ASKED, f"{one.says}; it is not used", "repeat that measurement, or append it under the condition that it was taken in", False
         )
         for taught in rivals.taught
         for one in taught.mistakes

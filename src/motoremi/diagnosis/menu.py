@@ -198,7 +198,7 @@ MENU = (
     ),
     Option(
         "brushes-lifted",
-        "lift the brushes off the commutator and repeat both sweeps",
+        "lift the brushes, clip the leads to the commutator bars under them and repeat both sweeps",
         "change",
         10.0,
         elements=_LIFTED,

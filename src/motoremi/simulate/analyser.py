@@ -6,6 +6,7 @@ noise for each point.
 
 from __future__ import annotations
 
+import copy
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -179,6 +180,19 @@ class SimulatedAnalyser:
 
     def __repr__(self) -> str:
         return f"SimulatedAnalyser(seed={self.seed}, model={self.model!r}, faults={tuple(self.faults)!r})"
+
+    def without(self, faults: Sequence[str], *, compensated: bool = False) -> SimulatedAnalyser:
+        """The same analyser, its noise going on, with some faults mended or its fixture compensated."""
+        mended = copy.copy(self)
+        mended.faults = {name: sizes for name, sizes in self.faults.items() if name not in faults}
+        mended.compensated = self.compensated or compensated
+        return mended
+
+    def with_noise(self, purpose: str) -> SimulatedAnalyser:
+        """The same analyser with a noise of its own for some purpose, whatever was measured before."""
+        other = copy.copy(self)
+        other._noise = self._rng(f"noise {purpose}")
+        return other
 
     def measure(
         self,

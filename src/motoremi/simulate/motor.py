@@ -77,8 +77,17 @@ class SimulatedMotor:
         """The seven element values, SI units."""
         return {name: getattr(self, name) for name in ELEMENTS}
 
+    def effect(self, name: str) -> HiddenEffect | None:
+        """What it hides under that name, if it does."""
+        return next((effect for effect in self.effects if effect.name == name), None)
+
     def network(self, termination: Termination) -> Network:
         """The network between X and G; in the short-circuit sweep the far end Y is joined to G, the common return."""
+        network = self.apart(termination)
+        return network.with_node("Y", GROUND) if termination == "short" else network
+
+    def apart(self, termination: Termination) -> Network:
+        """The network of one sweep with the far end Y still a node of its own."""
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
         network = (
@@ -93,7 +102,7 @@ class SimulatedMotor:
         )
         for effect in sorted(self.effects, key=lambda effect: MOTOR_EFFECTS.index(effect.name)):
             network = effect.apply(network, self.elements, termination)
-        return network.with_node("Y", GROUND) if termination == "short" else network
+        return network
 
     def impedance(self, termination: Termination, frequency_hz: ArrayLike) -> ComplexArray:
         """Impedance of one sweep without any error of measurement.

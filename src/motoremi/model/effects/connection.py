@@ -60,7 +60,7 @@ EFFECTS = (
         source="a capacitance across the terminals; values of terminal blocks are estimates without a source",
         change=_terminal,
         starts=tuple({"capacitance_f": c, "-Ca": c} for c in (2e-12, 1e-11, 3e-11)),
-        responds={"terminal-block": {"capacitance_f": 0.0}},
+        responds={"terminal-block": {"capacitance_f": 0.0}, "brushes-lifted": {"capacitance_f": 0.0}},
     ),
     Effect(
         name="ground-strap-inductance",

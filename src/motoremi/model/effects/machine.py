@@ -97,7 +97,7 @@ EFFECTS = (
             {"slots_f": c, "path_ohm": 100.0, "iron_hz": 5e4, "exponent": 0.7, "cage_share": 0.3, "cage_hz": 500.0} for c in (1e-11, 1e-10, 1e-9)
         ),
         reader=readings.machine_winding,
-        responds={"dc-bias": {"cage_share": 1.1}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1}},
+        responds={"dc-bias": {"cage_share": 1.1, "iron_hz": 1.25}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1}},
         copper={"cage_hz": 1.0},
         below_hz=CAGE_SEEN_BELOW_HZ,
         excludes=("distributed-winding",),

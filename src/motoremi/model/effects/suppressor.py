@@ -58,7 +58,7 @@ EFFECTS = (
         starts=tuple({"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)),
         reader=readings.suppressor_capacitor,
         places=("", "frame", "pair"),
-        responds={"second-temperature": {"capacitance_f": 0.97}},
+        responds={"second-temperature": {"capacitance_f": 0.97}, "brushes-lifted": {"capacitance_f": 0.0}},
     ),
     Effect(
         name="suppressor-choke",
@@ -91,7 +91,7 @@ EFFECTS = (
             for f in (3e6, 2e7)
         ),
         reader=readings.suppressor_choke,
-        responds={"dc-bias": {"share": 0.8}},
+        responds={"dc-bias": {"share": 0.8}, "brushes-lifted": {"inductance_h": 0.0, "resistance_ohm": 0.0}},
         copper={"resistance_ohm": 1.0},
     ),
 )  # fmt: skip

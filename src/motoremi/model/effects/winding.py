@@ -119,7 +119,7 @@ EFFECTS = (
         # A thin, high-cornered share is a false valley next to the true one, so the grid covers both.
         # Above the corner only (1 - share) of La is left, so La has to start as much higher.
         starts=tuple({"share": k, "corner_hz": f, "*La": 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
-        responds={"dc-bias": {"corner_hz": 1.25}, "second-temperature": {"corner_hz": 1.1}},
+        responds={"dc-bias": {"corner_hz": 1.25, "share": 0.85}, "second-temperature": {"corner_hz": 1.1}},
         seen_as=("inductance-diffusion",),
     ),
     Effect(
@@ -156,7 +156,7 @@ EFFECTS = (
         ),
         reader=readings.relaxing_core,
         repeatable=True,
-        responds={"dc-bias": {"share": 0.7}},
+        responds={"dc-bias": {"share": 0.8, "corner_hz": 1.25}},
         seen_as=("inductance-relaxation",),
     ),
     Effect(
@@ -278,7 +278,7 @@ EFFECTS = (
         responds={
             "shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7},
             "dc-bias": {"resistance_ohm": 0.3},
-            "brushes-lifted": {"resistance_ohm": 100.0},
+            "brushes-lifted": {"resistance_ohm": 0.0},
         },
         seen_as=("film",),
     ),

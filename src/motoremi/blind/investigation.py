@@ -1,0 +1,286 @@
+"""The board of investigations: sealed motors played to the end by each policy, and what it took and was worth."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.blind.calibration import by_kind_of_verdict, calibration_error, goal, goal_of, reliability
+from motoremi.blind.policies import POLICIES, PRODUCT, Look, Offer, Standing
+from motoremi.blind.rounds import play_each
+from motoremi.blind.scoring import Answer, Outcome, hit, outcome
+from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.asking import next_question
+from motoremi.diagnosis.diagnosis import Diagnosis
+from motoremi.workflow_thinking import after, searched
+
+ODDS, BUDGET_MINUTES = 20.0, 240.0
+# A policy that asks for more than so much never ends.
+MOST_STEPS = 24
+NAMED_GOAL, WRONG_GOAL, CALIBRATION_GOAL, MISTAKES_GOAL = 0.95, 0.02, 0.05, 0.90
+MINUTES_GOALS: Mapping[str, float] = {"fixed order": 0.5, "random": 0.5, "cheapest first": 0.7, "clairvoyant": 1.3}
+SECONDS_GOAL, SURE = 5.0, 0.8
+
+Judge: TypeAlias = Callable[[Evidence], Standing]
+# Measurements by name and turn, in alphabetical order: what was measured, whoever asked for it first.
+_Done: TypeAlias = tuple[tuple[str, int], ...]
+
+
+class Product:
+    """What the product says of evidence; what it found in the reference sweeps is kept while only other things are added."""
+
+    def __init__(self) -> None:
+        self._searched: dict[bytes, Diagnosis] = {}
+
+    def __call__(self, evidence: Evidence) -> Standing:
+        """What stands, and what to measure next."""
+        measurement = Measurement.of(evidence.sweeps, values=evidence.values)
+        reference = [sweep for sweep in evidence.sweeps if sweep.condition is None]
+        key = b"".join(sweep.impedance_ohm.tobytes() for sweep in reference)
+        started = time.perf_counter()
+        if key not in self._searched:
+            self._searched[key] = searched(Measurement.of(reference))
+        found, ready = self._searched[key], time.perf_counter()
+        rivals = after(found, measurement)
+        question = next_question(rivals, measurement, (), ODDS).to_dict()
+        took = time.perf_counter() - ready
+        listed = ([question] if question["id"] else []) + list(question["alternatives"])
+        return Standing(
+            rivals.by_label,
+            tuple(Offer.of(one) for one in listed if one.get("asks")),
+            lambda: _answer(found.informed_by(measurement)),
+            str(question["stop"] or ""),
+            tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes),
+            took,
+            ready - started,
+        )
+
+
+def _answer(found: Diagnosis) -> Answer:
+    return Answer(found.verdict, found.effects, found.families, found.confidence)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One motor played to the end by one policy.
+
+    Parameters
+    ----------
+    policy : str
+    steps : tuple of str
+        What was measured, in order.
+    minutes : float
+        At the bench.
+    stop : str
+    answer : Answer
+        The last.
+    made, found, alarms : tuple of str
+        Measurements that the operator did otherwise, those of them that were noticed, and those that were done as asked and doubted.
+    seconds, search_seconds : tuple of float
+        Of each decision, and of the search before it (0 where nothing was searched).
+    """
+
+    policy: str
+    steps: tuple[str, ...]
+    minutes: float
+    stop: str
+    answer: Answer
+    made: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
+    seconds: tuple[float, ...] = ()
+    search_seconds: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PlayedRun:
+    """A run with the truth, as tables of calibration want it."""
+
+    case: Sealed
+    run: Run
+
+    @property
+    def answer(self) -> Answer:
+        """What was said at last."""
+        return self.run.answer
+
+    @property
+    def outcome(self) -> Outcome:
+        """What it is worth."""
+        return outcome(self.case.hidden, self.run.answer)
+
+    @property
+    def hit(self) -> bool:
+        """Whether what its confidence speaks of is true."""
+        return hit(self.case.hidden, self.run.answer, detectable=True)
+
+    @property
+    def settled(self) -> bool:
+        """Named, or proven inseparable: a family counts only where nothing on the menu could tell its members apart."""
+        return self.outcome == "right" or (self.outcome == "family" and self.run.stop == "inseparable")
+
+    @property
+    def wrong(self) -> bool:
+        """Whether somebody who believed it would be misled."""
+        return self.outcome in ("wrong", "false alarm", "crashed")
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {**asdict(self.case), **asdict(self.run), **asdict(self.run.answer), "outcome": self.outcome, "settled": self.settled}
+
+
+def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
+    """Play one sealed motor by each policy; what one of them has measured and judged is not judged again for another."""
+    known: dict[_Done, Standing] = {}
+    says = judge or Product()
+
+    def standing(done: _Done, asked: Mapping[str, Offer]) -> Standing:
+        if done not in known:
+            evidence = case.begin()
+            for name, turn in done:
+                evidence = evidence.plus(case.give(asked[name].asked, turn).evidence)
+            known[done] = says(evidence)
+        return known[done]
+
+    return [PlayedRun(case, _guarded(case, name, standing)) for name in policies]
+
+
+def _guarded(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
+    try:
+        return _run(case, policy, standing)
+    except Exception as error:  # a crash is an answer too, and the worst; the others go on
+        trouble = f"{type(error).__name__}: {error}"
+        return Run(policy, (), 0.0, "", Answer("crashed", (), (), 0.0, trouble=trouble))
+
+
+def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
+    rng = np.random.default_rng([case.seed, case.index, zlib.crc32(policy.encode())])
+    done: list[tuple[str, int]] = []
+    asked: dict[str, Offer] = {}
+    order: list[str] = []
+    made: list[str] = []
+    seconds: list[float] = []
+    searches: list[float] = []
+    noticed: set[str] = set()
+    minutes = 0.0
+
+    def with_it(offer: Offer) -> tuple[tuple[str, int], ...]:
+        turn = sum(name == offer.id for name, _ in done)
+        return tuple(sorted([*done, (offer.id, turn)]))
+
+    def look(offer: Offer) -> Standing:
+        return standing(with_it(offer), {**asked, offer.id: offer})
+
+    now = standing((), {})
+    while True:
+        seconds.append(now.seconds)
+        searches.append(now.search_seconds)
+        noticed.update(now.mistaken)
+        left = [offer for offer in now.offers if minutes + offer.minutes <= BUDGET_MINUTES]
+        if now.stop or not left or len(order) >= MOST_STEPS:
+            stop = now.stop or ("budget" if now.offers else "nothing-left")
+            break
+        offer = _chosen(policy, now, left, look, case, rng)
+        turn = sum(name == offer.id for name in order)
+        if case.give(offer.asked, turn).mistake is not None:
+            made.append(offer.id)
+        done[:] = with_it(offer)
+        asked[offer.id] = offer
+        order.append(offer.id)
+        minutes += offer.minutes
+        now = standing(tuple(done), asked)
+    found = tuple(name for name in made if name in noticed)
+    alarms = tuple(sorted(noticed - set(made)))
+    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), found, alarms, tuple(seconds), tuple(searches))
+
+
+def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
+    return POLICIES[policy](replace(now, offers=tuple(left)), look, case.hidden, rng)
+
+
+def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedRun]:
+    """The first motors of a seed by all policies; the same whatever the number of jobs."""
+    return [one for runs in play_each(play, draw_sealed_many(seed, count), jobs, progress) for one in runs]
+
+
+def summary(played: Sequence[PlayedRun]) -> JsonDict:
+    """The figures of the board.
+
+    Returns
+    -------
+    dict
+        `goals`, as on the other boards, of the product's policy; `by_policy`: share settled, wrong, median minutes, stops; `by_start`: the
+        same for each start of the product's; `reliability` and `kinds_of_verdict`: stated confidence against hit rate; `mistakes`: made and
+        noticed; `seconds` a decision and `search_seconds` a search; `unsettled` and `troubles`: runs to look at.
+    """
+    by_policy = {name: [one for one in played if one.run.policy == name] for name in POLICIES}
+    by_policy = {name: ones for name, ones in by_policy.items() if ones}
+    own = by_policy.get(PRODUCT, [])
+    made = [(one, name) for one in own for name in one.run.made]
+    seconds = [second for one in own for second in one.run.seconds]
+    searches = [second for one in own for second in one.run.search_seconds if second]
+    goals = {
+        "named, or proven inseparable": goal([one.settled for one in own], NAMED_GOAL),
+        "wrong": goal([one.wrong for one in own], WRONG_GOAL, at_most=True),
+        **{f"median minutes, of those of {name}": _minutes_goal(by_policy, name, wanted) for name, wanted in MINUTES_GOALS.items()},
+        "expected calibration error": goal_of(calibration_error(own) if own else None, CALIBRATION_GOAL, len(own), at_most=True),
+        "operator's mistakes found": goal([name in one.run.found for one, name in made], MISTAKES_GOAL),
+        "mistakes behind a wrong name stated above 0.8": goal(
+            [one.wrong and one.answer.confidence > SURE for one in own if one.run.made], 0.0, at_most=True
+        ),
+        "decisions that take longer than 5 s": goal([second > SECONDS_GOAL for second in seconds], 0.0, at_most=True),
+    }
+    return {
+        "schema": "motoremi.scoreboard-investigation/1",
+        "cases": len(own),
+        "goals": goals,
+        "by_policy": {name: _figures(ones) for name, ones in by_policy.items()},
+        "by_start": {start: _figures(ones) for start in STARTS if (ones := [one for one in own if one.case.start == start])},
+        "reliability": reliability(own),
+        "kinds_of_verdict": by_kind_of_verdict(own),
+        "mistakes": {
+            "made": len(made),
+            "found": sum(name in one.run.found for one, name in made),
+            "false_alarms": sum(len(one.run.alarms) for one in own),
+        },
+        "seconds": _seconds(seconds),
+        "search_seconds": _seconds(searches),
+        "unsettled": [one.to_dict() for one in own if not one.settled],
+        "troubles": [{"index": one.case.index, "policy": one.run.policy, "trouble": one.answer.trouble} for one in played if one.answer.trouble],
+    }
+
+
+def _seconds(measured: Sequence[float]) -> JsonDict:
+    return {"count": len(measured), "median": float(np.median(measured)) if measured else None, "largest": max(measured, default=None)}
+
+
+def _minutes_goal(by_policy: Mapping[str, Sequence[PlayedRun]], name: str, wanted: float) -> JsonDict:
+    """Median minutes of the product over those of another policy, on the same motors."""
+    own, other = by_policy.get(PRODUCT, ()), by_policy.get(name, ())
+    if not own or not other or not (median := _median(other)):
+        return goal_of(None, wanted, 0, at_most=True)
+    return goal_of(_median(own) / median, wanted, len(own), at_most=True)
+
+
+def _median(ones: Sequence[PlayedRun]) -> float:
+    return float(np.median([one.run.minutes for one in ones]))
+
+
+def _figures(ones: Sequence[PlayedRun]) -> JsonDict:
+    return {
+        "motors": len(ones),
+        "settled": float(np.mean([one.settled for one in ones])),
+        "wrong": float(np.mean([one.wrong for one in ones])),
+        "median_minutes": _median(ones),
+        "median_steps": float(np.median([len(one.run.steps) for one in ones])),
+        "outcomes": dict(Counter(one.outcome for one in ones)),
+        "stops": dict(Counter(one.run.stop for one in ones)),
+    }

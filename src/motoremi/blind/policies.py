@@ -1,0 +1,155 @@
+"""Ways to choose the next measurement, for the board of investigations: the product's own, others, and one that knows the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from motoremi.arrays import JsonDict
+from motoremi.blind.scoring import Answer
+from motoremi.blind.sealed import Asked
+from motoremi.data.conditions import VALUES
+from motoremi.errors import BadInput
+from motoremi.workflow_investigate import order_of
+
+# Frozen: how somebody with experience would go about it who looks at no model. First what is free or completes the record, then the
+# instrument, then what needs no tool, then tools, then heat and disassembly.
+EXPERT = (
+    "open-sweep", "short-sweep", "repeat-compensation", "repeats", "dc-resistance", "insulation-resistance", "wide-sweep", "far-end-grounded",
+    "contacts-cleaned", "repeat-first-sweep", "sweep-downwards", "fixture-short", "fixture-open", "fixture-load", "standards", "shaft-turned",
+    "longer-lead", "longer-strap", "terminal-block", "end-turn-touched", "known-capacitor", "field-winding", "dc-bias", "second-temperature",
+    "brushes-lifted", "dried", "rotor-out",
+)  # fmt: skip
+# The order of the contract: that of a menu which nobody thinks about.
+FIXED = (
+    "short-sweep", "open-sweep", "wide-sweep", "far-end-grounded", "dc-resistance", "insulation-resistance", "repeat-first-sweep",
+    "sweep-downwards", "shaft-turned", "contacts-cleaned", "field-winding", "standards", "repeat-compensation", "longer-lead", "longer-strap",
+    "terminal-block", "end-turn-touched", "dc-bias", "second-temperature", "dried", "repeats", "known-capacitor", "brushes-lifted", "rotor-out",
+    "fixture-open", "fixture-short", "fixture-load",
+)  # fmt: skip
+# How many of the cheapest measurements the one that knows the truth tries before it is content with the best of them.
+TRIED = 8
+_HALF = 0.5
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A measurement that could be made next.
+
+    Parameters
+    ----------
+    asked : Asked
+    minutes, bits : float
+        What it takes and what it is expected to teach.
+    """
+
+    asked: Asked
+    minutes: float
+    bits: float
+
+    @property
+    def id(self) -> str:
+        """On the menu."""
+        return self.asked.id
+
+    @classmethod
+    def of(cls, told: JsonDict) -> Offer:
+        """From an entry of `motoremi next --json`."""
+        order = order_of(told)
+        terminations = () if told["id"] in VALUES else order.terminations
+        return cls(Asked(order.id, order.condition, terminations), float(told["minutes"]), float(told["information_bits"]))
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What the product says of the evidence so far.
+
+    Parameters
+    ----------
+    probabilities : dict
+        Of each explanation by its label.
+    offers : tuple of Offer
+        What can be measured next, the product's own choice first.
+    stop : str
+        Why there is nothing left to ask; empty while there is.
+    mistaken : tuple of str
+        Measurements that it believes to be something else than was asked.
+    conclude : callable
+        The answer that is given if this is the end.
+    seconds : float
+        That it took to weigh the explanations and to choose.
+    search_seconds : float
+        That it took before to find them, where the reference sweeps were new.
+    """
+
+    probabilities: Mapping[str, float]
+    offers: tuple[Offer, ...]
+    conclude: Callable[[], Answer]
+    stop: str = ""
+    mistaken: tuple[str, ...] = ()
+    seconds: float = 0.0
+    search_seconds: float = 0.0
+
+
+# Looks ahead: what would stand after an offer. Only one policy may.
+Look: TypeAlias = Callable[[Offer], Standing]
+# (standing, look ahead, truth, random stream) -> offer
+Policy: TypeAlias = Callable[[Standing, Look, tuple[str, ...], np.random.Generator], Offer]
+
+
+def _by_rate(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return standing.offers[0]
+
+
+def _by_bits(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return max(standing.offers, key=lambda offer: offer.bits)
+
+
+def _cheapest(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return min(standing.offers, key=lambda offer: offer.minutes)
+
+
+def _random(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return standing.offers[int(rng.integers(len(standing.offers)))]
+
+
+def _in_order(order: tuple[str, ...]) -> Policy:
+    def choose(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+        return min(standing.offers, key=lambda offer: order.index(offer.id) if offer.id in order else len(order))
+
+    return choose
+
+
+def _clairvoyant(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    """The cheapest measurement after which the truth stands; where there is none, the one that moves most towards it for each minute."""
+    label = " + ".join(sorted(truth))
+    best: tuple[float, Offer] | None = None
+    for offer in sorted(standing.offers, key=lambda one: one.minutes)[:TRIED]:
+        after = look(offer)
+        if after.stop == "one-stands" and _share(after, label) > _HALF:
+            return offer
+        gain = (_share(after, label) - _share(standing, label)) / offer.minutes
+        if best is None or gain > best[0]:
+            best = (gain, offer)
+    if best is None:
+        raise BadInput("nothing is left to choose from")
+    return best[1]
+
+
+def _share(standing: Standing, label: str) -> float:
+    return max((share for name, share in standing.probabilities.items() if " + ".join(sorted(name.split(" + "))) == label), default=0.0)
+
+
+PRODUCT = "information per minute"
+POLICIES: Mapping[str, Policy] = {
+    PRODUCT: _by_rate,
+    "information alone": _by_bits,
+    "frozen expert": _in_order(EXPERT),
+    "cheapest first": _cheapest,
+    "fixed order": _in_order(FIXED),
+    "random": _random,
+    "clairvoyant": _clairvoyant,
+}

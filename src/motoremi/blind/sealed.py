@@ -1,0 +1,231 @@
+"""Sealed motors for the board of investigations: what they hide, how each begins, and what the bench gives when somebody is asked for more."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds
+from motoremi.blind.disturbances import ReflectionAnalyser, behind_fixture
+from motoremi.data.analyser import find_analyser
+from motoremi.data.conditions import VALUES, Condition, SingleValue
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
+from motoremi.errors import BadInput
+from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.arrangement import Analyser, Arrangement
+from motoremi.simulate.effects import OUTSIDE_EFFECTS, split_effects
+from motoremi.simulate.hidden import log_uniform, uniform
+from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.operator import MISTAKEN, Mistake, Operator
+from motoremi.simulate.specimen import Specimen
+
+Start: TypeAlias = Literal["one short sweep", "uncompensated NanoVNA", "two effects"]
+STARTS: tuple[Start, ...] = get_args(Start)
+# Share of the motors whose truth is in no catalogue.
+OUTSIDE = 0.1
+# A lead or strap of a handheld analyser, and the three error terms of its calibration.
+_FIXTURE = {"resistance_ohm": (20e-3, 300e-3), "inductance_h": (5e-9, 40e-9), "capacitance_f": (0.5e-12, 5e-12)}
+_POCKET_DB = (-60.0, -54.0)
+# Both decide on the copper resistance, so that a motor has at most one of them.
+_COPPER = {"skin-effect", "proximity-effect"}
+# The noise of the standards has its say beyond these.
+_WIDE_HZ = (400.0, 60e6)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that was measured of a motor so far.
+
+    Parameters
+    ----------
+    sweeps : tuple of ImpedanceSweep
+        Those under a condition among them.
+    values : tuple of SingleValue
+    """
+
+    sweeps: tuple[ImpedanceSweep, ...]
+    values: tuple[SingleValue, ...] = ()
+
+    def plus(self, other: Evidence) -> Evidence:
+        """With more."""
+        return Evidence((*self.sweeps, *other.sweeps), (*self.values, *other.values))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A measurement that somebody is asked for.
+
+    Parameters
+    ----------
+    id : str
+        On the menu.
+    condition : Condition, optional
+        What is to be set up; None for more of the motor as it is, and for a single value.
+    terminations : tuple of str
+        Which sweeps; empty for a single value.
+    """
+
+    id: str
+    condition: Condition | None = None
+    terminations: tuple[Termination, ...] = TERMINATIONS
+
+
+@dataclass(frozen=True)
+class Pocket:
+    """A handheld network analyser with a fixture that nobody compensated.
+
+    Parameters
+    ----------
+    seed : int
+    compensated : bool
+    purpose : str
+        Whose noise it makes.
+    """
+
+    seed: int
+    compensated: bool = False
+    purpose: str = ""
+
+    def measure(
+        self,
+        termination: Termination,
+        frequency_hz: FloatArray,
+        true_impedance: ComplexArray,
+        connection: int = 0,
+        bandwidth_factor: int = 5,
+        averages: int = 1,
+    ) -> ComplexArray:
+        """One sweep, in ohm; its bandwidth is always the same."""
+        seen = true_impedance
+        if not self.compensated:
+            rng = self._rng("fixture")
+            seen = behind_fixture(
+                seen,
+                frequency_hz,
+                log_uniform(rng, *_FIXTURE["resistance_ohm"]),
+                uniform(rng, *_FIXTURE["inductance_h"]),
+                uniform(rng, *_FIXTURE["capacitance_f"]),
+            )
+        rng = self._rng("errors")
+        noise = self._rng(f"noise {self.purpose} {termination} {connection}")
+        return ReflectionAnalyser(rng, 10 ** (uniform(rng, *_POCKET_DB) / 20), noise).measure(frequency_hz, seen)
+
+    def without(self, faults: Sequence[str], *, compensated: bool = False) -> Pocket:
+        """After compensation, if it was done; it has no other faults to mend."""
+        return replace(self, compensated=self.compensated or compensated)
+
+    def with_noise(self, purpose: str) -> Pocket:
+        """With a noise of its own for some purpose."""
+        return replace(self, purpose=purpose)
+
+    def _rng(self, purpose: str) -> np.random.Generator:
+        return np.random.default_rng([self.seed, zlib.crc32(f"pocket {purpose}".encode())])
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the bench gave.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    mistake : Mistake, optional
+        What the operator did otherwise: known to the scorer alone.
+    """
+
+    evidence: Evidence
+    mistake: Mistake | None = None
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """One sealed motor and how its investigation begins.
+
+    Parameters
+    ----------
+    seed, index : int
+        It depends on these two only.
+    start : str
+        One of `STARTS`.
+    hidden : tuple of str
+        Identifiers as in the catalogue; `outside-...` for what is not in it.
+    motor_seed : int
+    mistaken : float
+        Share of the operator's actions that go wrong.
+    """
+
+    seed: int
+    index: int
+    start: Start
+    hidden: tuple[str, ...]
+    motor_seed: int
+    mistaken: float = MISTAKEN
+
+    @property
+    def declared(self) -> str:
+        """The analyser, as the sweeps name it."""
+        return "nanovna" if self.start == "uncompensated NanoVNA" else "4294a"
+
+    @cached_property
+    def specimen(self) -> Specimen:
+        """The motor with its answers to changes."""
+        in_motor, _ = split_effects(self.hidden)
+        return Specimen(SimulatedMotor.random(self.motor_seed, in_motor), self.motor_seed)
+
+    @cached_property
+    def analyser(self) -> SimulatedAnalyser | Pocket:
+        """What measures it."""
+        _, faults = split_effects(self.hidden)
+        return Pocket(self.motor_seed + 1) if self.declared == "nanovna" else SimulatedAnalyser(self.motor_seed + 1, faults=faults)
+
+    def begin(self) -> Evidence:
+        """What there is before anybody asks."""
+        terminations: tuple[Termination, ...] = ("short",) if self.start == "one short sweep" else TERMINATIONS
+        return self._measured(Arrangement(self.specimen, None, terminations), "begin", 0, REPEATS if self.start == "two effects" else 1)
+
+    def give(self, asked: Asked, turn: int = 0) -> Given:
+        """What comes when this is asked for the `turn`-th time (from 0); it does not depend on what was asked before."""
+        operator = Operator(self.motor_seed + 2, self.mistaken)
+        arrangement = Arrangement.made_by(operator, self.specimen, asked.condition, asked.terminations, asked.id, turn)
+        if asked.id in VALUES:
+            return Given(Evidence((), (arrangement.single_value(asked.id),)), arrangement.mistake)
+        return Given(self._measured(arrangement, asked.id, 2 + zlib.crc32(f"{asked.id} {turn}".encode()) % 2**20, 1), arrangement.mistake)
+
+    def _measured(self, arrangement: Arrangement, purpose: str, connection: int, repeats: int) -> Evidence:
+        span = SPAN_HZ
+        if arrangement.condition is not None and arrangement.condition.id == "wide-sweep":
+            low, high = find_analyser(self.declared).span_hz
+            span = max(low, _WIDE_HZ[0]), min(high, _WIDE_HZ[1])
+        analyser: Analyser = self.analyser.with_noise(f"{purpose} {arrangement.turn}")
+        sweeps = arrangement.sweeps(analyser, np.geomspace(*span, POINTS), connection, repeats, BANDWIDTH_FACTOR)
+        return Evidence(tuple(sweep.with_metadata(analyser=self.declared) for sweep in sweeps))
+
+
+def draw_sealed(seed: int, index: int) -> Sealed:
+    """The motor of a number; numbers go round the starts."""
+    if seed < 0 or index < 0:
+        raise BadInput(f"seed {seed} and index {index} must be 0 or above")
+    rng = np.random.default_rng([seed, index, zlib.crc32(b"investigation")])
+    start = STARTS[index % len(STARTS)]
+    kinds = catalogue_kinds()
+    if rng.random() < OUTSIDE:
+        return Sealed(seed, index, start, (str(rng.choice(OUTSIDE_EFFECTS)),), int(rng.integers(1, 2**31 - 3)))
+    # Two faults of the analyser at once, or one beside an uncompensated fixture, would test something else.
+    known = kinds["one"] + (kinds["instrument"] if start == "one short sweep" else [])
+    while True:
+        hidden = tuple(str(name) for name in rng.choice(known, 2 if start == "two effects" else 1, replace=False))
+        if not set(hidden) >= _COPPER:
+            return Sealed(seed, index, start, hidden, int(rng.integers(1, 2**31 - 3)))
+
+
+def draw_sealed_many(seed: int, count: int) -> list[Sealed]:
+    """The first `count` motors of a seed."""
+    if count < 1:
+        raise BadInput(f"{count} motors: ask for at least one")
+    return [draw_sealed(seed, index) for index in range(count)]

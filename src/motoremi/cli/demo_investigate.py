@@ -1,0 +1,56 @@
+"""`motoremi demo --investigate`: two explanations stand, one measurement is asked for, one explanation is left."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from motoremi.cli.bench import tell
+from motoremi.cli.investigate import investigated, show_end
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from motoremi.bench.procedure import Procedure
+
+BUDGET_MINUTES, ODDS = 120.0, 20.0
+
+
+def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -> None:
+    """Measure a simulated motor once, and let the bench ask for what decides."""
+    from motoremi.bench.bench_file import BenchFile
+    from motoremi.bench.hidden_bench import keep_bench
+    from motoremi.bench.runner import run, start_document
+    from motoremi.bench.simulated import SimulatedBench
+    from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import SessionWriter
+
+    hidden = () if effect == "none" else (effect,)
+    bench_file = BenchFile(backend="sim", operator="demo", seed=seed, effects=hidden)
+    procedure = _measuring_only()
+    bench = SimulatedBench(seed, hidden)
+    try:
+        writer = SessionWriter.create(folder, {**start_document(procedure, bench_file), "motor": f"simulated motor {seed}"})
+        keep_bench(writer, seed, hidden)
+        if not as_json:
+            say("A simulated motor hides something; it is measured once, then the bench asks for what decides.\n")
+            writer.subscribe(tell)
+        run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    finally:
+        bench.close()
+    found = investigated(folder, BenchFile(backend="sim"), BUDGET_MINUTES, ODDS, (), quiet=as_json)
+    if as_json:
+        emit_json({**found.to_dict(), "session": str(folder), "hidden": list(hidden), "seed": seed})
+        return
+    show_end(found)
+    say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {seed})\nsession: {folder}")
+
+
+def _measuring_only() -> Procedure:
+    """The usual impedance test without its steps of analysis, one sweep each."""
+    from motoremi.bench.procedure import load_procedure, parse_procedure
+
+    source = load_procedure("impedance_only").source
+    steps = [
+        {**step, "repeat": 1} if step["do"] == "sweep" else step for step in source["steps"] if step["do"] in ("identify", "compensate", "sweep")
+    ]
+    return parse_procedure({**source, "steps": steps}, "impedance_only.toml")

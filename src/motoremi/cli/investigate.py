@@ -1,0 +1,265 @@
+"""`motoremi investigate`: the bench asks, measures and decides until one explanation stands."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motoremi.cli.options import AsJson, SessionPath, command
+from motoremi.errors import BadInput
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from motoremi.bench.answer import Answer
+    from motoremi.bench.asked import Asking, Order
+    from motoremi.bench.bench_file import BenchFile
+    from motoremi.bench.connect import Bench
+    from motoremi.data.conditions import SingleValue
+    from motoremi.data.session import Session
+    from motoremi.workflow_investigate import Investigation, Step, Thought
+
+_MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
+_WIDTH, _SHOWN = 24, 6
+
+
+def investigate_(
+    path: SessionPath,
+    bench: Annotated[
+        str, typer.Option(metavar="BENCH", help="Bench file; 'sim' is the simulated bench that the session was made on.", show_default=False)
+    ],
+    budget: Annotated[str, typer.Option(metavar="TIME", help="Time to spend at the bench in all, for example 30min.")] = "2h",
+    odds: Annotated[float, typer.Option(metavar="N", help="An explanation stands that is so many times as likely as all others together.")] = 20.0,
+    without: Annotated[
+        list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure, diagnose, choose, ask, measure again, until one explanation stands. Ctrl-C keeps all; the same command goes on."""
+    from motoremi.bench.bench_file import load_bench_file
+    from motoremi.cli.output import emit_json
+
+    minutes = minutes_of(budget)
+    if odds <= 1:
+        raise BadInput(f"odds of {odds:g} let nothing stand: give a number above 1, for example 20")
+    found = investigated(path, load_bench_file(bench), minutes, odds, tuple(without or ()), quiet=as_json)
+    if as_json:
+        emit_json(found.to_dict())
+        return
+    show_end(found)
+
+
+def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float, without: tuple[str, ...], *, quiet: bool) -> Investigation:
+    """Investigate a session on a bench, told on standard output unless `quiet`."""
+    from motoremi.bench.asked import Asking, procedure_for
+    from motoremi.bench.calibration import refuse_unless_calibrated
+    from motoremi.bench.on_bench import on_bench
+    from motoremi.bench.resume import Done
+    from motoremi.bench.runner import make_bench
+    from motoremi.cli.bars import progress_bars
+    from motoremi.cli.bench import keeping, tell, warn
+    from motoremi.data.session import load, reopen
+    from motoremi.interrupts import stopped_by_signals
+    from motoremi.workflow_investigate import investigate
+    from motoremi.workflow_thinking import Mind
+
+    session = load(path)
+    bench_file = _bench_of(session, bench_file)
+    without = (*without, *_uncorrected(session))
+    procedure = on_bench(procedure_for(session), bench_file)
+    bench_file.refuse_unless_allowed(procedure)
+    refuse_unless_calibrated(procedure, bench_file)
+    made = make_bench(bench_file)
+    try:
+        with stopped_by_signals(), keeping(path), progress_bars(quiet) as bars, reopen(path) as writer:
+            writer.subscribe(warn if quiet else tell)
+            connections = Done.of(session.documents).connections
+            writer.emit(
+                "investigate", procedure=procedure.source, connections=connections, budget_minutes=minutes, odds=odds, without=list(without)
+            )
+            hands = _Hands(made, quiet, bars.paused)
+            asking = Asking(procedure, made, writer, hands.prompt, hands.set_up, connections=connections)
+            hands.asking = asking
+            shown: Callable[[Thought, Step | None], None] = (lambda thought, step: None) if quiet else show_step
+            try:
+                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), hands, minutes, shown, without)
+            finally:
+                asking.leave_safe()
+    finally:
+        made.close()
+
+
+def minutes_of(text: str) -> float:
+    """A time such as `30min`, `2h` or `90 s`, in minutes.
+
+    Raises
+    ------
+    BadInput
+        If it is none.
+    """
+    found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z]+)\s*", text.lower())
+    if found is None or found[2] not in _MINUTES:
+        raise BadInput(f"cannot read {text!r} as a time: write for example 30min or 2h")
+    return float(found[1]) * _MINUTES[found[2]]
+
+
+def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
+    """The bench file, or for `sim` the simulated bench that the session was made on."""
+    from motoremi.bench.hidden_bench import kept_bench
+    from motoremi.bench.runner import was_begun_on
+
+    name = session.path.name
+    if session.status != "done":
+        raise BadInput(f"{name}: its measurement was interrupted; finish it first: motoremi run --resume {session.path}")
+    if not session.sweeps:
+        raise BadInput(f"{name} holds no impedance sweep: measure or import one first")
+    if bench_file.backend != "sim":
+        return bench_file
+    kept = kept_bench(session)
+    if kept is not None:
+        return kept
+    if not was_begun_on(session, bench_file):
+        raise BadInput(f"{name} was not measured on this simulated bench: its motor is not there; give the bench file that it was measured with")
+    return bench_file
+
+
+def _uncorrected(session: Session) -> tuple[str, ...]:
+    """The widest sweep, where what stands between motor and analyser is not known over its span."""
+    from motoremi.bench.asked import WIDE
+    from motoremi.bench.procedure import load_procedure
+
+    widest = load_procedure("wide_sweep").sweep
+    assert widest is not None
+    try:
+        session.corrections.refuse_outside("analyser", widest.start, widest.stop)
+    except BadInput:
+        return (WIDE,)
+    return ()
+
+
+@dataclass
+class _Hands:
+    """The operator of a bench: a person at the terminal, or the simulation."""
+
+    made: Bench
+    quiet: bool
+    paused: Callable[[], AbstractContextManager[None]]
+    asking: Asking | None = None
+    started_s: float = 0.0
+
+    @property
+    def simulated(self) -> bool:
+        from motoremi.bench.simulated import SimulatedBench
+
+        return isinstance(self.made, SimulatedBench)
+
+    def sweep(self, order: Order) -> None:
+        """Have it set up, and measure."""
+        assert self.asking is not None
+        self.started_s = time.monotonic()
+        self.asking.measure(order)
+
+    def value(self, order: Order) -> SingleValue:
+        """The number that another meter shows."""
+        from motoremi.bench.simulated import SimulatedBench
+
+        self.started_s = time.monotonic()
+        if isinstance(self.made, SimulatedBench):
+            return self.made.single_value(order.id, order.turn)
+        with self.paused():
+            return typed_value(order)
+
+    def minutes(self, estimated: float) -> float:
+        """By the clock; on a simulated bench, where nobody warms a motor, as estimated."""
+        return estimated if self.simulated else (time.monotonic() - self.started_s) / 60
+
+    def prompt(self, text: str) -> Answer | None:
+        """Tell the operator what to do."""
+        from motoremi.cli.bench import ask_operator
+
+        if self.simulated:
+            return None
+        with self.paused():
+            return ask_operator(text)
+
+    def set_up(self, order: Order | None) -> None:
+        """On a simulated bench, do what the operator was asked to do; None: put it back."""
+        from motoremi.bench.simulated import SimulatedBench
+
+        if isinstance(self.made, SimulatedBench):
+            self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
+
+
+def typed_value(order: Order) -> SingleValue:
+    """Ask for a number until it is one; `n` says that it cannot be had."""
+    from motoremi.bench.answer import TYPED, NotDone
+    from motoremi.bench.asked import asked_value
+    from motoremi.data.conditions import VALUES, parse_value
+    from motoremi.data.text import clean_text
+
+    setting = VALUES[order.id].setting
+    sys.stderr.write(f"\n{clean_text(order.instruction)}\n")
+    while True:
+        sys.stderr.write(f"{order.id}, for example {setting.example}; n not done, s stop: ")
+        sys.stderr.flush()
+        if not (typed := sys.stdin.readline()):
+            raise BadInput("nobody answers the question: standard input has ended; run from a terminal")
+        text = typed.strip()
+        said = TYPED.get(text.casefold()) if text else None
+        if said == "stop":
+            raise KeyboardInterrupt
+        if said == "not done":
+            raise NotDone(f"the operator has no value for {order.id}")
+        try:
+            return asked_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
+        except BadInput as error:
+            sys.stderr.write(f"{error}\n")
+
+
+def show_step(thought: Thought, step: Step | None) -> None:
+    """What stands, as bars of probability, and what the step taught."""
+    from motoremi.cli.output import say
+
+    if step is not None:
+        say(f"{step.id}: {step.minutes:.3g} min, taught {step.taught_bits:.2g} bits; error so far {step.error_percent:.3g} %")
+    else:
+        say(f"error so far {thought.error_percent:.3g} %; what stands:")
+    for name, share in list(thought.probabilities.items())[:_SHOWN]:
+        say(f"  {name:44s} {'#' * round(_WIDTH * share):{_WIDTH}s} {share:.3f}")
+    for finding in thought.findings:
+        say(f"  found in the data: {finding['id']}: {finding['why']}")
+
+
+_ENDS = {
+    "one-stands": "one explanation stands",
+    "inseparable": "nothing on the menu can tell apart what stands",
+    "nothing-missing": "nothing is missing that these data could show",
+    "budget": "what is left to measure takes longer than the time that is left",
+    "nothing-left": "nothing is left that this bench can measure",
+}
+
+
+def show_end(found: Investigation) -> None:
+    """How it ended."""
+    from motoremi.cli.output import say
+
+    diagnosis = found.diagnosis
+    named = " + ".join(diagnosis["effects"]) or diagnosis["verdict"]
+    spent = f"{found.minutes:.3g} min at the bench, {len(found.steps)} measurements"
+    say(f"{_ENDS[found.stop]}: {named}, confidence {diagnosis['confidence']:.2f}; {spent}")
+    for reason in diagnosis["reasons"]:
+        say(f"  {reason}")
+    if found.refused:
+        say(f"  not done: {', '.join(found.refused)}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add this command."""
+    command(app, "investigate", investigate_, "motoremi investigate session --bench sim --budget 30min")

@@ -1,0 +1,70 @@
+"""What an investigation thinks with: the diagnosis of a session, kept while only sweeps under conditions and single values come in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.data.measurement import Measurement
+from motoremi.data.session import load
+from motoremi.diagnosis.asking import next_question
+from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
+from motoremi.diagnosis.informed import NOT_AS_ASKED, of_the_operator
+from motoremi.diagnosis.rivals import Rivals, update
+from motoremi.fitting.fit import fit
+from motoremi.model.motor import dc_motor
+from motoremi.workflow import Store, measurement_of
+from motoremi.workflow_investigate import Thought
+
+
+@dataclass
+class Mind:
+    """Looks at everything in a session; a `workflow_investigate.Think`.
+
+    The search for explanations is of the reference sweeps alone, and done again only when there are more of them.
+
+    Parameters
+    ----------
+    store : Store
+        An open session; the last diagnosis is stored in it.
+    odds : float
+        At which one explanation stands.
+    progress : callable, optional
+    """
+
+    store: Store
+    odds: float
+    progress: Progress | None = None
+    _searched: dict[int, Diagnosis] = field(default_factory=dict)
+
+    def __call__(self) -> Thought:
+        session = load(self.store.path)
+        measurement = measurement_of(session)
+        count = len(session.sweeps)
+        if count not in self._searched:
+            self._searched[count] = searched(Measurement.of(session.corrected_sweeps), self.progress)
+        found = self._searched[count]
+        rivals = after(found, measurement)
+        return Thought(
+            rivals.by_label,
+            rivals.likeliest.fit.rms_error_percent,
+            lambda without: next_question(rivals, measurement, without, self.odds).to_dict(),
+            lambda: self._concluded(found, measurement),
+            tuple(finding.to_dict() for finding in (*found.findings, *of_the_operator(rivals)) if finding.serious or finding.id == NOT_AS_ASKED),
+        )
+
+    def _concluded(self, found: Diagnosis, measurement: Measurement) -> JsonDict:
+        told = found.informed_by(measurement).to_dict()
+        self.store.save_analysis("diagnosis", told)
+        return told
+
+
+def searched(reference: Measurement, progress: Progress | None = None) -> Diagnosis:
+    """The explanations of reference sweeps, from the paper's circuit."""
+    return diagnose(fit(dc_motor(), reference), progress)
+
+
+def after(found: Diagnosis, measurement: Measurement) -> Rivals:
+    """What stands after all that was measured beside the reference sweeps that a diagnosis is of."""
+    assert found.rivals is not None
+    return update(found.rivals, measurement)
