@@ -130,7 +130,12 @@ def prior_of_values(fit: Fit, added: Sequence[str]) -> float:
             gained += _usual_size(fit, index, parameter, variances)
     effects = [find_effect(name).effect for name in added]
     # What was found by a scan could have been at any of its places: all frequencies, or the values that are tried.
-    scanned = [len(effect.tried.get(p.name, ())) or np.unique(fit.problem.observed.frequency_hz).size for effect in effects for p in effect.parameters if not p.vary]
+    scanned = [
+        len(effect.tried.get(p.name, ())) or np.unique(fit.problem.observed.frequency_hz).size
+        for effect in effects
+        for p in effect.parameters
+        if not p.vary
+    ]
     return gained - float(np.sum(np.log(scanned)))
 
 

@@ -92,7 +92,6 @@ class Realisation:
             own, through = own - through * shared, through * shared
         return own, through
 
-
     def _coupled_ends(self, s: ComplexArray, coils: Coils) -> tuple[ComplexArray, ComplexArray]:
         """The same of coils that link each other's flux: the admittance of all nodes, those inside eliminated."""
         assert self.spread is not None
@@ -234,7 +233,9 @@ def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sec
         If La is under a law of its core: coils with a ladder each do not link as their flux does.
     """
     if not (isinstance(seen.flux, Leaf) and seen.flux.law is laws.inductor):
-        raise BadInput("La is under a law of its core, which coupled coils of ideal parts cannot share: drop that effect, or winding-sections, for this export")
+        raise BadInput(
+            "La is under a law of its core, which coupled coils of ideal parts cannot share: drop that effect, or winding-sections, for this export"
+        )
     count, coupling = round(builder.values[seen.number.name]), builder.values[seen.coupling.name]
     copper, spread = builder.part(seen.copper).scaled(1 / count), builder.part(seen.shunt).scaled(count)
     turns = None if seen.turns is None else builder.part(seen.turns).scaled(1 / count)

@@ -23,7 +23,6 @@ from motoremi.model.circuit import Node, Passed, Slopes
 from motoremi.model.laws import Law, ValueAndSlopes
 from motoremi.model.parameter import Parameter
 
-
 # Places among the derivatives for a, b, c, y, k.
 _BY_FRAME, _BY_COUPLING = 3, 4
 # Less is none.
@@ -121,7 +120,8 @@ class Sections(Node):
         return slopes, (np.zeros(1, dtype=np.complex128), by_k + by_flux * parts[1] * share_slope)
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        return Sections(*children[:3], self.number, self.coupling, *self._sorted(children))
+        copper, flux, shunt = children[:3]
+        return Sections(copper, flux, shunt, self.number, self.coupling, *self._sorted(children))
 
 
 class _Chain:
@@ -156,7 +156,12 @@ class _Chain:
         for v, width in zip(self.waves, (-self.root, self.root), strict=True):
             inverse = -1 / width
             by_coupling = loaded * v**2 - (q_slope * loaded + a * y) * v + y * a * q_slope
-            waves.append([part * inverse for part in (k * c * v**2 - (c * q + k * y) * v + y * q, y - c * v, (k * a * v - r) * v, r - a * k * v, by_coupling)])
+            waves.append(
+                [
+                    part * inverse
+                    for part in (k * c * v**2 - (c * q + k * y) * v + y * q, y - c * v, (k * a * v - r) * v, r - a * k * v, by_coupling)
+                ]
+            )
         v, (by_a, by_b, by_c, by_y, by_k) = self.waves[0], waves[0]
         scale = k * loaded
         bent = (k * c * v + scale * by_a, scale * by_b, k * a * v + scale * by_c, scale * by_y, loaded * v + scale * by_k)

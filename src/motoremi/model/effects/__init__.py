@@ -22,7 +22,15 @@ __all__ = ["AddedEffect", "Effect", "add_effects", "catalogue", "catalogue_sha25
 @lru_cache(maxsize=1)
 def catalogue() -> tuple[Effect, ...]:
     """All known effects: those of the contract in its order, then those of installed packages, then the user's own files."""
-    known = [*winding.EFFECTS, *machine.EFFECTS, *sections.EFFECTS, *insulation.EFFECTS, *connection.EFFECTS, *suppressor.EFFECTS, *instrument.EFFECTS]
+    known = [
+        *winding.EFFECTS,
+        *machine.EFFECTS,
+        *sections.EFFECTS,
+        *insulation.EFFECTS,
+        *connection.EFFECTS,
+        *suppressor.EFFECTS,
+        *instrument.EFFECTS,
+    ]
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         effect = entry.load()
         if not isinstance(effect, Effect):

@@ -68,6 +68,7 @@ EFFECTS = (
         reader=readings.winding_modes,
         repeatable=True,
         describes=True,
+        hides=("Ra", "lead-inductance.resistance_ohm"),
     ),
     Effect(
         name="machine-winding",
@@ -99,6 +100,7 @@ EFFECTS = (
         reader=readings.machine_winding,
         responds={"dc-bias": {"cage_share": 1.1}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1, "cage_hz": 1.12}},
         below_hz=CAGE_SEEN_BELOW_HZ,
+        hides=("Ra",),
         excludes=("distributed-winding",),
     ),
     Effect(

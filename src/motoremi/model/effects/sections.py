@@ -26,14 +26,16 @@ EFFECTS = (
         group="winding",
         kin="winding-resonance",
         title="a winding in sections: flux that links neighbours, capacitance to the frame, between turns and between sections",
-        formula=(
-            "inv(Y)[0, 0], Y = A.T @ (inv(Ra / n * I + s * La / sum(T) * T) + n * s * Ca * I) @ A + share * s * Cf / n * W, n = sections"
-        ),
+        formula=("inv(Y)[0, 0], Y = A.T @ (inv(Ra / n * I + s * La / sum(T) * T) + n * s * Ca * I) @ A + share * s * Cf / n * W, n = sections"),
         parameters=(
             Parameter("share", "", 0.002, 0.999, "share of Cf that is not at the far end; none of its own in a line that is cut into sections"),
             Parameter("sections", "", 1.0, 128.0, "coils in series; 1 is the lumped circuit, many are a line", vary=False),
             Parameter(
-                "coupling", "", -0.9, 0.98, "of neighbours, to the power of their distance for others: coils of one slot 0.9; opposed poles below 0",
+                "coupling",
+                "",
+                -0.9,
+                0.98,
+                "of neighbours, to the power of their distance for others: coils of one slot 0.9; opposed poles below 0",
                 "linear",
             ),
         ),
@@ -55,5 +57,6 @@ EFFECTS = (
         tried={"sections": (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 16.0, 24.0)},
         reader=readings.winding_sections,
         below_hz=SECTIONS_SEEN_BELOW_HZ,
+        hides=("Ra",),
     ),
 )
