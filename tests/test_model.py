@@ -124,7 +124,7 @@ def test_physical_effects_are_passive_over_their_range(identifier):
         drawn = {}
         for p in added.effect.parameters:
             edge = rng.choice([0.0, 1.0, rng.uniform()])
-            drawn[f"{identifier}.{p.name}"] = p.low * (p.high / p.low) ** edge
+            drawn[f"{identifier}.{p.name}"] = p.low * (p.high / p.low) ** edge if p.low > 0 else p.low + edge * (p.high - p.low)
         for termination in ("short", "open"):
             impedance = tape(motor, termination).impedance(S, values_of(motor, **drawn))
             # A loss-free element leaves a real part of rounding size beside its reactance.

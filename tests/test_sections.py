@@ -8,7 +8,7 @@ import pytest
 import motoremi as me
 from motoremi.errors import BadInput
 from motoremi.export.realise import impedance_of, realise
-from motoremi.model.effects import add_effects
+from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.motor import SimulatedMotor
 
@@ -84,6 +84,21 @@ def test_one_section_is_the_lumped_circuit_and_many_unlinked_ones_are_the_line(t
     assert errors[2] < 0.05
 
 
+@pytest.mark.parametrize(("line", "own"), [("distributed-winding", {"share": 0.6}), ("machine-winding", {})])
+def test_a_line_that_is_there_already_is_cut_into_sections(line, own):
+    start = {name: value for name, value in find_effect(line).effect.starts[0].items() if name[0] not in "*-"} | own
+    values = {f"{line}.{name}": value for name, value in start.items()}
+    cut = {"winding-sections.sections": 128.0, "winding-sections.coupling": 0.0}
+    low = FREQUENCY_HZ < 1e6
+    for termination in ("short", "open"):
+        whole = modelled(termination, (line,), **values)
+        for effects in ((line, "winding-sections"), ("winding-sections", line)):
+            got = modelled(termination, effects, **values, **cut)
+            np.testing.assert_allclose(got[low], whole[low], rtol=2e-2)
+    names = {p.name for p in add_effects(dc_motor(), (line, "winding-sections")).parameters}
+    assert "winding-sections.share" not in names
+
+
 def test_linked_flux_leaves_higher_resonances_less_inductance():
     """With all flux in common the sections are an autotransformer: no resonance but the first is left where it was."""
 
@@ -116,7 +131,7 @@ def wide_sweep(n: int, coupling: float) -> me.ImpedanceSweep:
 def test_more_sections_than_points_can_tell_are_refused():
     base = me.fit(me.dc_motor(), [wide_sweep(4, 0.5)])
     for many in (60.0, 2.5, 0.0):
-        with pytest.raises(BadInput, match="winding-sections.sections"):
+        with pytest.raises(BadInput, match="hold a whole number"):
             base.add("winding-sections", held={"winding-sections.sections": many})
 
 

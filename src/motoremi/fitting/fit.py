@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from motoremi.arrays import Progress
+from motoremi.arrays import ComplexArray, Progress
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
@@ -34,6 +34,7 @@ from motoremi.fitting.search import (
     Task,
     arrived_on_all,
     climb,
+    misses_by_far,
     relative_solution,
     search_base,
 )
@@ -269,7 +270,7 @@ def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name:
         if value > most_parts(task.measurement):
             continue
         tried = dataclasses.replace(task, held={**task.held, name: value})
-        if before.motor.is_line and before.sizes.discrepancy >= PLAIN:
+        if before.motor.is_line and misses_by_far(before.sizes):
             problem = tried.relative()
             ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
             ends = _least(*_with_mode(tried, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS)
@@ -289,7 +290,8 @@ def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Pr
     if seen_now.frequency_hz is not None:
         names = [p.name for p in task.motor.parameters]
         at = np.array([values.get(p.name, p.middle) for p in task.motor.parameters])
-        model = Tape(task.motor.circuit("short"), names).impedance(2j * np.pi * seen_now.frequency_hz, at)
+        s: ComplexArray = np.asarray(2j * np.pi * seen_now.frequency_hz, dtype=np.complex128)
+        model = Tape(task.motor.circuit("short"), names).impedance(s, at)
         starts = [
             _started(values, start, label) for start in added.effect.reader(dataclasses.replace(seen_now, model_ohm=model, parameters=values))
         ]
@@ -325,7 +327,47 @@ def refit_with(
 ) -> Fit:
     """Add an effect to a fitted motor and fit again."""
     added = find_effect(effect).effect
-    if before.sizes.discrepancy >= PLAIN and (added.describes or (added.tried and before.motor.is_line)):
+    before = _shown(before, added.hides)
+    return _hidden(_with_effect(before, effect, held, limits, thorough), added.hides)
+
+
+def _shown(fit: Fit, names: Sequence[str]) -> Fit:
+    """A fit with what was held for want of showing free again, where it was last."""
+    shown = {name for name in names if name in fit.held and fit.held[name] == _least_value(fit, name)}
+    if not shown:
+        return fit
+    held = {name: value for name, value in fit.held.items() if name not in shown}
+    values = {**fit.parameters, **{name: fit.search_parameters.get(name, fit.parameters[name]) for name in shown}}
+    return dataclasses.replace(fit, held=held, parameters=values)
+
+
+def _hidden(fit: Fit, names: Sequence[str]) -> Fit:
+    """A fit of what misses by far without the parameters that it does not need: held at their least, if that costs no more than chance."""
+    loose = {name: _least_value(fit, name) for name in fit.undetermined() if name in names}
+    if not loose or not misses_by_far(fit.sizes):
+        return fit
+    task = dataclasses.replace(fit.task, held={**fit.held, **loose})
+    problem = task.relative()
+    ends = polish(problem, problem.vectors([fit.parameters]), iterations=100, precision=ROUGH)
+    solution = relative_solution(task, ends, fit.sizes)
+    without = summarise(task, Found(solution, fit.history, dict(fit.parameters)), fit.method, fit.seed)
+    values = 2 * fit.measurement.points
+    # The information criterion of Schwarz: so much a parameter takes off by chance.
+    by_chance = float(np.exp(len(loose) * np.log(values) / (2 * values)))
+    return dataclasses.replace(without, elapsed_s=fit.elapsed_s) if without.rms_error_percent <= by_chance * fit.rms_error_percent else fit
+
+
+def _least_value(fit: Fit, name: str) -> float:
+    """The low end of a parameter's range."""
+    parameter = next(p for p in fit.motor.parameters if p.name == name)
+    return fit.bounds.get(name, (parameter.low, parameter.high))[0]
+
+
+def _with_effect(
+    before: Fit, effect: str, held: Mapping[str, float] | None, limits: Mapping[str, tuple[float, float]] | None, thorough: bool
+) -> Fit:
+    added = find_effect(effect).effect
+    if misses_by_far(before.sizes) and (added.describes or (added.tried and before.motor.is_line)):
         return _described(trail_to(before, effect, held, limits, near=before.parameters), before)
     return followed(trail_to(before, effect, held, limits), before, thorough)
 

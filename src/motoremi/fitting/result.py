@@ -318,8 +318,17 @@ class Fit:
         }
 
     def determined(self, name: str) -> bool:
-        """Whether the data say anything useful about a parameter: its standard deviation is below half its value."""
-        return bool(self.sigma[name] < 0.5 * abs(self.parameters[name])) if self.parameters[name] else False
+        """Whether the data say anything useful about a parameter: its standard deviation is below half its value.
+
+        A signed number that may well be none (a coupling) is known where its standard deviation is below a tenth of its range.
+        """
+        signed = self._signed_ranges.get(name, 0.0)
+        return bool(self.sigma[name] < max(0.5 * abs(self.parameters[name]), 0.1 * signed))
+
+    @cached_property
+    def _signed_ranges(self) -> dict[str, float]:
+        """Width of the ranges of signed parameters of which nothing is known beforehand."""
+        return {p.name: p.high - p.low for p in self.motor.parameters if p.low < 0 < p.high and p.sigma is None}
 
     def undetermined(self) -> list[str]:
         """Names of the parameters that the sweeps show and do not determine."""

@@ -181,13 +181,18 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
         solution = arrive(task, starts, sizes=sizes, most=2 if poor else MOST_SIZES, steps=POOR_STEPS if poor else STEPS)
         if poor and solution.sizes.discrepancy < PLAIN:
             solution = arrive(task, [solution.values], sizes=solution.marginal.likeliest)
-    if solution.sizes.discrepancy >= PLAIN or solution.sizes.declared >= ABSORBING:
+    if misses_by_far(solution.sizes):
         return least_relative(task, solution, starts)
     # The likeliest pair may be the neighbour of the one at which the search settled.
     sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
     problem = task.likelihood(None, sizes)
     u, evaluations = sharpened(problem, problem.vector(solution.values))
     return dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
+
+
+def misses_by_far(sizes: Sizes) -> bool:
+    """Whether a model is fitted by its relative error, every point alike."""
+    return sizes.discrepancy >= PLAIN or sizes.declared >= ABSORBING
 
 
 def rough(found: Marginal, sum_of_squares: float, points: int, unknowns: int) -> Marginal:
@@ -226,7 +231,7 @@ def relative_solution(task: Task, ends: Polished, sizes: Sizes) -> Solution:
     problem = task.relative()
     likelihood = task.likelihood(None, sizes)
     found = marginal(likelihood, likelihood.vector(problem.named(ends.u[ends.best])))
-    if found.likeliest.discrepancy < PLAIN:
+    if not misses_by_far(found.likeliest):
         return arrived_on_all(task, [problem.named(ends.u[ends.best])])
     return _relative(task, problem, ends, found.likeliest, found, 0)
 

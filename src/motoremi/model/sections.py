@@ -120,7 +120,8 @@ class Sections(Node):
         return slopes, (np.zeros(1, dtype=np.complex128), by_k + by_flux * parts[1] * share_slope)
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        return Sections(*children[:3], self.number, self.coupling, *self._sorted(children))
+        copper, flux, shunt = children[:3]
+        return Sections(copper, flux, shunt, self.number, self.coupling, *self._sorted(children))
 
 
 class _Chain:

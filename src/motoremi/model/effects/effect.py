@@ -66,6 +66,8 @@ class Effect:
         The search looks for it only where the sweeps begin below this: elsewhere nothing of it shows.
     tried : mapping
         Of a parameter that does not vary: the values among which the search chooses; none for a frequency, which is scanned.
+    hides : tuple of str
+        Parameters that may be too small to show beside it: where the data do not determine them, they are held at the low end of their range.
     excludes : tuple of str
         Effects beside which it has no meaning.
     kin : str
@@ -95,6 +97,7 @@ class Effect:
     describes: bool = False
     below_hz: float = math.inf
     tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    hides: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
 
     @property

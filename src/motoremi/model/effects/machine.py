@@ -68,6 +68,7 @@ EFFECTS = (
         reader=readings.winding_modes,
         repeatable=True,
         describes=True,
+        hides=("Ra", "lead-inductance.resistance_ohm"),
     ),
     Effect(
         name="machine-winding",
@@ -100,6 +101,7 @@ EFFECTS = (
         responds={"dc-bias": {"cage_share": 1.1, "iron_hz": 1.25}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1}},
         copper={"cage_hz": 1.0},
         below_hz=CAGE_SEEN_BELOW_HZ,
+        hides=("Ra",),
         excludes=("distributed-winding",),
     ),
     Effect(

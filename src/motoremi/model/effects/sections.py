@@ -57,5 +57,6 @@ EFFECTS = (
         tried={"sections": (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 16.0, 24.0)},
         reader=readings.winding_sections,
         below_hz=SECTIONS_SEEN_BELOW_HZ,
+        hides=("Ra",),
     ),
 )
