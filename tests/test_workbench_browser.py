@@ -325,6 +325,11 @@ def test_hostile_names_are_text(browser, tmp_path):
         page.goto(watched.base + page.get_attribute("#report-files a[target]", "href"))
         assert ATTACKS[0] in page.inner_text("body")
         assert page.locator("script, img, iframe, b >> text=bold").count() == 0
+        # On a telephone a box is read in words, not letter by letter; at night the page is dark.
+        page.set_viewport_size({"width": 390, "height": 844})
+        page.emulate_media(color_scheme="dark")
+        assert min(page.locator(".box td").evaluate_all("(all) => all.map((one) => one.clientWidth)")) > 130
+        assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 24, 27)"
         assert page.evaluate("window.hacked") is None
         assert all("400" in line for line in watched.trouble), watched.trouble
         watched.trouble.clear()
