@@ -6,6 +6,8 @@ STAMP := $(VENV)/.installed
 # How many runs `make kills` stops, and how many of a test with final measurement.
 KILLS ?= 200
 FINAL_KILLS ?= 50
+# Workers of `make test`: one more than there are cores, since many tests wait for a browser or a simulated instrument.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
 .PHONY: demo test lint bench emission docs faults kills speed page screenshots install clean
@@ -29,7 +31,7 @@ demo: install
 	$(BIN)/motoremi demo
 
 test: install
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n $(WORKERS)
 
 lint: install
 	$(BIN)/ruff check .
