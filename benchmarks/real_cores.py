@@ -191,9 +191,9 @@ def page(folder: Path) -> Iterator[str]:
     yield ""
     yield (
         "The circuits that physics asks for describe these parts; the diagnosis does not always name them. In an air coil a core with many time "
-        "constants imitates skin effect and dielectric loss together, with two parameters more and a slightly smaller error: whether there is iron, a "
-        "look at the coil decides. Declared as a network analyser's, far from 50 ohm, a sweep lets the analyser's errors carry part of the circuit, "
-        "which then errs more than the one fitted here."
+        "constants imitates skin effect and dielectric loss together, with two parameters more and a slightly smaller error: whether there is "
+        "iron, a look at the coil decides. Declared as a network analyser's, far from 50 ohm, a sweep lets the analyser's errors carry part of "
+        "the circuit, which then errs more than the one fitted here."
     )
 
 
