@@ -120,7 +120,7 @@ CURVES = (
     Curve(
         "A coil with iron, 20 Hz - 1 kHz",
         "E4990A-example1.csv",
-        "github.com/mph-/zfitpy, `demo/E4990A-example1.csv`; GPL",
+        "github.com/mph-/zfitpy, `demo/E4990A-example1.csv`; licence of the data not stated",
         "e4990a",
         (1.0, 1e6),
         "Iron at audio frequencies: eddy currents in sheet and hysteresis, which spread over decades.",
@@ -186,6 +186,15 @@ def page(folder: Path) -> Iterator[str]:
     yield "|---|---|---|---|---|"
     yield from summary
     yield from sections
+    yield ""
+    yield "## What stays open"
+    yield ""
+    yield (
+        "The circuits that physics asks for describe these parts; the diagnosis does not always name them. In an air coil a core with many time "
+        "constants imitates skin effect and dielectric loss together, with two parameters more and a slightly smaller error: whether there is "
+        "iron, a look at the coil decides. Declared as a network analyser's, far from 50 ohm, a sweep lets the analyser's errors carry part of "
+        "the circuit, which then errs more than the one fitted here."
+    )
 
 
 def section(curve: Curve, path: Path) -> tuple[str, list[str]]:

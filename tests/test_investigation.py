@@ -368,7 +368,13 @@ def test_report_and_workbench_list_conditions_values_and_the_path(session: Path)
     ]
     taught = [{"id": "second-temperature=53degC", "information_bits": 0.7, "probabilities": {"core-loss": 0.97}, "mistakes": []}]
     stored = {
-        "verdict": "adequate", "effects": [], "families": [], "confidence": 0.9, "candidates": [], "reasons": [], "findings": [],
+        "verdict": "adequate",
+        "effects": [],
+        "families": [],
+        "confidence": 0.9,
+        "candidates": [],
+        "reasons": [],
+        "findings": [],
         "next_measurement": {"id": "repeat", "why": "nothing"},
         "taught": taught,
     }
