@@ -20,7 +20,7 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.conditions import VALUES, SingleValue
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.conditioned import POINTS_AHEAD, ahead, asked_condition
-from motoremi.diagnosis.menu import MENU, SWEEP_MINUTES, Option
+from motoremi.diagnosis.menu import BY_NAME, MENU, SWEEP_MINUTES, Option
 from motoremi.diagnosis.outcome import Outcome, ValueOutcome
 from motoremi.diagnosis.responses import NONE_AT_ALL
 from motoremi.diagnosis.rivals import Rival, Rivals
@@ -43,7 +43,7 @@ OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 DRAWS = 40
 # Pairs are made of so many measurements that teach most alone.
 PAIRED = 5
-POINTS_OF_A_PAIR = 20
+POINTS_OF_A_PAIR, POINTS_LISTED = 20, 14
 # An open direction of a model moves its prediction by no more than so many standard deviations of logarithms.
 OPEN = 2.0
 # Expected log odds that tell two explanations apart: 20 to 1.
@@ -191,17 +191,16 @@ def next_question(
     labels = rivals.by_label
     best, share = max(labels.items(), key=lambda pair: pair[1])
     stands = share >= odds / (1 + odds)
-    worths = (
-        [] if len(standing) < 2 else [worth for option in possible if (worth := _worth(option, standing, measurement, sweep_minutes)) is not None]
-    )
-    lacking = [] if missing is None or missing.name in left_out else [Worth(missing, _entropy(standing) / 2, _minutes(missing, sweep_minutes))]
-    ranked = sorted(worths, key=lambda one: -one.rate)
-    ranked = [one for one in ranked if one.bits >= NOTHING_BITS] + sorted(
-        (one for one in ranked if one.bits < NOTHING_BITS), key=lambda one: -one.bits
-    )
-    if lacking:
-        why = f"{missing.action}: one sweep cannot locate an effect" if missing is not None else ""
-        return Question((*lacking, *ranked), None, why, labels)
+    # Where one stands, what is left to measure is only listed.
+    points = POINTS_LISTED if stands else POINTS_AHEAD
+    worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible]
+    ranked = sorted((one for one in worths if one is not None), key=_order, reverse=True)
+    if "repeats" not in left_out:
+        # They lower the noise of all that is there; what that would teach is not foreseen.
+        ranked.append(Worth(BY_NAME["repeats"], 0.0, _minutes(BY_NAME["repeats"], sweep_minutes)))
+    if missing is not None and missing.name not in left_out:
+        first = Worth(missing, _entropy(standing) / 2, _minutes(missing, sweep_minutes))
+        return Question((first, *ranked), None, f"{missing.action}: one sweep cannot locate an effect", labels)
     if stands:
         if best == "nothing missing":
             return Question(tuple(ranked), "nothing-missing", "nothing is missing that these data could show", labels)
@@ -213,11 +212,16 @@ def next_question(
     return Question(tuple(ranked), None, _why(ranked[0], labels), labels)
 
 
+def _order(worth: Worth) -> tuple[bool, float]:
+    """Bits a minute, where there are any."""
+    teaches = worth.bits >= NOTHING_BITS
+    return teaches, worth.rate if teaches else worth.bits
+
+
 def _missing(measurement: Measurement) -> Option | None:
-    by_name = {option.name: option for option in MENU}
     if len(measurement.sweeps) == 2:
         return None
-    return by_name["open-sweep" if measurement.terminations == ("short",) else "short-sweep"]
+    return BY_NAME["open-sweep" if measurement.terminations == ("short",) else "short-sweep"]
 
 
 def _asked_about(rivals: Rivals) -> list[tuple[Rival, float]]:
@@ -324,9 +328,9 @@ def _distributions(options: Sequence[Option], rival: Rival, measurement: Measure
     return found
 
 
-def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float) -> Worth | None:
+def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float, points: int) -> Worth | None:
     """What one measurement would teach; None where it cannot be foreseen with the sweeps at hand."""
-    told = _information([option], standing, measurement, POINTS_AHEAD)
+    told = _information([option], standing, measurement, points)
     return None if told is None else Worth(option, told[0], _minutes(option, sweep_minutes), told[1], told[2])
 
 
@@ -371,7 +375,7 @@ def _groups(labels: Sequence[str], apart: FloatArray) -> tuple[tuple[str, ...], 
 
 def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float) -> list[Worth]:
     """With measurements that teach nothing alone and something together with a second one."""
-    firsts = sorted(ranked, key=lambda one: -one.bits)[:PAIRED]
+    firsts = sorted((one for one in ranked if one.option.kind != "reference"), key=lambda one: -one.bits)[:PAIRED]
     found = list(ranked)
     for one, other in combinations(firsts, 2):
         told = _information([one.option, other.option], standing, measurement, POINTS_OF_A_PAIR)

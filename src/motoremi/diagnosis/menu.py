@@ -15,6 +15,8 @@ from motoremi.data.conditions import CONDITIONS
 Kind: TypeAlias = Literal["sweep", "change", "value", "standard", "reference"]
 # What a motor and its contacts repeat to after they were touched, in the logarithm of each element; an estimate.
 REPEATABILITY = 5e-4
+# Effects that a change should not reach move by so much: all rivals have some room for what nobody foresaw.
+UNREACHED = 3e-3
 # What one sweep takes where the instrument's settings are not known, in minutes.
 SWEEP_MINUTES = 0.5
 
@@ -65,7 +67,7 @@ class Option:
     sweeps: tuple[str, ...] = ("short", "open")
     asked: float | None = None
     elements: Mapping[str, Moved] = field(default_factory=dict)
-    others: float = REPEATABILITY
+    others: float = UNREACHED
     reaches: tuple[str, ...] = ()
     hands: bool = True
     procedure: str = ""
@@ -116,8 +118,8 @@ _LIFTED = {
 }
 # Groups of effects that a change reaches.
 MACHINE = ("winding", "rotor")
-COPPER_AND_IRON = (*MACHINE, "connection")
-EVERYTHING = (*COPPER_AND_IRON, "insulation")
+COPPER_AND_IRON = ("winding", "connection")
+EVERYTHING = (*COPPER_AND_IRON, "rotor", "insulation")
 
 MENU = (
     Option(

@@ -14,7 +14,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.data.conditions import Condition
-from motoremi.diagnosis.menu import BY_NAME, REPEATABILITY, Moved, Option
+from motoremi.diagnosis.menu import BY_NAME, REPEATABILITY, UNREACHED, Moved, Option
 from motoremi.model.effects import find_effect
 from motoremi.model.motor import BASE_PARAMETERS
 
@@ -115,7 +115,7 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
                 members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
                 count += 1
             reached = factor is None and find_effect(label.split("#")[0]).effect.group in option.reaches
-            members.append(Response(name, 0.0, option.others if reached else REPEATABILITY, count))
+            members.append(Response(name, 0.0, option.others if reached else UNREACHED, count))
             count += 1
     return Responses(tuple(members), count)
 
