@@ -20,7 +20,7 @@ VERDICTS = {"adequate", "missing-effect", "family", "instrument", "data", "unexp
 FIGURES = {"effects", "chi2_reduced", "rms_error_percent", "rms_error_db", "corrected_error_percent", "analyser_sigma"}
 FINDINGS = {
     "interference", "drift", "correlated-noise", "sweeps-disagree", "beyond-specification", "not-compensated", "range-step", "too-little",
-    "not-as-declared",
+    "not-as-declared", "not-as-asked",
 }  # fmt: skip
 
 

@@ -193,11 +193,11 @@ def next_question(
     stands = share >= odds / (1 + odds)
     # Where one stands, what is left to measure is only listed.
     points = POINTS_LISTED if stands else POINTS_AHEAD
-    worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible]
+    worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible if option.foreseen]
     ranked = sorted((one for one in worths if one is not None), key=_order, reverse=True)
-    if "repeats" not in left_out:
-        # They lower the noise of all that is there; what that would teach is not foreseen.
-        ranked.append(Worth(BY_NAME["repeats"], 0.0, _minutes(BY_NAME["repeats"], sweep_minutes)))
+    # What these would teach is not foreseen.
+    unforeseen = [BY_NAME["repeats"], *(option for option in possible if not option.foreseen)]
+    ranked += [Worth(option, 0.0, _minutes(option, sweep_minutes)) for option in unforeseen if option.name not in left_out]
     if missing is not None and missing.name not in left_out:
         first = Worth(missing, _entropy(standing) / 2, _minutes(missing, sweep_minutes))
         return Question((first, *ranked), None, f"{missing.action}: one sweep cannot locate an effect", labels)
@@ -375,7 +375,7 @@ def _groups(labels: Sequence[str], apart: FloatArray) -> tuple[tuple[str, ...], 
 
 def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float) -> list[Worth]:
     """With measurements that teach nothing alone and something together with a second one."""
-    firsts = sorted((one for one in ranked if one.option.kind != "reference"), key=lambda one: -one.bits)[:PAIRED]
+    firsts = sorted((one for one in ranked if one.bits > 0), key=lambda one: -one.bits)[:PAIRED]
     found = list(ranked)
     for one, other in combinations(firsts, 2):
         told = _information([one.option, other.option], standing, measurement, POINTS_OF_A_PAIR)

@@ -28,7 +28,7 @@ def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]
     for condition in dict.fromkeys(one.condition for one in measurement.conditioned):
         option = BY_NAME.get(condition.id)
         own = [one for one in measurement.conditioned if one.condition == condition]
-        if option is not None:
+        if option is not None and option.foreseen:
             sweeps = [seen for one in own if (seen := _observed(one, option, measurement)) is not None]
             if sweeps:
                 found.append((option, sweeps))

@@ -56,6 +56,8 @@ class Option:
         Groups of effects that the change reaches.
     hands : bool
         Whether a person has to do something.
+    foreseen : bool
+        Whether what it shows can be foreseen by the models; else it is listed, never asked for, and its sweeps are only kept.
     procedure : str
         Bench procedure that does it, if the bench can.
     """
@@ -70,6 +72,7 @@ class Option:
     others: float = UNREACHED
     reaches: tuple[str, ...] = ()
     hands: bool = True
+    foreseen: bool = True
     procedure: str = ""
 
     @property
@@ -107,15 +110,6 @@ _TURNED = {"Ra": Moved(0.0, 0.01), "La": Moved(0.0, 0.01), "Cr": Moved(0.0, 0.02
 _FIELD = {"Ra": Moved(0.0, 0.1), "La": Moved(0.0, 0.1), "Ca": Moved(0.0, 0.03), "Cr": Moved(0.0, 0.01), "Cf": Moved(0.0, 0.01)}
 _FOIL = {"Cf": Moved(0.02, 0.015), "Cr": Moved(0.005, 0.01), "Ca": Moved(0.002, 0.003)}
 _DRY = {"Cf": Moved(-0.01, 0.02), "Cr": Moved(-0.01, 0.02), "Ca": Moved(-0.01, 0.02), "Rr": Moved(0.0, 0.1)}
-_LIFTED = {
-    "Ra": Moved(0.0, 1.0),
-    "La": Moved(0.5, 1.0),
-    "Ca": Moved(0.0, 0.3),
-    "Cr": Moved(-0.3, 0.5),
-    "Cf": Moved(-0.3, 0.5),
-    "Rr": Moved(0.0, 0.5),
-    "Lr": Moved(0.0, 0.3),
-}
 # Groups of effects that a change reaches.
 MACHINE = ("winding", "rotor")
 COPPER_AND_IRON = ("winding", "connection")
@@ -203,9 +197,7 @@ MENU = (
         "lift the brushes, clip the leads to the commutator bars under them and repeat both sweeps",
         "change",
         10.0,
-        elements=_LIFTED,
-        others=0.5,
-        reaches=MACHINE,
+        foreseen=False,
     ),
     Option(
         "second-temperature",
