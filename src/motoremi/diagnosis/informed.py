@@ -17,13 +17,13 @@ NOT_AS_ASKED = "not-as-asked"
 OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.25, "not": 0.9}
 
 
-def rivals_in(judgement: Judgement, measurement: Measurement) -> Rivals:
+def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> Rivals:
     """The explanations that a judgement leaves standing, with what the measurement holds beside the reference sweeps.
 
     Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
     """
     credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not _distributed(key)}
-    return update(rivals_of(credible, OUTSIDE[judgement.standing]), measurement)
+    return update(rivals_of(credible, OUTSIDE[judgement.standing]), measurement or judgement.base.measurement)
 
 
 def _distributed(key: Key) -> bool:

@@ -192,7 +192,13 @@ MENU = (
         others=0.03,
         reaches=COPPER_AND_IRON,
     ),
-    Option("brushes-lifted", "lift the brushes off the commutator and repeat both sweeps", "change", 10.0, foreseen=False),
+    Option(
+        "brushes-lifted",
+        "lift the brushes, clip the leads to the commutator bars under them and repeat both sweeps",
+        "change",
+        10.0,
+        foreseen=False,
+    ),
     Option(
         "second-temperature",
         "warm the motor by 30 K and repeat both sweeps",
