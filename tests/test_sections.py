@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -137,9 +139,14 @@ def test_more_sections_than_points_can_tell_are_refused():
 
 def test_sections_and_coupling_are_found_in_a_wide_sweep():
     found = me.fit(me.dc_motor(), [wide_sweep(4, 0.5)]).add("winding-sections")
+    name = "winding-sections.coupling"
     assert found.held["winding-sections.sections"] == 4
-    assert found.parameters["winding-sections.coupling"] == pytest.approx(0.5, rel=0.03)
+    assert found.parameters[name] == pytest.approx(0.5, rel=0.03)
     assert found.rms_error_percent < 0.3
+    # A signed number that may be none is known within a tenth of its range.
+    nearly_none = {**found.parameters, name: 0.01}
+    assert dataclasses.replace(found, parameters=nearly_none, sigma={**found.sigma, name: 0.1}).determined(name)
+    assert not dataclasses.replace(found, parameters=nearly_none, sigma={**found.sigma, name: 0.3}).determined(name)
 
 
 def test_coupled_coils_under_a_law_of_the_core_are_not_exported():
