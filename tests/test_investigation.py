@@ -206,7 +206,8 @@ def _question() -> dict:
         return {"id": name, "condition_id": name, "asks": asks, "minutes": minutes, "information_bits": bits, "separates": []}
 
     first = entry("wide-sweep", 2.0, 0.8)
-    others = [entry("second-temperature", 25.0, 0.9), entry("dried", 240.0, 0.01)]
+    repeats = {**entry("repeats", 4.0, 0.0), "condition_id": None}
+    others = [entry("second-temperature", 25.0, 0.9), entry("dried", 240.0, 0.01), repeats]
     return {"schema": "motoremi.next/2", **first, "why": "because", "alternatives": others, "probabilities": {}, "stop": None}
 
 
@@ -368,7 +369,13 @@ def test_report_and_workbench_list_conditions_values_and_the_path(session: Path)
     ]
     taught = [{"id": "second-temperature=53degC", "information_bits": 0.7, "probabilities": {"core-loss": 0.97}, "mistakes": []}]
     stored = {
-        "verdict": "adequate", "effects": [], "families": [], "confidence": 0.9, "candidates": [], "reasons": [], "findings": [],
+        "verdict": "adequate",
+        "effects": [],
+        "families": [],
+        "confidence": 0.9,
+        "candidates": [],
+        "reasons": [],
+        "findings": [],
         "next_measurement": {"id": "repeat", "why": "nothing"},
         "taught": taught,
     }

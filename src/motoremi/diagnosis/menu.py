@@ -141,7 +141,7 @@ MENU = (
         asked=30.0,
         elements=_TURNED,
         others=0.02,
-        reaches=MACHINE,
+        reaches=("rotor",),
     ),
     Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 5.0),
     Option(
@@ -150,8 +150,6 @@ MENU = (
         "change",
         4.0,
         elements=_FIELD,
-        others=0.05,
-        reaches=("winding",),
     ),
     Option("standards", "put a 50 Ohm standard on the fixture in the motor's place and sweep it", "standard", 4.0, asked=50.0),
     Option("fixture-open", "take the motor off the fixture, leave it open and sweep", "standard", 2.0, ("open",)),

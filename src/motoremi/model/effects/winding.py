@@ -274,7 +274,6 @@ EFFECTS = (
         responds={
             "shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7},
             "dc-bias": {"resistance_ohm": 0.3},
-            "brushes-lifted": {"resistance_ohm": 100.0},
         },
         seen_as=("film",),
     ),
