@@ -206,7 +206,8 @@ def _question() -> dict:
         return {"id": name, "condition_id": name, "asks": asks, "minutes": minutes, "information_bits": bits, "separates": []}
 
     first = entry("wide-sweep", 2.0, 0.8)
-    others = [entry("second-temperature", 25.0, 0.9), entry("dried", 240.0, 0.01)]
+    repeats = {**entry("repeats", 4.0, 0.0), "condition_id": None}
+    others = [entry("second-temperature", 25.0, 0.9), entry("dried", 240.0, 0.01), repeats]
     return {"schema": "motoremi.next/2", **first, "why": "because", "alternatives": others, "probabilities": {}, "stop": None}
 
 

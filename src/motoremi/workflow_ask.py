@@ -62,8 +62,8 @@ def is_up_to_date(session: Session) -> bool:
 
 def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()) -> JsonDict:
     """A question once more, without some of its measurements and with a laboratory's own."""
-    refused = set(without)
-    if not refused and not list(own):
+    refused, own = set(without), list(own)
+    if not refused and not own:
         return question
     asked = [] if question["id"] is None else [{key: question[key] for key in _ENTRY if key in question}]
     entries = {str(one["id"]): one for one in (*asked, *question["alternatives"])}
@@ -77,14 +77,7 @@ def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str
                 entry["asks"] = {**entry["asks"], "instruction": str(mine["instruction"])}
             entries[entry["id"]] = entry
     kept = [one for name, one in entries.items() if name not in refused]
-    kept.sort(
-        key=lambda one: (
-            one["condition_id"] is None and one["asks"]["kind"] == "sweep",
-            one["information_bits"] >= NOTHING_BITS,
-            one["information_bits"] / one["minutes"],
-        ),
-        reverse=True,
-    )
+    kept.sort(key=_order, reverse=True)
     rest = {"schema": question["schema"], "probabilities": question["probabilities"]}
     if question["stop"] is not None and not (question["stop"] == "inseparable" and own):
         return {**question, "alternatives": kept}
@@ -103,7 +96,7 @@ def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str
 
 def _order(entry: JsonDict) -> tuple[bool, bool, float]:
     """What the session lacks first, then by bits a minute where there are any."""
-    lacking = entry["condition_id"] is None and entry["asks"]["kind"] == "sweep"
+    lacking = entry["id"] in ("short-sweep", "open-sweep")
     return lacking, entry["information_bits"] >= NOTHING_BITS, entry["information_bits"] / entry["minutes"]
 
 

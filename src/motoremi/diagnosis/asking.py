@@ -390,13 +390,10 @@ def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]
 
 
 def _why(asked: Worth, labels: Mapping[str, float]) -> str:
-    groups = [group for group in asked.separates if group]
-    told = " from ".join(" and ".join(group) for group in groups[:3]) if len(groups) > 1 else " and ".join(list(labels)[:2])
+    told = " from ".join(" or ".join(group) for group in asked.separates[:3]) if len(asked.separates) > 1 else " from ".join(list(labels)[:2])
     then = f", and then {asked.then}" if asked.then else ""
-    return (
-        f"{asked.option.action}{then}: that is expected to teach {asked.bits:.2g} of {_bits(labels):.2g} bits in {asked.minutes:.3g} minutes, "
-        f"and tells {told}"
-    )
+    taught = f"{asked.bits:.2g} of {_bits(labels):.2g} bits in {asked.minutes:.3g} minutes"
+    return f"{asked.option.action}{then}: that is expected to teach {taught}, telling {told}"
 
 
 def _bits(labels: Mapping[str, float]) -> float:

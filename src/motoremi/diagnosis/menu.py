@@ -97,21 +97,11 @@ _WARM = {
     "Lr": Moved(0.0, 0.02),
 }
 _BIASED = {"Ra": Moved(0.0, 0.01), "La": Moved(-0.105, 0.1), "Rr": Moved(0.0, 0.02), "Lr": Moved(0.0, 0.03)}
-_NO_ROTOR = {
-    "Ra": Moved(0.0, 0.3),
-    "La": Moved(-0.5, 0.5),
-    "Ca": Moved(0.0, 0.3),
-    "Cf": Moved(0.0, 0.5),
-    "Rr": Moved(0.0, 0.7),
-    "Lr": Moved(0.0, 0.7),
-    "Cr": Moved(0.0, 1.0),
-}
 _TURNED = {"Ra": Moved(0.0, 0.01), "La": Moved(0.0, 0.01), "Cr": Moved(0.0, 0.02), "Rr": Moved(0.0, 0.1), "Lr": Moved(0.0, 0.01)}
 _FIELD = {"Ra": Moved(0.0, 0.1), "La": Moved(0.0, 0.1), "Ca": Moved(0.0, 0.03), "Cr": Moved(0.0, 0.01), "Cf": Moved(0.0, 0.01)}
 _FOIL = {"Cf": Moved(0.02, 0.015), "Cr": Moved(0.005, 0.01), "Ca": Moved(0.002, 0.003)}
 _DRY = {"Cf": Moved(-0.01, 0.02), "Cr": Moved(-0.01, 0.02), "Ca": Moved(-0.01, 0.02), "Rr": Moved(0.0, 0.1)}
 # Groups of effects that a change reaches.
-MACHINE = ("winding", "rotor")
 COPPER_AND_IRON = ("winding", "connection")
 EVERYTHING = (*COPPER_AND_IRON, "rotor", "insulation")
 
@@ -141,7 +131,7 @@ MENU = (
         asked=30.0,
         elements=_TURNED,
         others=0.02,
-        reaches=MACHINE,
+        reaches=("rotor",),
     ),
     Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 5.0),
     Option(
@@ -150,8 +140,6 @@ MENU = (
         "change",
         4.0,
         elements=_FIELD,
-        others=0.05,
-        reaches=("winding",),
     ),
     Option("standards", "put a 50 Ohm standard on the fixture in the motor's place and sweep it", "standard", 4.0, asked=50.0),
     Option("fixture-open", "take the motor off the fixture, leave it open and sweep", "standard", 2.0, ("open",)),
@@ -209,7 +197,7 @@ MENU = (
         others=0.03,
         reaches=EVERYTHING,
     ),
-    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, elements=_NO_ROTOR, others=0.7, reaches=MACHINE),
+    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, foreseen=False),
     Option(
         "dried",
         "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps",
