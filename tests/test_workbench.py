@@ -581,3 +581,11 @@ def test_the_command_refuses_what_is_no_session(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
+
+
+def test_an_analysis_that_is_just_being_replaced_is_no_damage(at, fitted):
+    """A command writes the file first and the line of the log after it: a page that looks in between sees what was there before."""
+    before = at("/story")
+    file = fitted / "analysis" / "ladder.json"
+    file.write_bytes(file.read_bytes() + b" ")
+    assert at("/story") == before

@@ -14,7 +14,7 @@ from motoremi.data.source import read_bytes
 from motoremi.data.storage import is_being_written
 from motoremi.errors import BadInput
 from motoremi.workbench.shelf import Shelf
-from motoremi.workbench.stamps import MEASURED, Stamp, stamp_of
+from motoremi.workbench.stamps import Stamp, stamp_of
 
 State: TypeAlias = Literal["measuring", "interrupted", "failed", "complete", "diagnosed", "unreadable"]
 
@@ -60,7 +60,7 @@ class Listing:
 
     def stamps(self) -> dict[str, Stamp]:
         """What changes with each session's files."""
-        return {identifier: stamp for identifier, path in self._shelf.offered().items() if (stamp := stamp_of(path, MEASURED))}
+        return {identifier: stamp for identifier, path in self._shelf.offered().items() if (stamp := stamp_of(path))}
 
     def entry(self, path: Path) -> Entry:
         """What the list says of one session."""

@@ -1,34 +1,31 @@
-"""What changes with the files of a session, whoever writes them: names, times and sizes."""
+"""What changes with a session's log and its measured files, whoever writes them: names, times and sizes."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
 from motoremi.data.paths import SESSION
 
-MEASURED = ("sweeps", "spectra")
-ALL = (*MEASURED, "analysis")
+# Analyses are replaced before the log says so: for a moment they do not belong together, and that is no damage.
+FOLDERS = ("sweeps", "spectra")
 Stamp: TypeAlias = tuple[tuple[str, int, int], ...]
 
 
-def stamp_of(path: Path, folders: Sequence[str] = ALL) -> Stamp:
-    """Of what is read of a session; empty where there is none.
+def stamp_of(path: Path) -> Stamp:
+    """Empty where there is no session.
 
     Parameters
     ----------
     path : Path
         The session's folder.
-    folders : sequence of str
-        Which of its folders; each analysis is followed by a line in the session's log.
     """
     try:
         log = (path / SESSION).stat()
     except OSError:
         return ()
-    return ((SESSION, log.st_mtime_ns, log.st_size), *(one for folder in folders for one in _files(path / folder)))
+    return ((SESSION, log.st_mtime_ns, log.st_size), *(one for folder in FOLDERS for one in _files(path / folder)))
 
 
 def _files(folder: Path) -> list[tuple[str, int, int]]:
