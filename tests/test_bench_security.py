@@ -79,7 +79,7 @@ def test_hostile_answers_end_in_one_clean_line(
         healthy = device._match
         device._match = lambda asked, healthy=healthy: HOSTILE.encode("utf-8") if asked.decode() == query else healthy(asked)  # type: ignore[method-assign, misc]
     monkeypatch.setattr("motoremi.bench.runner.make_bench", lambda bench_file: bench)
-    monkeypatch.setattr("motoremi.cli.bench._ask", lambda text: None)
+    monkeypatch.setattr("motoremi.cli.bench.ask_operator", lambda text: None)
     monkeypatch.setattr(sys, "argv", ["motoremi", "run", "full_motor_test", "--out", str(tmp_path / "s")])
     with pytest.raises(SystemExit) as caught:
         main()
@@ -110,14 +110,14 @@ def test_a_procedure_names_no_file_and_no_code(change: dict[str, Any]) -> None:
 
 def test_words_of_a_procedure_are_shown_not_obeyed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n"))
-    cli_bench._ask(f"Connect it. {HOSTILE}\n  drawing")
+    cli_bench.ask_operator(f"Connect it. {HOSTILE}\n  drawing")
     assert not [mark for mark in FORBIDDEN[:3] if mark in capsys.readouterr().err]
 
 
 def test_nobody_at_the_prompt_is_wrong_use(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
     with pytest.raises(BadInput, match="nobody answers the prompt"):
-        cli_bench._ask("Connect it")
+        cli_bench.ask_operator("Connect it")
 
 
 def test_a_session_whose_documents_are_nonsense(tmp_path: Path) -> None:

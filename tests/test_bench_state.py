@@ -339,7 +339,7 @@ def test_an_operator_can_say_no(tmp_path: Path, bench: SimulatedBench, answer: A
 )
 def test_what_is_typed_at_a_prompt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], typed: str, answer: str) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
-    assert cli_bench._ask("Connect it") == answer
+    assert cli_bench.ask_operator("Connect it") == answer
     assert "[Enter] done, n not done, s stop: " in capsys.readouterr().err
 
 
