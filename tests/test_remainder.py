@@ -65,9 +65,9 @@ def test_sweeps_of_two_motors_are_about_the_data():
 
 
 def test_single_bad_points_are_about_the_data():
-    """A causal model that describes all points but two shows that those two are wrong."""
+    """A causal model that describes all points but two near the ends, which were not held against their neighbours, shows that those are wrong."""
     spikes = np.ones(FREQUENCY_HZ.size)
-    spikes[[120, 260]] = 1.05, 0.96
+    spikes[[3, -4]] = 1.05, 0.96
     found, said = left(
         [dataclasses.replace(s, impedance_ohm=s.impedance_ohm * spikes) if s.termination == "open" else s for s in simulated_sweeps(1)[0]]
     )
