@@ -95,6 +95,9 @@ class Judgement:
     def standing(self) -> Standing:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
+        if len(self.model.added) == 1 and self.model.unusual and self._alike:
+            # With values that few motors have a law only bends to the curve, as others do.
+            return "not"
         if len(self.model.added) < MOST_NAMES:
             return standing
         return standing if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
@@ -153,10 +156,15 @@ class Judgement:
         """
         if self.standing != "mostly" or len(self.model.added) != 1:
             return self.belief.families
-        (effect,), limit = self.model.added, ALIKE * self.model.fit.rms_error_percent
+        (effect,) = self.model.added
+        return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *self._alike)))}
+
+    @property
+    def _alike(self) -> Key:
+        """Other single effects whose circuit errs about as little as the likeliest one's, the likeliest of them first."""
+        limit = ALIKE * self.model.fit.rms_error_percent
         singles = sorted((one for key, one in self.found.items() if len(key) == 1), key=lambda one: -one.score)
-        near = [one.effect for one in singles if one.effect != effect and one.fit.rms_error_percent <= limit]
-        return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *near)))}
+        return tuple(one.effect for one in singles if one.effect not in self.model.added and one.fit.rms_error_percent <= limit)
 
     @property
     def of_none(self) -> Judgement | None:

@@ -153,11 +153,11 @@ class Fit:
 
     @cached_property
     def within_specification(self) -> bool:
-        """Whether the circuit alone, nothing absorbed, errs at the points (rms) no more than their noise and the analyser's specification allow."""
+        """Whether the circuit alone, nothing absorbed, errs no more than noise and specification leave, as a whole and against each point's share."""
         errors = self.errors()
         pairs = zip(self.measurement.sweeps, self.measurement.floors, strict=True)
         ratios = [np.abs(errors[sweep.termination]) / floor for sweep, floor in pairs]
-        return bool(np.mean(np.concatenate(ratios) ** 2) <= 1.0)
+        return bool(self.rms_error_percent <= self.floor_percent and np.mean(np.concatenate(ratios) ** 2) <= 1.0)
 
     @cached_property
     def linearised(self) -> Linearised:
