@@ -60,7 +60,7 @@ def own(tmp_path: Path):
 
 
 def within(parameter: Parameter, share: float) -> float:
-    """A value of a parameter's range; sections are whole ones, and their waves are followed off the frequency axis with coupling above zero only."""
+    """A value of a parameter's range; sections are whole, their waves followed off the frequency axis with coupling above zero only."""
     if parameter.scale == "linear":
         low = max(parameter.low, 0.0)
         return low + share * (parameter.high - low)

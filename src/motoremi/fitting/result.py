@@ -153,7 +153,7 @@ class Fit:
 
     @cached_property
     def within_specification(self) -> bool:
-        """Whether the circuit alone, nothing absorbed, errs no more than noise and specification leave, as a whole and against each point's share."""
+        """Whether the circuit alone, nothing absorbed, errs no more than noise and specification leave, as a whole and at the points."""
         errors = self.errors()
         pairs = zip(self.measurement.sweeps, self.measurement.floors, strict=True)
         ratios = [np.abs(errors[sweep.termination]) / floor for sweep, floor in pairs]
