@@ -60,10 +60,9 @@ def own(tmp_path: Path):
 
 
 def within(parameter: Parameter, share: float) -> float:
-    """A value of a parameter's range; sections are whole, their waves followed off the frequency axis with coupling above zero only."""
+    """A value of a parameter's range; sections are whole."""
     if parameter.scale == "linear":
-        low = max(parameter.low, 0.0)
-        return low + share * (parameter.high - low)
+        return parameter.low + share * (parameter.high - parameter.low)
     value = parameter.low * (parameter.high / parameter.low) ** share
     return round(value) if parameter.name == "sections" else value
 

@@ -179,8 +179,10 @@ class _Driven:
 
     def __init__(self, chain: _Chain, alike: bool) -> None:
         self.chain, self.alike, k = chain, alike, chain.k
-        self.sinh = [np.sqrt(0.25 * v) for v in chain.waves]
-        self.cosh = [np.sqrt(1 + 0.25 * v) for v in chain.waves]
+        # With 0 added an imaginary part is never -0: of a wave below -4, `sqrt` and `arcsinh` would take that for the other side of their cut.
+        quarters = [0.25 * v + 0.0 for v in chain.waves]
+        self.sinh = [np.sqrt(quarter) for quarter in quarters]
+        self.cosh = [np.sqrt(1 + quarter) for quarter in quarters]
         self.half = [sinh / cosh for sinh, cosh in zip(self.sinh, self.cosh, strict=True)]
         self.whole = [np.tanh(chain.n * np.arcsinh(sinh)) for sinh in self.sinh]
         # tanh(theta/2) times tanh(n theta/2), or over it, of v = 4 sinh(theta/2)^2.
