@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from motoremi.blind.cases import Case, catalogue_kinds, draw_many
+from motoremi.blind.cases import Case, catalogue_kinds, draw, draw_many
 from motoremi.blind.challenge import SEALED, make_challenge, reveal
 from motoremi.blind.scoreboard import Played, play_all, summary
 from motoremi.blind.scoring import Answer, hit, named_exactly, outcome
@@ -172,6 +172,13 @@ def test_a_game_is_the_same_in_any_number_of_processes():
         assert (one.case, one.outcome) == (other.case, other.outcome)
         assert one.answer.effects == other.answer.effects
         assert one.answer.confidence == pytest.approx(other.answer.confidence, rel=1e-9)
+
+
+def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_away():
+    # A relaxing core, whose curve a damper coupled to a degree that few motors have draws as well.
+    found = diagnose(fit(dc_motor(), draw(4711, 1).sweeps()))
+    assert found.verdict == "family"
+    assert [set(family) for family in found.families] == [{"permeability-relaxation", "field-coupling"}]
 
 
 def test_of_two_equal_curves_the_one_of_usual_size_comes_first():

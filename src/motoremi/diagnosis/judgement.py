@@ -95,8 +95,8 @@ class Judgement:
     def standing(self) -> Standing:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
-        if len(self.model.added) == 1 and self.model.unusual and self._alike:
-            # With values that few motors have a law only bends to the curve, as others do.
+        if len(self.model.added) == 1 and self.model.unusual and self._alike and not any(self.belief.families.values()):
+            # With values that few motors have a law only bends to the curve, as others do; one with a family is told with it.
             return "not"
         if len(self.model.added) < MOST_NAMES:
             return standing
