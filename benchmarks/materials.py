@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.real_motor import write
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.diagnosis import dispersion as laws
 from motoremi.diagnosis.dispersion import DispersionFit, fit_laws
@@ -120,11 +121,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
     arguments = parser.parse_args()
-    text = "\n".join(page(arguments.folder)) + "\n"
-    if arguments.out is None:
-        print(text, end="")
-    else:
-        arguments.out.write_text(text, encoding="utf-8")
+    write(page(arguments.folder), arguments.out)
 
 
 if __name__ == "__main__":

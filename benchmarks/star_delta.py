@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
+from benchmarks.real_motor import write
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model import materials
 from motoremi.quantities import show
@@ -170,11 +171,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
     arguments = parser.parse_args()
-    text = "\n".join(page()) + "\n"
-    if arguments.out is None:
-        print(text, end="")
-    else:
-        arguments.out.write_text(text, encoding="utf-8")
+    write(page(), arguments.out)
 
 
 if __name__ == "__main__":

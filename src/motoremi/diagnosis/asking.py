@@ -199,7 +199,7 @@ def next_question(
     unforeseen = [BY_NAME["repeats"], *(option for option in possible if not option.foreseen)]
     ranked += [Worth(option, 0.0, _minutes(option, sweep_minutes)) for option in unforeseen if option.name not in left_out]
     if missing is not None and missing.name not in left_out:
-        first = Worth(missing, _entropy(standing) / 2, _minutes(missing, sweep_minutes))
+        first = Worth(missing, _bits(weight for _, weight in standing) / 2, _minutes(missing, sweep_minutes))
         return Question((first, *ranked), None, f"{missing.action}: one sweep cannot locate an effect", labels)
     if stands:
         if best == "nothing missing":
@@ -237,8 +237,9 @@ def _minutes(option: Option, sweep_minutes: float) -> float:
     return option.minutes + sweep_minutes * len(option.sweeps) * (2 if option.name == "repeats" else 1)
 
 
-def _entropy(standing: Sequence[tuple[Rival, float]]) -> float:
-    return float(-sum(weight * np.log2(weight) for _, weight in standing if weight > 0))
+def _bits(probabilities: Iterable[float]) -> float:
+    """What it would take to know which: their entropy."""
+    return float(-sum(p * np.log2(p) for p in probabilities if p > 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,7 +355,7 @@ def _information(
         bits += weights[place] * float(np.mean(logs[place] - mixture)) / np.log(2)
         expected[place] = np.mean(logs[place] - logs, axis=1)
     apart = np.minimum(expected, expected.T)
-    return float(np.clip(bits, 0.0, _entropy(standing))), _groups([rival.label for rival, _ in standing], apart), float(np.max(apart))
+    return float(np.clip(bits, 0.0, _bits(weights))), _groups([rival.label for rival, _ in standing], apart), float(np.max(apart))
 
 
 def _draws(components: Sequence[_Component], normal: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -392,12 +393,8 @@ def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]
 def _why(asked: Worth, labels: Mapping[str, float]) -> str:
     told = " from ".join(" or ".join(group) for group in asked.separates[:3]) if len(asked.separates) > 1 else " from ".join(list(labels)[:2])
     then = f", and then {asked.then}" if asked.then else ""
-    taught = f"{asked.bits:.2g} of {_bits(labels):.2g} bits in {asked.minutes:.3g} minutes"
+    taught = f"{asked.bits:.2g} of {_bits(labels.values()):.2g} bits in {asked.minutes:.3g} minutes"
     return f"{asked.option.action}{then}: that is expected to teach {taught}, telling {told}"
-
-
-def _bits(labels: Mapping[str, float]) -> float:
-    return float(-sum(p * np.log2(p) for p in labels.values() if p > 0))
 
 
 def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]) -> str:

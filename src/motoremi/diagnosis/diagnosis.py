@@ -365,10 +365,9 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("weak")
     if verdict == "adequate" and judgement.belief.named and not judgement.accurate:
         kinds.append("adequate, a weak effect unnamed")
-    if any(finding.serious and finding.id != "not-compensated" for finding in findings):
+    # A fixture that nobody compensated is part of every model, so that it leaves doubt only where none stands.
+    if any(finding.serious and (finding.id != "not-compensated" or verdict == "unexplained") for finding in findings):
         kinds.append("adequate, with a serious finding" if verdict == "adequate" else "with a serious finding")
-    if verdict == "unexplained" and any(finding.serious for finding in findings):
-        kinds.append("with a serious finding")
     # That nothing is missing is true as well where something is that no analyser would show: the posterior of none says too little of it.
     return min(RELIABLE[kind] for kind in kinds) * (judgement.belief.probability if named else 1.0)
 

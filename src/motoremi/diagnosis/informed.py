@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Mapping
 
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.belief import MOST_NAMES, Belief, believe
+from motoremi.diagnosis.belief import MOST_NAMES, Belief
 from motoremi.diagnosis.findings import Finding
-from motoremi.diagnosis.judgement import RELAXING, Judgement
+from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
 from motoremi.diagnosis.rivals import Key, Rivals, rivals_of, update
 
 # Of the finding that a sweep or value is none of what was asked for.
@@ -40,7 +40,7 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     # What was too unlikely to be weighed keeps its distance from the one that gained most.
     most = max(changes.values())
     found = {key: dataclasses.replace(one, score=one.score + changes.get(key, most)) for key, one in judgement.found.items()}
-    return Judgement(judgement.base, found, believe(found))
+    return decided(judgement.base, found)
 
 
 def departs(rivals: Rivals) -> bool:

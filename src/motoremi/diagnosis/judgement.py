@@ -217,7 +217,11 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:
     """Search what is missing from a fit, and decide."""
     board = MotorBoard(base)
-    found = explore(board, board.start(), budget, progress)
+    return decided(base, explore(board, board.start(), budget, progress))
+
+
+def decided(base: Fit, found: Mapping[Key, Candidate]) -> Judgement:
+    """What the models that were found let one believe of a fit."""
     judgement = Judgement(base, found, believe(found))
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
     return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement

@@ -6,14 +6,14 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.data.coarse import of_points
+from motoremi.data.spikes import MOST
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
 from motoremi.interrupts import checkpoint
 
 # Chi-squared of two degrees of freedom of one point given the others: by chance once in three million.
 FAR_OFF = 30.0
-# More points than this share are no single points, nor are more than three beside each other: a narrow resonance is as narrow as that.
-MOST = 0.08
+# More than so many beside each other are no single points: a narrow resonance is as narrow as that.
 BESIDE = 3
 
 

@@ -433,6 +433,7 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
     values = problem.named(u)
     own = {p.name for p in problem.motor.parameters}
     alone = problem.deviation(problem.alone(u))
+    plain_percent = _rms_percent(np.exp(-alone) - 1)
     strict = task.likelihood(None, AS_DECLARED)
     # Averages say nothing of how their points scatter, which is of no model.
     pairs = zip(measurement.sweeps, measurement.noise, strict=True)
@@ -451,11 +452,9 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         sigma={},
         nuisance={name: value for name, value in values.items() if name not in own},
         chi2_reduced=(float(strict.objective(strict.vector(values))) + scatter) / (strict.degrees_of_freedom + 2 * (problem.size - strict.size)),
-        rms_error_percent=_rms_percent(np.exp(-alone) - 1),
+        rms_error_percent=plain_percent,
         rms_error_db=float(20 / np.log(10) * np.sqrt(np.mean(alone.real**2))),
-        corrected_error_percent=min(
-            _rms_percent(np.exp(-alone) - 1), _rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1)
-        ),
+        corrected_error_percent=min(plain_percent, _rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1)),
         analyser_sigma=weighed.analyser_sigma(u),
         noise_percent=measurement.noise_percent,
         floor_percent=measurement.floor_percent,
