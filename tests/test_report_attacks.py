@@ -25,8 +25,8 @@ from motoremi.workflow import opened, report_session
 KEPT = frozenset({"schema", "of", "unit", "sweep", "setup"})
 # Stored for machines; the report shows what it works out from the sweeps instead.
 NOT_SHOWN = (
-    # What is asked next is told by `next_measurement`; the effects named stand in the words of a verdict, which this one has none for.
-    *("diagnosis.question", "emission-diagnosis.effects"),
+    # What is asked next is told by `next_measurement`.
+    "diagnosis.question",
     *("diagnosis.where", "diagnosis.analyser", "diagnosis.best.effects", "diagnosis.next_measurement.id"),
     *("emission-diagnosis.where", "emission-diagnosis.best.effects", "emission-diagnosis.candidates.family"),
     *("emission-diagnosis.next_measurement.id", "emission-diagnosis.observations.id", "emission.limit", "emission.steps.parameters name"),

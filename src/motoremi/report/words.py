@@ -49,7 +49,8 @@ def lag(delta_bic: float | None) -> str:
 def in_words(diagnosis: JsonDict) -> str:
     """The verdict as a sentence."""
     verdict, named = str(diagnosis["verdict"]), " and ".join(diagnosis["effects"])
-    text = _VERDICTS.get(verdict, (verdict, "plain"))[0]
+    # One that this version does not know stands as it was stored.
+    text = _VERDICTS.get(verdict, (f"{verdict}: {{named}}" if named else verdict, "plain"))[0]
     if verdict == "adequate" and diagnosis.get("accuracy_percent"):
         return f"{text}, or within the accuracy of {diagnosis['accuracy_percent']:g} % that was stated"
     if verdict == "instrument" and named:
