@@ -102,10 +102,19 @@ class Run:
 
 @dataclass(frozen=True)
 class PlayedRun:
-    """A run with the truth, as tables of calibration want it."""
+    """A run with the truth, as tables of calibration want it.
+
+    Parameters
+    ----------
+    case : Sealed
+    run : Run
+    detectable : bool
+        Whether the motor's two sweeps show all that is hidden: no goal speaks of what they do not.
+    """
 
     case: Sealed
     run: Run
+    detectable: bool = True
 
     @property
     def answer(self) -> Answer:
@@ -120,7 +129,7 @@ class PlayedRun:
     @property
     def hit(self) -> bool:
         """Whether what its confidence speaks of is true."""
-        return hit(self.case.hidden, self.run.answer, detectable=True)
+        return hit(self.case.hidden, self.run.answer, self.detectable)
 
     @property
     def settled(self) -> bool:
@@ -134,7 +143,8 @@ class PlayedRun:
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
-        return {**asdict(self.case), **asdict(self.run), **asdict(self.run.answer), "outcome": self.outcome, "settled": self.settled}
+        told = {"outcome": self.outcome, "settled": self.settled, "detectable": self.detectable}
+        return {**asdict(self.case), **asdict(self.run), **asdict(self.run.answer), **told}
 
 
 def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
@@ -150,7 +160,8 @@ def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tup
             known[done] = says(evidence)
         return known[done]
 
-    return [PlayedRun(case, _guarded(case, name, standing)) for name in policies]
+    detectable = case.detectable()
+    return [PlayedRun(case, _guarded(case, name, standing), detectable) for name in policies]
 
 
 def _guarded(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
@@ -221,7 +232,7 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
         same for each start of the product's; `reliability` and `kinds_of_verdict`: stated confidence against hit rate; `mistakes`: made and
         noticed; `seconds` a decision and `search_seconds` a search; `unsettled` and `troubles`: runs to look at.
     """
-    by_policy = {name: [one for one in played if one.run.policy == name] for name in POLICIES}
+    by_policy = {name: [one for one in played if one.run.policy == name and one.detectable] for name in POLICIES}
     by_policy = {name: ones for name, ones in by_policy.items() if ones}
     own = by_policy.get(PRODUCT, [])
     made = [(one, name) for one in own for name in one.run.made]
@@ -240,7 +251,8 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
     }
     return {
         "schema": "motoremi.scoreboard-investigation/1",
-        "cases": len(own),
+        "cases": sum(one.run.policy == PRODUCT for one in played),
+        "too_weak_to_see": sum(one.run.policy == PRODUCT and not one.detectable for one in played),
         "goals": goals,
         "by_policy": {name: _figures(ones) for name, ones in by_policy.items()},
         "by_start": {start: _figures(ones) for start in STARTS if (ones := [one for one in own if one.case.start == start])},

@@ -14,6 +14,8 @@ from motoremi.data.storage import write_whole
 def markdown(result: JsonDict) -> str:
     """All tables of a board."""
     lines = [f"# Investigations: {result['cases']} sealed motors, seed {result['seed']}", "", *goal_lines(result["goals"])]
+    if result["too_weak_to_see"]:
+        lines += ["", f"{result['too_weak_to_see']} motors hide something too weak to be seen in their two sweeps: they are in no figure below."]
     for title, key in (("policy", "by_policy"), ("start", "by_start")):
         lines += [
             "",

@@ -11,12 +11,15 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds
+from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, visible
 from motoremi.blind.disturbances import ReflectionAnalyser, behind_fixture
 from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import VALUES, Condition, SingleValue
+from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
 from motoremi.errors import BadInput
+from motoremi.fitting.fit import fit
+from motoremi.model.motor import dc_motor
 from motoremi.simulate.analyser import SimulatedAnalyser
 from motoremi.simulate.arrangement import Analyser, Arrangement
 from motoremi.simulate.effects import OUTSIDE_EFFECTS, split_effects
@@ -196,6 +199,18 @@ class Sealed:
         if asked.id in VALUES:
             return Given(Evidence((), (arrangement.single_value(asked.id),)), arrangement.mistake)
         return Given(self._measured(arrangement, asked.id, 2 + zlib.crc32(f"{asked.id} {turn}".encode()) % 2**20, 1), arrangement.mistake)
+
+    def detectable(self) -> bool:
+        """Whether the sweeps of both terminations show each hidden effect that the catalogue knows, where the model has all the others."""
+        both = Measurement.of(self._measured(Arrangement(self.specimen), "begin", 0, REPEATS).sweeps)
+        base = fit(dc_motor(), both)
+        for name in self.hidden:
+            rest = base
+            for other in self.hidden:
+                rest = rest.add(other) if other != name else rest
+            if not visible(rest):
+                return False
+        return True
 
     def _measured(self, arrangement: Arrangement, purpose: str, connection: int, repeats: int) -> Evidence:
         span = SPAN_HZ

@@ -35,10 +35,14 @@ ODDS = 20.0
 MOST_ASKED, LEAST_ASKED = 6, 2e-3
 # Less than this, a measurement teaches nothing; where none teaches more, pairs of them are looked at.
 NOTHING_BITS, LITTLE_BITS = 0.03, 0.1
-# Size of what no model describes of a change; and for a motor that no model describes, each with its share. Of a value, as a logarithm.
+# Size of what no model describes of a change; in another circuit or span; and for a motor that no model describes, each with its share.
+# Of a value, as a logarithm.
 UNDESCRIBED = {2e-3: 1.0}
+UNDESCRIBED_ELSEWHERE = {2e-3: 0.5, 3e-2: 0.5}
 UNDESCRIBED_OUTSIDE = {2e-3: 0.5, 8e-3: 0.2, 0.06: 0.3}
 OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
+# As `weighing.UNFORESEEN`, coarser: of changes that reach the effects, and of the others.
+UNFORESEEN, UNFORESEEN_BESIDE = {0.05: 0.6, 1.0: 0.4}, {0.1: 1.0}
 # Draws of the outcome under each explanation.
 DRAWS = 40
 # Pairs are made of so many measurements that teach most alone.
@@ -296,14 +300,18 @@ class _Foreseen(NamedTuple):
 def _foreseen(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[_Foreseen]:
     if option.kind == "value":
         sizes = OF_VALUE_OUTSIDE if rival.outside else OF_VALUE
+    elif rival.outside and option.reaches_motor:
+        sizes = UNDESCRIBED_OUTSIDE
     else:
-        sizes = UNDESCRIBED_OUTSIDE if rival.outside and option.reaches_motor else UNDESCRIBED
+        sizes = UNDESCRIBED_ELSEWHERE if option.kind == "sweep" else UNDESCRIBED
+    widths = UNFORESEEN if option.reaches else UNFORESEEN_BESIDE
     found = []
     for share, prediction in _predictions(option, rival, measurement, points):
         mean, own, by_eta = prediction.at(rival.known.centre, np.zeros(prediction.size))
-        for size, part in sizes.items():
-            columns = np.concatenate([by_eta, prediction.errors, size * prediction.smooth])
-            found.append(_Foreseen(share * part, mean, own, columns, prediction.sigma))
+        for (size, part), (width, likely) in product(sizes.items(), widths.items()):
+            answers = by_eta * np.where(prediction.unforeseen == 2, width, 1.0)[:, None]
+            columns = np.concatenate([answers, prediction.errors, size * prediction.smooth])
+            found.append(_Foreseen(share * part * likely, mean, own, columns, prediction.sigma))
     return found
 
 

@@ -80,15 +80,23 @@ class Belief:
         return shared
 
 
-def believe(found: Mapping[Key, M]) -> Belief:
-    """What to believe of the models that were found, the one with nothing added among them."""
+def believe(found: Mapping[Key, M], together: float = FAMILY_TOGETHER) -> Belief:
+    """What to believe of the models that were found, the one with nothing added among them.
+
+    Parameters
+    ----------
+    found : mapping
+        Models by what they add.
+    together : float
+        What the members of a family have of its posterior: one that has so much alone has no family.
+    """
     scores = np.array([model.score for model in found.values()])
     weights = np.exp(scores - scores.max())
     posterior = {key: float(weight) for key, weight in zip(found, weights / weights.sum(), strict=True)}
     best = _smallest_undoubted(found, posterior)
     if not best:
         return Belief((), {}, max(posterior[()], 0.5), posterior)
-    families = {effect: _rivals(best, effect, posterior) for effect in found[best].added}
+    families = {effect: _rivals(best, effect, posterior, together) for effect in found[best].added}
     # A set that holds the named one, with an idle effect more, does not contradict it.
     places = [{effect, *families[effect]} for effect in found[best].added]
     agreeing = sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
@@ -101,7 +109,7 @@ def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) 
     return next(key for key in sets if sum(share for other, share in posterior.items() if len(other) <= len(key)) >= LEAST_DOUBT)
 
 
-def _rivals(best: Key, effect: str, posterior: Mapping[Key, float]) -> Key:
+def _rivals(best: Key, effect: str, posterior: Mapping[Key, float], together: float) -> Key:
     """Effects that would do as well in the place of one of a set."""
     rest = list(best)
     rest.remove(effect)
@@ -116,7 +124,7 @@ def _rivals(best: Key, effect: str, posterior: Mapping[Key, float]) -> Key:
     ranked = sorted(shares, key=lambda name: -shares[name])
     total = posterior[best] + sum(shares.values())
     before = posterior[best] + np.cumsum([0.0, *(shares[name] for name in ranked)])
-    return tuple(name for name, sum_before in zip(ranked, before, strict=False) if sum_before < FAMILY_TOGETHER * total)
+    return tuple(name for name, sum_before in zip(ranked, before, strict=False) if sum_before < together * total)
 
 
 def _agrees(key: list[str], places: list[set[str]]) -> bool:

@@ -18,7 +18,7 @@ from motoremi.diagnosis.responses import ROOM_DEGC
 POINTS = 100
 # Points of a sweep that is only thought of.
 POINTS_AHEAD = 40
-# A point noisier than this says nothing (an open fixture at its low end).
+# A point noisier than this says nothing; but next to nothing is what a shorting bar and an open fixture show.
 LARGEST_NOISE = 0.3
 
 
@@ -47,7 +47,7 @@ def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Obs
         # Beyond the reference sweep there is no change to see.
         inside &= (sweep.frequency_hz >= frequency[0] * (1 - 1e-9)) & (sweep.frequency_hz <= frequency[-1] * (1 + 1e-9))
         sigma = np.hypot(sigma, np.interp(np.log(sweep.frequency_hz), np.log(frequency), np.sqrt(noise.variance)))
-    inside &= one.noise.regular & (sigma < LARGEST_NOISE)
+    inside &= one.noise.regular & ((sigma < LARGEST_NOISE) | (option.name in ("fixture-short", "fixture-open")))
     kept = np.flatnonzero(inside)
     if kept.size < 2:
         return None

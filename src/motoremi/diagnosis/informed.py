@@ -11,6 +11,8 @@ from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
 from motoremi.diagnosis.rivals import Key, Rivals, rivals_of, update
 
+# An explanation with odds of 20 to 1 stands alone once measurements were made to tell it from others.
+STANDS = 20 / 21
 # Of the finding that a sweep or value is none of what was asked for.
 NOT_AS_ASKED = "not-as-asked"
 # How often the truth is none of the models found, by what the leading one leaves. As `belief.RELIABLE` has it for such answers.
@@ -40,7 +42,7 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     # What was too unlikely to be weighed keeps its distance from the one that gained most.
     most = max(changes.values())
     found = {key: dataclasses.replace(one, score=one.score + changes.get(key, most)) for key, one in judgement.found.items()}
-    return decided(judgement.base, found)
+    return decided(judgement.base, found, STANDS)
 
 
 def departs(rivals: Rivals) -> bool:

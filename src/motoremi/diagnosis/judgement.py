@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import combinations
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.belief import MOST_NAMES, Belief, Standing, believe, stands
+from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, Belief, Standing, believe, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motors import MotorBoard
@@ -220,8 +220,8 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) 
     return decided(base, explore(board, board.start(), budget, progress))
 
 
-def decided(base: Fit, found: Mapping[Key, Candidate]) -> Judgement:
-    """What the models that were found let one believe of a fit."""
-    judgement = Judgement(base, found, believe(found))
+def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER) -> Judgement:
+    """What the models that were found let one believe of a fit; `together` as in `belief.believe`."""
+    judgement = Judgement(base, found, believe(found, together))
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
     return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement

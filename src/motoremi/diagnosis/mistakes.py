@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.conditions import STANDARDS, Condition
 from motoremi.data.kernels import logarithm, smooth_basis
 from motoremi.data.measurement import Measurement
@@ -22,8 +22,8 @@ STRANGE = 0.005
 # What such a sweep may be off by, and what a repeated one is.
 ANYTHING = {1.5: 1.0}
 THE_SAME = {5e-4: 0.5, 2e-3: 0.5}
-# Measurements that cannot leave a sweep as it was.
-MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", "second-temperature", "rotor-out", *STANDARDS)
+# Measurements that cannot leave a sweep as it was, beside those that move elements of the motor.
+MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", *STANDARDS)
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,14 @@ class Mistake:
 def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known) -> Mistake:
     """The likeliest mistake that would give a sweep, and how likely all of them together make it."""
     asked = f"{sweep.termination} sweep, {sweep.condition}"
+    shows = option.name in MUST_SHOW or bool(option.elements)
     found: list[Mistake] = []
     for reference in measurement.sweeps:
         same = reference.termination == sweep.termination
         if option.name == "far-end-grounded" and not same:
             # With its far end on the frame the winding is seen as in the short-circuit sweep.
             continue
-        if (same and option.name not in MUST_SHOW) or not _covers(reference.frequency_hz, sweep.frequency_hz):
+        if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
         log = _log_likelihood(sweep, _at(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
         what = f"it is the {reference.termination} sweep of the motor as it was"
@@ -65,7 +66,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
                 other = Condition(name, value, "Ohm" if value else "")
                 log = weigh(Outcome(likeliest, [replace(sweep, condition=other)]), known).log_likelihood
                 found.append(Mistake("wrong-standard", f"{asked}: it is that of {other}", log))
-    elif option.kind == "change":
+    elif option.name != "far-end-grounded":
         other_end = "open" if sweep.termination == "short" else "short"
         if other_end in measurement.terminations:
             log = weigh(Outcome(likeliest, [replace(sweep, termination=other_end)]), known).log_likelihood
@@ -98,6 +99,8 @@ class _Given:
     """A prediction without unknowns."""
 
     size = 0
+    density = 0.0
+    unforeseen: IntArray = np.zeros(0, dtype=np.intp)
 
     def __init__(self, sweep: Observed, impedance_ohm: ComplexArray) -> None:
         ratio = np.log(_impedance(sweep) / impedance_ohm)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
 from motoremi.fitting.fit import task_without, told, trail_to
-from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, race
+from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, behind_best, race
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.spread import spread
@@ -78,10 +78,7 @@ class MotorBoard:
     ) -> list[Candidate]:
         """Candidates from a race, refitted on all points where they are near its best."""
         solutions = race(trails, rounds, kept, progress)
-        if not solutions:
-            return []
-        top = max(solution.log_evidence for solution in solutions.values())
-        near = [key for key, solution in solutions.items() if solution.log_evidence >= top - BEHIND]
+        near = [key for key, behind in behind_best(solutions).items() if behind <= BEHIND]
         fits = spread(lambda key: told(trails[key], solutions[key], before), near)
         return [candidate(fit, self._base) for fit in fits]
 

@@ -1,7 +1,8 @@
 """What a measurement under a condition would show if a model were true: its prediction, and how that moves with all that is not known.
 
 The outcome is a vector of real numbers. Of a sweep it is ln Z at each frequency (real parts, then imaginary parts) less what the model left of
-the reference sweep there, so that whatever both sweeps share (the analyser's smooth errors, what no model describes) is gone. What moves
+the reference sweep there, so that whatever both sweeps share (the analyser's smooth errors, what no model describes) is gone. Of a shorting bar
+it is Z, of an open fixture 1/Z, in units of what the specification leaves there: a logarithm of next to nothing is anything. What moves
 the prediction: the model's own parameters, as far as the sweeps at hand leave them open; the response numbers of the condition, standard
 normal; what compensation leaves at a connection that is made anew; and smooth errors, standard normal along the columns of a basis.
 """
@@ -14,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
@@ -80,6 +81,7 @@ class Outcome:
         found = responses(self.condition, self._names, self.option) if self.option.kind == "change" else Responses((), 1)
         self._responses = found if listed else found.without_listed()
         self._anew = self._connections()
+        self._units = [self._unit(sweep) for sweep in self.sweeps]
         self.size = self._responses.size + len(self._anew)
         self._varying = np.array([self._names.index(p.name) for p in problem.unknowns], dtype=np.intp)
         self._log = np.array([p.scale == "log" for p in problem.unknowns])
@@ -97,10 +99,39 @@ class Outcome:
         """Whether the sweep stands for itself, not against one of the reference state."""
         return self.option.kind != "change"
 
+    @property
+    def unforeseen(self) -> IntArray:
+        """As `Responses.unforeseen`; what compensation leaves anew is foreseen."""
+        return np.concatenate([self._responses.unforeseen, np.zeros(len(self._anew), dtype=np.intp)])
+
     @cached_property
     def sigma(self) -> FloatArray:
         """White noise of each number, shape (2 n,)."""
-        return np.concatenate([np.concatenate([sweep.sigma, sweep.sigma]) for sweep in self.sweeps])
+        rows = [
+            sweep.sigma if unit is None or sweep.impedance_ohm is None else sweep.sigma * np.abs(unit.number(sweep.impedance_ohm))
+            for sweep, unit in zip(self.sweeps, self._units, strict=True)
+        ]
+        return np.concatenate([np.concatenate([row, row]) for row in rows])
+
+    @cached_property
+    def density(self) -> float:
+        """Logarithm of what turns a density of these numbers into one of ln Z."""
+        return sum(
+            2 * float(np.sum(np.log(np.abs(unit.number(sweep.impedance_ohm)))))
+            for sweep, unit in zip(self.sweeps, self._units, strict=True)
+            if unit is not None and sweep.impedance_ohm is not None
+        )
+
+    def _unit(self, sweep: Observed) -> _Unit | None:
+        """Of a sweep of next to nothing; None for one that is a logarithm."""
+        analyser = self.fit.measurement.analyser
+        if analyser.ideal or self.option.name not in ("fixture-short", "fixture-open"):
+            return None
+        resistance, inductance, _, capacitance = (float(p.sigma or 0.0) for p in residual_parameters(analyser, sweep.termination))
+        omega = 2 * np.pi * sweep.frequency_hz
+        if self.option.name == "fixture-short":
+            return _Unit(1, np.hypot(resistance, omega * inductance))
+        return _Unit(-1, 1 / np.hypot(analyser.conductance_sigma_s(sweep.frequency_hz), omega * capacitance))
 
     def _connections(self) -> list[tuple[int, float]]:
         """Place and standard deviation of what compensation leaves at the connections: between two terminations each is made anew."""
@@ -134,7 +165,7 @@ class Outcome:
             moved[place] = sigma * eta[number]
             redrawn[place] = True
         means, by_u, by_eta = [], [], []
-        for sweep, tape, before in zip(self.sweeps, self._tapes, self._before, strict=True):
+        for sweep, tape, before, unit in zip(self.sweeps, self._tapes, self._before, self._units, strict=True):
             s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
             with np.errstate(all="ignore"):
                 impedance, gradient = tape.gradient(s, moved)
@@ -148,6 +179,9 @@ class Outcome:
                     reference, tilt = before.gradient(s, values)
                     mean = mean - logarithm(reference)
                     own = own - (tilt / reference)[self._varying] * chain[:, None]
+                if unit is not None:
+                    mean = unit.number(impedance)
+                    own, response = unit.power * own * mean, unit.power * response * mean
             means.append(_real(mean))
             by_u.append(_real(own))
             by_eta.append(_real(response))
@@ -158,9 +192,9 @@ class Outcome:
     def data(self) -> FloatArray:
         """What was measured, shape (2 n,): ln Z, of a change less ln Z of the reference sweep."""
         rows = []
-        for sweep in self.sweeps:
+        for sweep, unit in zip(self.sweeps, self._units, strict=True):
             assert sweep.impedance_ohm is not None
-            measured = logarithm(sweep.impedance_ohm)
+            measured = logarithm(sweep.impedance_ohm) if unit is None else unit.number(sweep.impedance_ohm)
             if not self.absolute:
                 measured = measured - self._reference(sweep)
             rows.append(_real(measured))
@@ -186,9 +220,10 @@ class Outcome:
         """Data less a prediction, phases within half a turn."""
         left = self.data - mean
         start = 0
-        for sweep in self.sweeps:
+        for sweep, unit in zip(self.sweeps, self._units, strict=True):
             phases = slice(start + sweep.frequency_hz.size, start + 2 * sweep.frequency_hz.size)
-            left[phases] -= 2 * np.pi * np.rint(left[phases] / (2 * np.pi))
+            if unit is None:
+                left[phases] -= 2 * np.pi * np.rint(left[phases] / (2 * np.pi))
             start = phases.stop
         return left
 
@@ -232,8 +267,10 @@ class Outcome:
             return np.zeros((0, count))
         columns = declared * np.concatenate(told, axis=1).T
         parts, start = [], 0
-        for sweep in self.sweeps:
-            parts.append(_real(np.concatenate([columns, 1j * columns])[:, start : start + sweep.frequency_hz.size]))
+        for sweep, unit in zip(self.sweeps, self._units, strict=True):
+            own = slice(start, start + sweep.frequency_hz.size)
+            size: ComplexArray | float = 1.0 if unit is None else unit.power * unit.number(here[own])
+            parts.append(_real(size * np.concatenate([columns, 1j * columns])[:, own]))
             start += sweep.frequency_hz.size
         return np.concatenate(parts, axis=1)
 
@@ -244,6 +281,18 @@ class Outcome:
             rows = [tape.impedance(np.asarray(2j * np.pi * sweep.frequency_hz), moved) for sweep, tape in zip(self.sweeps, tapes, strict=True)]
         joined: ComplexArray = np.concatenate(rows)
         return np.where(np.isfinite(joined), joined, OPEN_OHM)
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """A sweep as Z (power 1) or 1/Z (power -1) in units of its own at each frequency."""
+
+    power: int
+    impedance_ohm: FloatArray
+
+    def number(self, impedance_ohm: ComplexArray) -> ComplexArray:
+        found: ComplexArray = (impedance_ohm / self.impedance_ohm) ** self.power
+        return found
 
 
 class ValueOutcome:
@@ -257,6 +306,8 @@ class ValueOutcome:
 
     listed = False
     size = 1
+    density = 0.0
+    unforeseen: IntArray = np.zeros(1, dtype=np.intp)
 
     def __init__(self, fit: Fit, value: SingleValue) -> None:
         self.fit, self.value = fit, value

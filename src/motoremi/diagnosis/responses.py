@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motoremi.arrays import FloatArray
+from motoremi.arrays import FloatArray, IntArray
 from motoremi.data.conditions import Condition
 from motoremi.diagnosis.menu import BY_NAME, REPEATABILITY, UNREACHED, Moved, Option
 from motoremi.model.effects import find_effect
@@ -46,6 +46,8 @@ class Response:
     number : int
         Which eta.
     listed : bool
+    unforeseen : int
+        Where nothing says that it moves at all, how far is a matter of the whole measurement: 1 of an element, 2 of an effect; 0 elsewhere.
     """
 
     parameter: str
@@ -53,6 +55,7 @@ class Response:
     sigma: float
     number: int
     listed: bool = False
+    unforeseen: int = 0
 
     def logarithm(self, eta: FloatArray) -> tuple[float, float]:
         """Of the factor, and its derivative for eta."""
@@ -76,6 +79,14 @@ class Responses:
 
     members: tuple[Response, ...]
     size: int
+
+    @property
+    def unforeseen(self) -> IntArray:
+        """Which response numbers belong to what nobody foresees, shape (size,): `Response.unforeseen` of each."""
+        found = np.zeros(self.size, dtype=np.intp)
+        for one in self.members:
+            found[one.number] = one.unforeseen
+        return found
 
     @property
     def listed(self) -> bool:
@@ -107,7 +118,9 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
             members.append(Response(name, power * share, power * doubt, 0))
         if name in elements:
             moved = option.elements.get(name, Moved(0.0, 0.0)) if power is None else Moved(0.0, 0.0)
-            members.append(Response(name, moved.mean * strength, math.hypot(moved.sigma * strength, REPEATABILITY), count))
+            members.append(
+                Response(name, moved.mean * strength, math.hypot(moved.sigma * strength, REPEATABILITY), count, unforeseen=int(not moved.mean))
+            )
             count += 1
         elif label:
             factor = None if known else find_effect(label.split("#")[0]).effect.responds.get(option.name, {}).get(short)
@@ -115,7 +128,7 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
                 members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
                 count += 1
             reached = factor is None and find_effect(label.split("#")[0]).effect.group in option.reaches
-            members.append(Response(name, 0.0, option.others if reached else UNREACHED, count))
+            members.append(Response(name, 0.0, option.others if reached else UNREACHED, count, unforeseen=2))
             count += 1
     return Responses(tuple(members), count)
 

@@ -23,7 +23,7 @@ from motoremi.diagnosis.conditioned import by_condition
 from motoremi.diagnosis.menu import BY_NAME, Option
 from motoremi.diagnosis.mistakes import WRONG, Mistake, mistakes
 from motoremi.diagnosis.outcome import Observed, Outcome, ValueOutcome
-from motoremi.diagnosis.weighing import UNDESCRIBED_OUTSIDE, Known, Weighed, weigh, weigh_either
+from motoremi.diagnosis.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, weigh, weigh_either
 from motoremi.fitting.result import Fit
 
 Key = tuple[str, ...]
@@ -222,7 +222,8 @@ def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals) -> Weighe
     if rival.outside:
         return _weighed_outside(sweeps, rivals)
     responding = Outcome(rival.fit, sweeps)
-    return weigh_either((responding, Outcome(rival.fit, sweeps, listed=False) if responding.listed else None), rival.known)
+    sizes = UNDESCRIBED_ELSEWHERE if responding.option.kind == "sweep" else None
+    return weigh_either((responding, Outcome(rival.fit, sweeps, listed=False) if responding.listed else None), rival.known, sizes)
 
 
 def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:

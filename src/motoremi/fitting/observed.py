@@ -20,6 +20,9 @@ from motoremi.data.sweep import MINIMUM_POINTS
 Weights = Literal["likelihood", "log", "relative"]
 # Of a point that stands out, where all others have one.
 OUT_OF_SIGHT = 1e3
+# A point of which the analyser may err by this much, relative to Z, weighs half of one that it sees well: a network analyser far from its
+# reference resistance.
+BLURRED = 0.1
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,10 @@ class ObservedSweep:
         The measured impedance with most of its noise taken out.
     part : Part
         The sweep with its noise, and which of its points these are.
+    systematic : ndarray, shape (n,)
+        What the analyser may err by, relative to Z: standard deviation.
     expected : float
-        What noise and analyser leave of the unweighted sum of squares.
+        What noise and analyser leave of the sum of squares where all points count alike.
     """
 
     termination: str
@@ -51,6 +56,7 @@ class ObservedSweep:
     sigma: FloatArray
     smooth: ComplexArray
     part: Part
+    systematic: FloatArray
     expected: float
 
 
@@ -91,6 +97,11 @@ class Observed:
     def weight(self) -> FloatArray:
         """One over the noise."""
         return 1 / np.concatenate([sweep.sigma for sweep in self.sweeps])
+
+    @cached_property
+    def systematic(self) -> FloatArray:
+        """What the analyser may err by at each point, relative to Z."""
+        return np.concatenate([sweep.systematic for sweep in self.sweeps])
 
     @cached_property
     def slices(self) -> dict[str, slice]:
@@ -145,6 +156,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
         frequency, impedance, sigma = sweep.frequency_hz[chosen], mean[chosen], noise.sigma[chosen]
         systematic = measurement.analyser.uncertainty(frequency, impedance)
         alike = 1 / np.sqrt(sweep.counts[chosen]) if weights == "relative" and sweep.counts is not None else 1.0
+        blurred = np.hypot(1.0, systematic / BLURRED) if weights == "log" else 1.0
         outlying = noise.outliers[chosen] if noise.outliers is not None else np.zeros(chosen.size, dtype=np.bool_)
         prepared.append(
             ObservedSweep(
@@ -152,11 +164,12 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 frequency_hz=frequency,
                 s=2j * np.pi * frequency,
                 measured=impedance,
-                # A search that counts all points alike leaves out those that stand out.
-                sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike),
+                # A search that counts all points alike leaves out those that stand out, and those of which the analyser sees nothing.
+                sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
                 smooth=smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
-                expected=float(np.sum(np.where(outlying, 0.0, 2 * noise.variance[chosen] + systematic**2))),
+                systematic=systematic,
+                expected=float(np.sum(np.where(outlying, 0.0, (2 * noise.variance[chosen] + systematic**2) / blurred**2))),
             )
         )
     return Observed(measurement, tuple(prepared))

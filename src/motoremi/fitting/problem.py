@@ -35,6 +35,8 @@ from motoremi.model.parameter import Parameter
 AS_DECLARED = Sizes(3e-8, 1.0)
 # What the specification allows at most: it is taken for three standard deviations.
 ALLOWED = 3.0
+# A search weighs what is known of a fixture as if points repeated to one per cent: rather less than what a circuit misses while it is sought.
+SEARCHED = 0.01
 # Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
 FAR = 1e4
 
@@ -115,8 +117,9 @@ class Problem:
     highest_hz : float
         Use points up to here only.
     weights : {"likelihood", "log", "relative"}
-        `likelihood`: over the noise, all else marginalised. `log`: every point alike and an ideal analyser, which is smooth far from
-        the solution and is where searches start. `relative`: the same for 1 - Z_model / Z_measured, the error that is shown.
+        `likelihood`: over the noise, all else marginalised. `log`: every point alike and an analyser without errors, behind the fixture
+        where nobody compensated it; that is smooth far from the solution and is where searches start. `relative`: for an ideal analyser,
+        1 - Z_model / Z_measured, the error that is shown.
     sizes : Sizes
         Of what no model describes, and of the analyser's errors against those declared.
     least_share : float
@@ -144,11 +147,9 @@ class Problem:
         self._least_share = least_share
         self.bounds, self.held = dict(bounds or {}), dict(held or {})
         analyser = measurement.analyser
-        with_residuals = weights == "likelihood" and not analyser.ideal
         used = set().union(*(motor.used_parameters(t) for t in measurement.terminations))
         parameters = [p for p in motor.parameters if p.name in used]
-        nuisance = nuisance_parameters(analyser, measurement.terminations) if with_residuals else []
-        self.everything: tuple[Parameter, ...] = (*parameters, *nuisance)
+        self.everything: tuple[Parameter, ...] = (*parameters, *self._nuisances())
         names = [p.name for p in self.everything]
         varying = [i for i, p in enumerate(self.everything) if p.vary and p.name not in self.held]
         self.unknowns = tuple(self.everything[i] for i in varying)
@@ -166,10 +167,21 @@ class Problem:
         self.size = self.observed.size
         sweeps = self.observed.sweeps
         self._by_reflection = weights == "likelihood" and analyser.by_reflection
-        self._tape = Tape([self._circuit(sweep, with_residuals) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
+        self._tape = Tape([self._circuit(sweep) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
+
+    def _nuisances(self) -> Sequence[Parameter]:
+        """What stands between analyser and motor, as far as these weights look at it."""
+        analyser = self.measurement.analyser
+        if self.weights == "relative" or analyser.ideal:
+            return ()
+        return nuisance_parameters(analyser, self.measurement.terminations) if self.weights == "likelihood" else fixture_parameters(analyser)
 
     def _limits_si(self) -> tuple[FloatArray, FloatArray]:
         pairs = [self.bounds.get(parameter.name, (parameter.low, parameter.high)) for parameter in self.unknowns]
+        if self.weights == "log":
+            own = {parameter.name for parameter in self.motor.parameters}
+            likely = [None if p.name in own or p.sigma is None else ALLOWED * p.sigma for p in self.unknowns]
+            pairs = [pair if limit is None else (-limit, limit) for pair, limit in zip(pairs, likely, strict=True)]
         low, high = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
         return low, high
 
@@ -181,7 +193,8 @@ class Problem:
         """
         paper = {p.name for p in BASE_PARAMETERS}
         precision, centre = np.zeros(len(self.unknowns)), np.zeros(len(self.unknowns))
-        if self.weights != "likelihood":  # no noise, so nothing to weigh a prior against
+        if self.weights != "likelihood":  # no noise, so nothing to weigh a prior of the motor against
+            precision[~self.own] = SEARCHED**2
             return precision, centre
         for index, parameter in enumerate(self.unknowns):
             if parameter.sigma is not None:
@@ -200,11 +213,13 @@ class Problem:
         total: FloatArray = (u - self.centre) ** 2 @ self.precision
         return total
 
-    def _circuit(self, sweep: ObservedSweep, with_residuals: bool) -> Node:
-        circuit = self.motor.circuit(sweep.termination)
-        if with_residuals:
-            return behind_fixture(circuit, self.measurement.analyser, sweep.termination, sweep.frequency_hz)
-        return circuit
+    def _circuit(self, sweep: ObservedSweep) -> Node:
+        circuit, analyser = self.motor.circuit(sweep.termination), self.measurement.analyser
+        if self.weights == "relative" or analyser.ideal:
+            return circuit
+        if self.weights == "log":
+            return on_fixture(circuit, analyser)
+        return behind_fixture(circuit, analyser, sweep.termination, sweep.frequency_hz)
 
     def physical(self, u: FloatArray) -> FloatArray:
         """Values in SI units of all parameters, shape (..., p), from unknowns of shape (..., k)."""
@@ -522,6 +537,15 @@ def nuisance_parameters(analyser: Analyser, terminations: Sequence[str]) -> list
     return [*(p for t in terminations for p in residual_parameters(analyser, t)), *fixture_parameters(analyser)]
 
 
+def on_fixture(circuit: Node, analyser: Analyser) -> Node:
+    """The circuit behind a fixture that nobody compensated; itself where there is none."""
+    fixture = fixture_parameters(analyser)
+    if not fixture:
+        return circuit
+    circuit = Series((circuit, Leaf("fixture", laws.resistance_and_inductance, fixture[:2])))
+    return Shunted(circuit, laws.conductance_and_capacitance, fixture[2:])
+
+
 def behind_fixture(circuit: Node, analyser: Analyser, termination: str, frequency_hz: FloatArray) -> Node:
     """The circuit as the analyser sees it: behind a fixture, and what its compensation left."""
     resistance, inductance, conductance, capacitance = residual_parameters(analyser, termination)
@@ -530,10 +554,7 @@ def behind_fixture(circuit: Node, analyser: Analyser, termination: str, frequenc
     def admittance(s: ComplexArray, multiple: FloatArray, c: FloatArray) -> ValueAndSlopes:
         return multiple * shape + s * c, (shape, s)
 
-    fixture = fixture_parameters(analyser)
-    if fixture:
-        circuit = Series((circuit, Leaf("fixture", laws.resistance_and_inductance, fixture[:2])))
-        circuit = Shunted(circuit, laws.conductance_and_capacitance, fixture[2:])
+    circuit = on_fixture(circuit, analyser)
     series = Leaf(f"{termination} connection", laws.resistance_and_inductance, (resistance, inductance))
     return Shunted(Series((circuit, series)), admittance, (conductance, capacitance))
 

@@ -147,10 +147,16 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
         told = _Told(progress, len(rounds.rounds), len(rounds.rounds) + 1)
         found = team.each(_arrive, {name: (standing[name], rounds.points) for name in chosen}, told)
         leading = sorted(found, key=lambda name: -found[name].log_evidence)
-        best = found[leading[0]].log_evidence if leading else 0.0
-        near = [name for name in leading if name in leading[:FINISHING] or found[name].log_evidence >= best - _reach(found[name])]
+        behind = behind_best(found)
+        near = [name for name in leading if name in leading[:FINISHING] or behind[name] <= _reach(found[name])]
         found |= team.each(_finish, {name: (found[name], rounds.points) for name in near}, told)
     return dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence))
+
+
+def behind_best(found: Mapping[Name, Solution]) -> dict[Name, float]:
+    """By how much each solution is behind the best of its kind in log evidence: rough ones, and those of a likelihood."""
+    best = {kind: max((one.log_evidence for one in found.values() if one.rough == kind), default=-np.inf) for kind in (False, True)}
+    return {name: best[one.rough] - one.log_evidence for name, one in found.items()}
 
 
 @dataclass(frozen=True)
@@ -196,15 +202,15 @@ def _leaders(objective: FloatArray, group: int, most: int) -> np.ndarray:
 def _arrive(trail: Trail, given: tuple[Standing, int]) -> Solution:
     standing, points = given
     problem = trail.problem(points)
-    objective = problem.objective(problem.vectors(standing.starts))
-    order = np.argsort(objective)[:3]
+    starts = problem.vectors(standing.starts)
+    order = np.argsort(problem.objective(starts))[:3]
     solution = arrive(trail.task, [standing.starts[i] for i in order], points, most=1, steps=15)
     if trail.by_likelihood or solution.sizes.discrepancy < PLAIN:
         return solution
-    found = rough(solution.marginal, float(objective[order[0]]), problem.size, len(problem.unknowns))
+    found = rough(solution.marginal, problem, starts[order[0]])
     if found.log_evidence == solution.log_evidence:
         return solution
-    return dataclasses.replace(solution, values={**solution.values, **standing.starts[order[0]]}, marginal=found)
+    return dataclasses.replace(solution, values={**solution.values, **standing.starts[order[0]]}, marginal=found, rough=True)
 
 
 def _reach(solution: Solution) -> float:

@@ -18,6 +18,7 @@ from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.colony import Colony
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
+from motoremi.fitting.observed import OUT_OF_SIGHT
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened
 from motoremi.fitting.problem import AS_DECLARED, Problem
 from motoremi.fitting.starts import data_driven_starts
@@ -87,6 +88,8 @@ class Solution:
     marginal : Marginal
     converged : bool
     evaluations : int
+    rough : bool
+        Whether its evidence is `rough`, which on few points is not to be held against that of a likelihood.
     """
 
     values: dict[str, float]
@@ -94,6 +97,7 @@ class Solution:
     marginal: Marginal
     converged: bool
     evaluations: int
+    rough: bool = False
 
     @property
     def log_evidence(self) -> float:
@@ -195,26 +199,35 @@ def misses_by_far(sizes: Sizes) -> bool:
     return sizes.discrepancy >= PLAIN or sizes.declared >= ABSORBING
 
 
-def rough(found: Marginal, sum_of_squares: float, points: int, unknowns: int) -> Marginal:
-    """The same, if that is likelier, for an error that is no smooth one: white, of unknown size, every point alike.
+def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
+    """The same, if that is likelier, for an error that is no smooth one: white, of unknown size, every point alike; beside it the analyser's.
 
     Where a circuit misses a sharp resonance, it errs by a lot from one point to the next, which no smooth discrepancy describes.
 
     Parameters
     ----------
-    sum_of_squares : float
-        Of the relative errors of `points` complex values, at their least.
+    problem : Problem
+        Of weights `log` or `relative`.
+    u : ndarray, shape (k,)
     """
-    variance = max(sum_of_squares, 1e-300) / (2 * points)
-    evidence = -points * (np.log(variance) + 1) - 0.5 * unknowns * np.log(2 * points)
-    return dataclasses.replace(found, log_evidence=max(found.log_evidence, float(evidence)))
+    observed, squares = problem.observed, np.abs(problem.residual(u)) ** 2
+    if problem.weights == "relative":
+        # Of averages of so many points each, as large as those of single points.
+        squares = squares * observed.weight**2 * problem.size / problem.measurement.points
+    kept = observed.weight > 1 / OUT_OF_SIGHT
+    squares, systematic = squares[kept], observed.systematic[kept] ** 2
+    white = np.geomspace(1e-8, 1e2, 61) * max(float(np.mean(squares)), 1e-12)
+    variance = systematic + white[:, None]
+    logs = -np.sum(np.log(variance) + squares / (2 * variance), axis=1)
+    evidence = float(np.max(logs) - 0.5 * len(problem.unknowns) * np.log(2 * squares.size))
+    return dataclasses.replace(found, log_evidence=max(found.log_evidence, evidence))
 
 
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
     """The same with the circuit that has the least relative error over all points, an ideal analyser taken for granted."""
     logarithmic, problem = task.thinned(None), task.relative()
     near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
-    ends = polish(problem, near.distinct(3), iterations=100, precision=ROUGH)
+    ends = polish(problem, problem.vectors([logarithmic.named(row) for row in near.distinct(3)]), iterations=100, precision=ROUGH)
     return _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
 
 
@@ -241,7 +254,7 @@ def _relative(task: Task, problem: Problem, ends: Polished, sizes: Sizes, found:
     return Solution(
         likelihood.named(likelihood.vector(problem.named(ends.u[ends.best]))),
         sizes,
-        rough(found, float(ends.objective[ends.best]) * problem.size / task.measurement.points, problem.size, len(problem.unknowns)),
+        rough(found, problem, ends.u[ends.best]),
         bool(ends.converged[ends.best]),
         evaluations + ends.evaluations,
     )
