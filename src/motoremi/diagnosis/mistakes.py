@@ -99,6 +99,7 @@ class _Given:
     """A prediction without unknowns."""
 
     size = 0
+    absolute = True
     density = 0.0
     unforeseen: IntArray = np.zeros(0, dtype=np.intp)
 

@@ -232,11 +232,9 @@ class Outcome:
         """Columns, shape (p, 2 n), of what no model describes of a condition, for a size of one: in value and in place."""
         count = sum(2 * sweep.frequency_hz.size for sweep in self.sweeps)
         rows, start = [], 0
-        values = self.fit.problem.physical(self.fit.unknowns)
-        for sweep, tape in zip(self.sweeps, self._tapes, strict=True):
-            s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
+        for sweep, impedance in zip(self.sweeps, self._there, strict=True):
             with np.errstate(all="ignore"):
-                steepness = slope(sweep.frequency_hz, tape.impedance(s, values), float(np.median(sweep.sigma)))
+                steepness = slope(sweep.frequency_hz, impedance, float(np.median(sweep.sigma)))
             columns = smooth_basis(sweep.frequency_hz, SMOOTH).T
             place: ComplexArray = np.asarray(np.nan_to_num(steepness) * np.minimum(1.0, 1e3 / np.maximum(np.abs(steepness), 1e-300)) * columns)
             for column in (np.asarray(columns, dtype=np.complex128), np.asarray(1j * columns, dtype=np.complex128), place):
@@ -254,33 +252,37 @@ class Outcome:
         if analyser.ideal:
             return np.zeros((0, count))
         frequency = np.concatenate([sweep.frequency_hz for sweep in self.sweeps])
-        values = self.fit.problem.physical(self.fit.unknowns)
-        here = self._impedances(self._tapes, values)
+        here = _finite(np.concatenate(self._there))
         basis = error_basis(analyser, frequency, here)
         if self.absolute:
             told = [basis]
         elif self.option.name == "repeat-compensation":
             told = [np.sqrt(2) * basis]
         elif analyser.by_reflection:
-            told = [basis - error_basis(analyser, frequency, self._impedances([tape for tape in self._before if tape is not None], values))]
+            before = [self._modelled(sweep.termination, sweep.frequency_hz) for sweep in self.sweeps]
+            told = [basis - error_basis(analyser, frequency, _finite(np.concatenate(before)))]
         else:
             return np.zeros((0, count))
         columns = declared * np.concatenate(told, axis=1).T
         parts, start = [], 0
         for sweep, unit in zip(self.sweeps, self._units, strict=True):
             own = slice(start, start + sweep.frequency_hz.size)
-            size: ComplexArray | float = 1.0 if unit is None else unit.power * unit.number(here[own])
-            parts.append(_real(size * np.concatenate([columns, 1j * columns])[:, own]))
+            both: ComplexArray = np.concatenate([columns, 1j * columns])[:, own]
+            parts.append(_real(both if unit is None else unit.power * unit.number(here[own]) * both))
             start += sweep.frequency_hz.size
         return np.concatenate(parts, axis=1)
 
-    def _impedances(self, tapes: Sequence[Tape], values: FloatArray) -> ComplexArray:
+    @cached_property
+    def _there(self) -> list[ComplexArray]:
+        """Impedance of each sweep, in ohm: as it was measured, else as the likeliest response has it."""
         factor, _ = factors(self._responses, np.zeros(self._responses.size), self._names)
-        moved = values if len(tapes) and tapes is not self._tapes else values * factor
-        with np.errstate(all="ignore"):
-            rows = [tape.impedance(np.asarray(2j * np.pi * sweep.frequency_hz), moved) for sweep, tape in zip(self.sweeps, tapes, strict=True)]
-        joined: ComplexArray = np.concatenate(rows)
-        return np.where(np.isfinite(joined), joined, OPEN_OHM)
+        moved = self.fit.problem.physical(self.fit.unknowns) * factor
+        found = []
+        for sweep, tape in zip(self.sweeps, self._tapes, strict=True):
+            with np.errstate(all="ignore"):
+                expected = tape.impedance(np.asarray(2j * np.pi * sweep.frequency_hz), moved)
+            found.append(expected if sweep.impedance_ohm is None else sweep.impedance_ohm)
+        return found
 
 
 @dataclass(frozen=True)
@@ -306,6 +308,7 @@ class ValueOutcome:
 
     listed = False
     size = 1
+    absolute = True
     density = 0.0
     unforeseen: IntArray = np.zeros(1, dtype=np.intp)
 
@@ -415,6 +418,10 @@ def _standard(name: str, value: float | None, s: ComplexArray) -> Node:
 
 def _known(impedance_ohm: ComplexArray) -> Leaf:
     return Leaf("known", laws.given(impedance_ohm), ())
+
+
+def _finite(impedance_ohm: ComplexArray) -> ComplexArray:
+    return np.where(np.isfinite(impedance_ohm), impedance_ohm, OPEN_OHM)
 
 
 def _real(values: ComplexArray) -> FloatArray:

@@ -6,12 +6,13 @@ open has its range); the response numbers; the analyser's errors; and what no mo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Protocol, TypeAlias
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import logsumexp
 
 from motoremi.arrays import FloatArray, IntArray
@@ -28,14 +29,12 @@ UNDESCRIBED_OUTSIDE = {5e-4: 0.23, 2e-3: 0.2, 8e-3: 0.2, 3e-2: 0.17, 0.1: 0.13, 
 # Share of their prior width by which elements, and parameters of effects, move where nobody foresees that they do -> prior. It is one number for
 # all elements and one for all effects: else a model with many parameters, none of which moved, would pay for each. An assumption; unconfirmed.
 UNFORESEEN = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
-# Where the search for the best begins: at a size in the middle.
+# Where the search for the best ends: at a size in the middle.
 MIDDLE = 2e-3
-STEPS = 8
-# No unknown moves further in one step: logarithms of parameters, standard deviations of responses.
-FARTHEST = 1.0
-CONVERGED = 1e-2
-
-
+# Steps at most of each part, and the damping that each begins with.
+STEPS, DAMPING = 25, 1e-3
+# Standard deviations beyond which no response is looked for; what a step must gain.
+FARTHEST_RESPONSE, CONVERGED = 6.0, 1e-2
 # Size of what no model describes, and share of what nobody foresees of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
@@ -46,6 +45,10 @@ class Prediction(Protocol):
     @property
     def size(self) -> int:
         """How many response numbers."""
+
+    @property
+    def absolute(self) -> bool:
+        """Whether it depends on the model's unknowns at all but slightly."""
 
     @property
     def unforeseen(self) -> IntArray:
@@ -133,34 +136,44 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Sizes of what no model describes -> prior.
     """
     sizes = sizes or UNDESCRIBED
-    k, q = known.centre.size, prediction.size
-    weight = 1 / prediction.sigma
-    noise = prediction.density - float(np.sum(np.log(prediction.sigma))) - 0.5 * weight.size * np.log(2 * np.pi)
-    errors, smooth = prediction.errors * weight, prediction.smooth * weight
-    middle = (min(sizes, key=lambda size: abs(np.log(size / MIDDLE))), 1.0, 1.0)
-    u, eta = known.centre.copy(), np.zeros(q)
-    best = _System(prediction, known, u, eta, weight, errors, smooth)
-    step = best.solved(middle)
-    for _ in range(STEPS):
-        moved = False
-        for share in (1.0, 0.5, 0.25, 0.1):
-            trial_u = np.clip(u + share * _bounded(step[:k] + known.centre - u), known.low, known.high)
-            trial_eta = np.clip(eta + share * _bounded(step[k : k + q] - eta), -6.0, 6.0)
-            trial = _System(prediction, known, trial_u, trial_eta, weight, errors, smooth)
-            if trial.cost(middle) < best.cost(middle) - CONVERGED:
-                u, eta, best, moved = trial_u, trial_eta, trial, True
-                step = best.solved(middle)
-                break
-        if not moved:
-            break
+    white = _Whitening(prediction)
+    noise = prediction.density + white.log_density
+    smooth = white(prediction.smooth)
+    best = _System(prediction, known, known.centre, np.zeros(prediction.size), white, smooth)
+    # From where almost anything goes to where little does: a resonance that moved by more than its width is out of sight of the second.
+    for size in (max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))):
+        best = _best_near(best, prediction, white, smooth, (size, 1.0, 1.0))
     elements, effects = (UNFORESEEN if np.any(prediction.unforeseen == kind) else {1.0: 1.0} for kind in (1, 2))
-    logs = {
-        (size, *widths): noise + best.log_integral((size, *widths)) + float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
+    priors = {
+        (size, *widths): float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
         for size, prior in sizes.items()
         for widths in product(elements, effects)
     }
+    likeliest = max(priors, key=lambda at: best.log_integral(at) + priors[at])
+    best = _best_near(best, prediction, white, smooth, likeliest)
+    logs = {at: noise + best.log_integral(at) + prior for at, prior in priors.items()}
     likeliest = max(logs, key=lambda at: logs[at])
     return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest), likeliest[0])
+
+
+def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: FloatArray, at: Scale) -> _System:
+    """The best unknowns for one size of what no model describes (Levenberg and Marquardt)."""
+    known, k = best.known, best.known.centre.size
+    damping, cost = DAMPING, best.cost(at)
+    for _ in range(STEPS):
+        wanted = best.damped(at, damping)
+        # What the sweeps at hand say of a model's unknowns holds near its fit only: a change, which hardly depends on them, leaves them there.
+        u = np.clip(known.centre + wanted[:k], known.low, known.high) if prediction.absolute else known.centre
+        eta = np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)
+        trial = _System(prediction, known, u, eta, white, smooth)
+        gained = cost - trial.cost(at)
+        if gained > 0:
+            best, cost, damping = trial, cost - gained, damping / 10
+        else:
+            damping = max(10 * damping, DAMPING)
+        if abs(gained) < CONVERGED:
+            break
+    return best
 
 
 def weigh_either(predictions: tuple[Prediction, Prediction | None], known: Known, sizes: dict[float, float] | None = None) -> Weighed:
@@ -175,20 +188,38 @@ def weigh_either(predictions: tuple[Prediction, Prediction | None], known: Known
     return Weighed(float(np.logaddexp(*logs)), likelier.known, likelier.undescribed)
 
 
+class _Whitening:
+    """Numbers relative to white noise and the analyser's smooth errors together."""
+
+    def __init__(self, prediction: Prediction) -> None:
+        self._weight = 1 / prediction.sigma
+        columns = prediction.errors * self._weight
+        self._root = np.linalg.cholesky(np.eye(self._weight.size) + columns.T @ columns) if len(columns) else None
+        together = 0.0 if self._root is None else float(np.sum(np.log(np.diag(self._root))))
+        self.log_density = float(np.sum(np.log(self._weight))) - together - 0.5 * self._weight.size * float(np.log(2 * np.pi))
+
+    def __call__(self, rows: FloatArray) -> FloatArray:
+        """Rows, shape (m, n), with unit covariance."""
+        weighted: FloatArray = rows * self._weight
+        if self._root is not None:
+            weighted = solve_triangular(self._root, weighted.T, lower=True, check_finite=False).T
+        return weighted
+
+
 class _System:
-    """The least-squares problem round one point: unknowns are u less its centre, eta, and coefficients of the columns."""
+    """The least-squares problem round one point: unknowns are u less its centre, eta, and coefficients of the smooth columns."""
 
     def __init__(
-        self, prediction: Prediction, known: Known, u: FloatArray, eta: FloatArray, weight: FloatArray, errors: FloatArray, smooth: FloatArray
+        self, prediction: Prediction, known: Known, u: FloatArray, eta: FloatArray, white: Callable[[FloatArray], FloatArray], smooth: FloatArray
     ) -> None:
-        self._known = known
+        self.known, self.u, self.eta = known, u, eta
         mean, by_u, by_eta = prediction.at(u, eta)
         away = np.concatenate([u - known.centre, eta])
-        slopes = np.concatenate([by_u, by_eta]) * weight
+        slopes = white(np.concatenate([by_u, by_eta]))
         # The prediction as if it were linear from the centre on.
-        self._left = prediction.residual(mean) * weight + away @ slopes
-        self._rows = np.concatenate([slopes, errors, smooth])
-        self._own, self._undescribed = len(slopes) + len(errors), len(smooth)
+        self._left = white(prediction.residual(mean)[None])[0] + away @ slopes
+        self._rows = np.concatenate([slopes, smooth])
+        self._own, self._undescribed = len(slopes), len(smooth)
         self._gram = self._rows @ self._rows.T
         self._pull = self._rows @ self._left
         self._squares = float(self._left @ self._left)
@@ -200,7 +231,10 @@ class _System:
         self._unforeseen = np.zeros(len(self._rows), dtype=np.intp)
         self._unforeseen[k : k + eta.size] = prediction.unforeseen
         self._solutions: dict[Scale, tuple[FloatArray, FloatArray, float]] = {}
-        self._away = away
+        self._away = np.concatenate([away, np.zeros(len(smooth))])
+        # In these the prediction is looked at where they are, in all others it is linear.
+        self._moving = np.arange(len(self._rows)) < self._own
+        self._moving[:k] &= prediction.absolute
 
     def _scaled(self, at: Scale) -> tuple[FloatArray, FloatArray]:
         size, *widths = at
@@ -218,26 +252,32 @@ class _System:
             self._solutions[at] = solution, matrix, logdet
         return self._solutions[at]
 
-    def solved(self, at: Scale) -> FloatArray:
-        """The best unknowns if the prediction were linear."""
-        return self._solve(at)[0]
+    def damped(self, at: Scale, damping: float) -> FloatArray:
+        """The best of the model's unknowns, less their centre, and of eta, if the prediction were linear and a step cost something."""
+        gram, pull = self._scaled(at)
+        matrix = gram + self._prior
+        held = np.where(self._moving, damping * np.diag(matrix), 0.0)
+        scale = 1 / np.sqrt(np.diag(matrix) + held)
+        factor = cho_factor((matrix + np.diag(held)) * scale * scale[:, None] + 1e-13 * np.eye(len(scale)), lower=True)
+        solution: FloatArray = scale * cho_solve(factor, scale * (pull + held * self._away))
+        return solution[: self._own]
 
     def cost(self, at: Scale) -> float:
-        """Minus twice the log of likelihood times prior at this very point, the columns' coefficients at their best."""
-        n = self._away.size
+        """Minus twice the log of likelihood times prior at this very point, all in which the prediction is linear at its best."""
         gram, pull = self._scaled(at)
-        left = pull[n:] - gram[n:, :n] @ self._away
-        squares = self._squares - 2 * float(self._away @ pull[:n]) + float(self._away @ gram[:n, :n] @ self._away)
-        inner = gram[n:, n:] + np.eye(len(gram) - n)
-        taken = float(left @ np.linalg.solve(inner, left)) if left.size else 0.0
-        return squares - taken + float(self._away @ self._prior[:n, :n] @ self._away)
+        moving, still = np.flatnonzero(self._moving), np.flatnonzero(~self._moving)
+        away = self._away[moving]
+        left = pull[still] - gram[np.ix_(still, moving)] @ away
+        squares = self._squares - 2 * float(away @ pull[moving]) + float(away @ (gram + self._prior)[np.ix_(moving, moving)] @ away)
+        taken = float(left @ np.linalg.solve((gram + self._prior)[np.ix_(still, still)], left)) if left.size else 0.0
+        return squares - taken
 
     def log_integral(self, at: Scale) -> float:
         """Log of likelihood times prior, integrated over all unknowns, less the noise's own term."""
         solution, _, logdet = self._solve(at)
         _, pull = self._scaled(at)
         least = self._squares - float(pull @ solution)
-        return -0.5 * least - 0.5 * (logdet - float(np.linalg.slogdet(self._known.precision)[1]))
+        return -0.5 * least - 0.5 * (logdet - float(np.linalg.slogdet(self.known.precision)[1]))
 
     def learnt(self, at: Scale) -> Known:
         """What is then known of the model's own unknowns."""
@@ -245,12 +285,6 @@ class _System:
         k = self._k
         inner = matrix[k:, k:]
         precision = matrix[:k, :k] - matrix[:k, k:] @ np.linalg.solve(inner, matrix[k:, :k])
-        known = self._known
+        known = self.known
         centre = np.clip(known.centre + solution[:k], known.low, known.high)
         return Known(centre, 0.5 * (precision + precision.T), known.low, known.high)
-
-
-def _bounded(step: FloatArray) -> FloatArray:
-    """A step of which no part is longer than `FARTHEST`."""
-    bounded: FloatArray = np.clip(step, -FARTHEST, FARTHEST)
-    return bounded
