@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from motoremi.bench.difference import RecordedEnd, ReplayDifference
 from motoremi.bench.driver import Identity
-from motoremi.bench.lines import LONGEST_LINE, Lines
 from motoremi.bench.meter import Meter
+from motoremi.bench.replay_difference import RecordedEnd, ReplayDifference
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.schema.text_lines import LONGEST_LINE, Lines
 
 CHARACTERS = {"LF": "\n", "CR": "\r"}
 

@@ -13,17 +13,17 @@ import pytest
 from fault_matrix import BENCH_FILE
 
 from motoremi.bench.bridge import BridgeAnalyser
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import STANDARDS_OHM, SimulatedBench
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.data.analyser import find_analyser, specification
 from motoremi.data.files import read_impedance
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session, SessionWriter, load, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import run, start_document
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.simulated_bench import STANDARDS_OHM, SimulatedBench
 
 BRIDGES = ("4294a", "e4990a")
 SWEEP: dict[str, Any] = {"start": "150 kHz", "stop": "30 MHz", "points": 11}

@@ -9,11 +9,11 @@ import pytest
 import pyvisa
 
 from motoremi.bench.connect import open_transport
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
 from motoremi.simulate import emission
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 
 
 @pytest.fixture

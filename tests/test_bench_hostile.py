@@ -6,11 +6,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motoremi.bench.serve import converse
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_device import SimulatedDevice
-from motoremi.bench.simulated_shell import SimulatedShell
-from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
+from motoremi.virtual.serve import converse
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_device import SimulatedDevice
+from motoremi.virtual.simulated_shell import SimulatedShell
+from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS
 
 ARGUMENTS = [
     "",

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from motoremi.bench.connections import STANDARDS
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_librevna import SimulatedLibreVna
+from motoremi.bench.motor_connections import STANDARDS
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.librevna import LibreVna
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_librevna import SimulatedLibreVna
 
 
 @pytest.fixture

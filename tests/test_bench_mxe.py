@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import pyvisa
 
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.keysight_mxe import KeysightMXE
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 
 
 @pytest.fixture

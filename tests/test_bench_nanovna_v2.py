@@ -14,19 +14,19 @@ from skrf.calibration import OnePort
 
 import motoremi as me
 from motoremi.bench.analyser import ImpedanceAnalyser
-from motoremi.bench.connections import STANDARDS
-from motoremi.bench.faults import FaultLayer
-from motoremi.bench.procedure import parse_procedure
-from motoremi.bench.recording import decode_bytes, encode_bytes
+from motoremi.bench.motor_connections import STANDARDS
 from motoremi.bench.reflection import calibrated, impedance_from_reflection
 from motoremi.bench.registers import encoded
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
+from motoremi.bench.traffic import decode_bytes, encode_bytes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.nanovna_v2 import NanoVnaV2
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.faults import FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
 
 LOAD_OHM = 100.0
 

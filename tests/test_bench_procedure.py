@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from motoremi.bench.bench_file import BenchFile, load_bench_file
-from motoremi.bench.procedure import Compensate, Identify, Scan, Sweep, load_procedure, parse_procedure
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
+from motoremi.schema.bench_file import BenchFile, load_bench_file
+from motoremi.schema.procedure import Compensate, Identify, Scan, Sweep, load_procedure, parse_procedure
 
 GOOD: dict[str, Any] = {
     "title": "Test",

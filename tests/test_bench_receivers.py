@@ -13,11 +13,11 @@ from record_sessions import procedure
 
 from motoremi.bench.connect import attach, open_transport
 from motoremi.bench.receiver import EmiReceiver
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.data.session import SessionWriter, load
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.runner import run, start_document
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 
 FAMILY = {"esrp": "ESRP7", "esw": "ESW26", "esci": "ESCI-3", "esu": "ESU-26", "n6141": "N9020A"}
 ALL = ("esr", "mxe", *FAMILY)

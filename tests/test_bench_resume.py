@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.procedure import parse_procedure
-from motoremi.bench.resume import Done, needed_again
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import main
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.resume import Done, needed_again
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 def stopped(folder: Path, stop_at: str) -> None:

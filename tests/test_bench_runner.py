@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.connect import VisaBench
-from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.replay import ReplayBench
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import Outcome, make_bench, resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.report.identity import identity_section
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import Outcome, make_bench, resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow import report_session
 
 

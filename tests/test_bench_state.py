@@ -13,21 +13,21 @@ import pytest
 from fault_matrix import BENCH_FILE, SEED, small
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import Answer
-from motoremi.bench.bench_file import BenchFile, load_bench_file
-from motoremi.bench.faults import FaultLayer
-from motoremi.bench.on_bench import on_bench
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.rerun import rerun
-from motoremi.bench.resume import Done, needed_again
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_device import SimulatedDevice
 from motoremi.cli import bench as cli_bench
 from motoremi.cli import main
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.answer import Answer
+from motoremi.run.on_bench import on_bench
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.rerun import rerun
+from motoremi.run.resume import Done, needed_again
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile, load_bench_file
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.faults import FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_device import SimulatedDevice
 
 WARM = small("emission_warm_motor")
 
@@ -349,7 +349,7 @@ def test_the_command_line_takes_the_answers(
 ) -> None:
     """A real bench, as far as the command knows, with the answers piped in."""
     bench = SimulatedBench(SEED)
-    monkeypatch.setattr("motoremi.bench.runner.make_bench", lambda bench_file: bench)
+    monkeypatch.setattr("motoremi.run.runner.make_bench", lambda bench_file: bench)
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
     source = tmp_path / "p.toml"
     source.write_text(

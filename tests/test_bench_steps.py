@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.connections import CONNECTIONS, INSTRUCTIONS
-from motoremi.bench.keys import markdown, reference
-from motoremi.bench.procedure import load_procedure, parse_procedure, ready_procedures
-from motoremi.bench.progress import RunProgress
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.standards import judge_standard
-from motoremi.bench.steps import Check
+from motoremi.bench.motor_connections import CONNECTIONS, INSTRUCTIONS
 from motoremi.cli import main
 from motoremi.data.session import SessionWriter, load, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.run_progress import RunProgress
+from motoremi.run.runner import run, start_document
+from motoremi.run.standards import judge_standard
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.keys import markdown, reference
+from motoremi.schema.procedure import load_procedure, parse_procedure, ready_procedures
+from motoremi.schema.procedure_steps import Check
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 DOCS = Path(__file__).parents[1] / "docs"
 

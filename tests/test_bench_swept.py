@@ -12,17 +12,17 @@ from fault_matrix import SEED
 from record_sessions import procedure
 from serving import SPEED, served
 
-from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.clock import FastClock
-from motoremi.bench.connections import INSTRUCTIONS
-from motoremi.bench.procedure import parse_procedure
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import make_bench, run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import BAND_B_HZ
+from motoremi.bench.motor_connections import INSTRUCTIONS
 from motoremi.bench.swept import SweptAnalyser
 from motoremi.data.session import SessionWriter, load, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import make_bench, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import BAND_B_HZ
 
 ANALYSERS = ("dsa800", "rsa", "ssa3000x", "xseries")
 MOST_POINTS = {"dsa800": 601, "rsa": 1001, "ssa3000x": 751, "xseries": 1001}

@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.rerun import rerun
-from motoremi.bench.resume import Done
-from motoremi.bench.runner import Outcome, resumable, run, start_document
-from motoremi.bench.simulated import OTHER_LINE_DB, SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.data.corrections import Corrections
 from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.finals import Rules, choose_maxima, final_values, judge_finals
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.rerun import rerun
+from motoremi.run.resume import Done
+from motoremi.run.runner import Outcome, resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
+from motoremi.virtual.simulated_bench import OTHER_LINE_DB, SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 from motoremi.workflow import analyse, opened, report_session
 from motoremi.workflow_emission import predict_session
 

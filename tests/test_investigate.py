@@ -14,13 +14,6 @@ import pytest
 from fault_matrix import SEED, measured, small
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import Answer, NotDone
-from motoremi.bench.asked import Asking, Order, asked_value, procedure_for
-from motoremi.bench.hidden_bench import SEALED, keep_bench, kept_bench
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rerun import rerun
-from motoremi.bench.resume import Done
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import main
 from motoremi.cli.investigate import minutes_of, typed_value
 from motoremi.data.conditions import SingleValue, parse_value
@@ -28,6 +21,13 @@ from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.report.conditions import asked_table
+from motoremi.run.answer import Answer, NotDone
+from motoremi.run.hidden_bench import SEALED, keep_bench, kept_bench
+from motoremi.run.requested import Asking, Order, asked_value, procedure_for
+from motoremi.run.rerun import rerun
+from motoremi.run.resume import Done
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow_investigate import Investigation, Think, Thought, investigate, order_of, taught_bits
 
 WARM: JsonDict = {

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import NotDone
-from motoremi.bench.asked import Order
 from motoremi.data.conditions import REFERENCE, SingleValue, condition
 from motoremi.data.session import load
 from motoremi.data.sweep import TERMINATIONS
+from motoremi.run.answer import NotDone
+from motoremi.run.requested import Order
 from motoremi.workflow import Store
 
 SCHEMA = "motoremi.investigation/1"

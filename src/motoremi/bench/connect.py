@@ -12,9 +12,9 @@ import pyvisa
 from pyvisa.resources import MessageBasedResource
 
 from motoremi.bench.clock import Clock, WallClock
-from motoremi.bench.connections import ConnectionName
 from motoremi.bench.driver import Driver
-from motoremi.bench.recording import RecordingTransport, TrafficSink
+from motoremi.bench.motor_connections import ConnectionName
+from motoremi.bench.traffic import RecordingTransport, TrafficSink
 from motoremi.bench.transport import Transport, VisaTransport
 from motoremi.errors import BadInput, InstrumentError
 

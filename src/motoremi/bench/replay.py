@@ -9,10 +9,10 @@ from typing import Any
 
 from motoremi.bench.clock import VirtualClock
 from motoremi.bench.connect import Options, attach
-from motoremi.bench.connections import ConnectionName
-from motoremi.bench.difference import CONTEXT, RecordedEnd, ReplayDifference, shown
 from motoremi.bench.driver import Driver
-from motoremi.bench.recording import TrafficSink, decode_bytes, encode_bytes
+from motoremi.bench.motor_connections import ConnectionName
+from motoremi.bench.replay_difference import CONTEXT, RecordedEnd, ReplayDifference, shown
+from motoremi.bench.traffic import TrafficSink, decode_bytes, encode_bytes
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
 

@@ -13,8 +13,8 @@ import pyvisa
 from pyvisa import constants
 from pyvisa.resources import MessageBasedResource
 
-from motoremi.bench.arrivals import at_hand, fell_silent, socket_of
 from motoremi.bench.clock import Clock, WallClock
+from motoremi.bench.socket_input import at_hand, fell_silent, socket_of
 from motoremi.errors import InstrumentError
 
 TERMINATOR = b"\n"

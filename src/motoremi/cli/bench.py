@@ -16,15 +16,15 @@ from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
-    from motoremi.bench.answer import Answer
-    from motoremi.bench.bench_file import BenchFile
     from motoremi.bench.connect import Bench
-    from motoremi.bench.procedure import Procedure
-    from motoremi.bench.rehearsal import Rehearsed
-    from motoremi.bench.resume import Done
-    from motoremi.bench.runner import Outcome
     from motoremi.cli.bars import Bars
     from motoremi.data.session import SessionWriter
+    from motoremi.run.answer import Answer
+    from motoremi.run.rehearsal import Rehearsed
+    from motoremi.run.resume import Done
+    from motoremi.run.runner import Outcome
+    from motoremi.schema.bench_file import BenchFile
+    from motoremi.schema.procedure import Procedure
 
 # What one step of a dry run shows of its messages.
 SHOWN_MESSAGES = 40
@@ -43,11 +43,11 @@ def run_(
     as_json: AsJson = False,
 ) -> None:
     """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails. Ctrl-C stops safely and keeps the data."""
-    from motoremi.bench.bench_file import BenchFile, load_bench_file
-    from motoremi.bench.on_bench import on_bench
-    from motoremi.bench.procedure import load_procedure
-    from motoremi.bench.runner import resumable, start_document
     from motoremi.data.session import SessionWriter, load, reopen
+    from motoremi.run.on_bench import on_bench
+    from motoremi.run.runner import resumable, start_document
+    from motoremi.schema.bench_file import BenchFile, load_bench_file
+    from motoremi.schema.procedure import load_procedure
 
     bench_file = load_bench_file(bench, ask_once()) if bench is not None else BenchFile()
     if (procedure is None) == (resume is None):
@@ -67,12 +67,12 @@ def run_(
 
 
 def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
-    from motoremi.bench.calibration import refuse_unless_calibrated, tell_doubts
-    from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
     from motoremi.data.state import marks_of, states_of
     from motoremi.interrupts import stopped_by_signals
+    from motoremi.run.calibration_check import refuse_unless_calibrated, tell_doubts
+    from motoremi.run.runner import make_bench
 
     bench_file.refuse_unless_allowed(procedure)
     refuse_unless_calibrated(procedure, bench_file)
@@ -101,9 +101,9 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
 
 def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: SessionWriter, bars: Bars, done: Done | None) -> Outcome:
     """Run with a bar of seconds, as far as the procedure can be rehearsed."""
-    from motoremi.bench.progress import RunProgress
-    from motoremi.bench.rehearsal import rehearse
-    from motoremi.bench.runner import run
+    from motoremi.run.rehearsal import rehearse
+    from motoremi.run.run_progress import RunProgress
+    from motoremi.run.runner import run
     from motoremi.workflow import analyse
 
     def nothing() -> None: ...
@@ -129,8 +129,8 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
 
 
 def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> None:
-    from motoremi.bench.rehearsal import rehearse
     from motoremi.cli.output import emit_json, say
+    from motoremi.run.rehearsal import rehearse
 
     steps = rehearse(procedure, bench_file)
     total = sum(step.seconds for step in steps)
@@ -182,8 +182,8 @@ def _duration(seconds: float) -> str:
 
 def ask_operator(text: str) -> Answer:
     """Tell the operator what to do and wait for one of the three answers."""
-    from motoremi.bench.answer import TYPED
     from motoremi.data.text import clean_text
+    from motoremi.run.answer import TYPED
 
     lines = "\n".join(clean_text(line) for line in text.split("\n"))
     sys.stderr.write(f"\n{lines}\n")
@@ -204,11 +204,11 @@ def replay_(
     as_json: AsJson = False,
 ) -> None:
     """Run a session's procedure again, its recorded traffic answering; any difference is an error that shows what was expected and what came."""
-    from motoremi.bench.difference import ReplayDifference
-    from motoremi.bench.rerun import rerun
+    from motoremi.bench.replay_difference import ReplayDifference
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.errors import InstrumentError
+    from motoremi.run.rerun import rerun
     from motoremi.workflow import analyse
 
     folder = out if out is not None else fresh_folder("replay")
@@ -239,9 +239,9 @@ def procedures_(
     as_json: AsJson = False,
 ) -> None:
     """The ready procedures; the steps of one; every key that a procedure may have."""
-    from motoremi.bench.keys import reference
-    from motoremi.bench.procedure import load_procedure, ready_procedures
     from motoremi.cli.output import emit_json, say
+    from motoremi.schema.keys import reference
+    from motoremi.schema.procedure import load_procedure, ready_procedures
 
     if keys:
         tables = reference()

@@ -18,12 +18,12 @@ from motoremi.errors import BadInput
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from motoremi.bench.answer import Answer
-    from motoremi.bench.asked import Asking, Order
-    from motoremi.bench.bench_file import BenchFile
     from motoremi.bench.connect import Bench
     from motoremi.data.conditions import SingleValue
     from motoremi.data.session import Session
+    from motoremi.run.answer import Answer
+    from motoremi.run.requested import Asking, Order
+    from motoremi.schema.bench_file import BenchFile
     from motoremi.workflow_investigate import Investigation, Step, Thought
 
 _MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
@@ -43,8 +43,8 @@ def investigate_(
     as_json: AsJson = False,
 ) -> None:
     """Measure, diagnose, choose, ask, measure again, until one explanation stands. Ctrl-C keeps all; the same command goes on."""
-    from motoremi.bench.bench_file import load_bench_file
     from motoremi.cli.output import emit_json
+    from motoremi.schema.bench_file import load_bench_file
 
     minutes = minutes_of(budget)
     if odds <= 1:
@@ -58,15 +58,15 @@ def investigate_(
 
 def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float, without: tuple[str, ...], *, quiet: bool) -> Investigation:
     """Investigate a session on a bench, told on standard output unless `quiet`."""
-    from motoremi.bench.asked import Asking, procedure_for
-    from motoremi.bench.calibration import refuse_unless_calibrated
-    from motoremi.bench.on_bench import on_bench
-    from motoremi.bench.resume import Done
-    from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.bench import keeping, tell, warn
     from motoremi.data.session import load, reopen
     from motoremi.interrupts import stopped_by_signals
+    from motoremi.run.calibration_check import refuse_unless_calibrated
+    from motoremi.run.on_bench import on_bench
+    from motoremi.run.requested import Asking, procedure_for
+    from motoremi.run.resume import Done
+    from motoremi.run.runner import make_bench
     from motoremi.workflow_investigate import investigate
     from motoremi.workflow_thinking import Mind
 
@@ -112,8 +112,8 @@ def minutes_of(text: str) -> float:
 
 def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
     """The bench file, or for `sim` the simulated bench that the session was made on."""
-    from motoremi.bench.hidden_bench import kept_bench
-    from motoremi.bench.runner import was_begun_on
+    from motoremi.run.hidden_bench import kept_bench
+    from motoremi.run.runner import was_begun_on
 
     name = session.path.name
     if session.status != "done":
@@ -132,8 +132,8 @@ def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
 
 def _uncorrected(session: Session) -> tuple[str, ...]:
     """The widest sweep, where what stands between motor and analyser is not known over its span."""
-    from motoremi.bench.asked import WIDE
-    from motoremi.bench.procedure import load_procedure
+    from motoremi.run.requested import WIDE
+    from motoremi.schema.procedure import load_procedure
 
     widest = load_procedure("wide_sweep").sweep
     assert widest is not None
@@ -156,7 +156,7 @@ class _Hands:
 
     @property
     def simulated(self) -> bool:
-        from motoremi.bench.simulated import SimulatedBench
+        from motoremi.virtual.simulated_bench import SimulatedBench
 
         return isinstance(self.made, SimulatedBench)
 
@@ -168,7 +168,7 @@ class _Hands:
 
     def value(self, order: Order) -> SingleValue:
         """The number that another meter shows."""
-        from motoremi.bench.simulated import SimulatedBench
+        from motoremi.virtual.simulated_bench import SimulatedBench
 
         self.started_s = time.monotonic()
         if isinstance(self.made, SimulatedBench):
@@ -191,7 +191,7 @@ class _Hands:
 
     def set_up(self, order: Order | None) -> None:
         """On a simulated bench, do what the operator was asked to do; None: put it back."""
-        from motoremi.bench.simulated import SimulatedBench
+        from motoremi.virtual.simulated_bench import SimulatedBench
 
         if isinstance(self.made, SimulatedBench):
             self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
@@ -199,10 +199,10 @@ class _Hands:
 
 def typed_value(order: Order) -> SingleValue:
     """Ask for a number until it is one; `n` says that it cannot be had."""
-    from motoremi.bench.answer import TYPED, NotDone
-    from motoremi.bench.asked import asked_value
     from motoremi.data.conditions import VALUES, parse_value
     from motoremi.data.text import clean_text
+    from motoremi.run.answer import TYPED, NotDone
+    from motoremi.run.requested import asked_value
 
     setting = VALUES[order.id].setting
     sys.stderr.write(f"\n{clean_text(order.instruction)}\n")

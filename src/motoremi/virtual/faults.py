@@ -1,0 +1,258 @@
+"""What goes wrong on benches, done to a virtual instrument: one fault, at one exchange, on the wire or inside the instrument.
+
+The layer sits where an instrument turns a message into an answer, so that drivers, transports and recordings above it are the real ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import numpy as np
+from pyvisa_sim.component import NoResponse
+
+from motoremi.errors import BadInput
+from motoremi.virtual.simulated_device import SimulatedDevice, definite_block
+
+# A driver that asks this often has lost its way; without an end it would ask for ever on a virtual clock.
+MOST_EXCHANGES = 20_000
+SHORT_DELAY_S, LONG_DELAY_S = 1.0, 30.0
+NOT_A_NUMBER, NOT_MEASURED = float("nan"), 9.9e37
+# Arrays of the simulated instruments: 64 bit, as FORM3 of the 4294A and REAL of SCPI analysers send them.
+BLOCK_TYPE = ">f8"
+DBM_BELOW_DBUV = 106.99
+
+
+class OutOfMind(RuntimeError):
+    """The driver asks without end."""
+
+
+class FaultLayer:
+    """Stands between a virtual instrument and its link, and does one thing wrong.
+
+    Parameters
+    ----------
+    device : SimulatedDevice
+    kind : str
+        One of `FAULTS`.
+    at : int
+        The exchange, from 1, at which the fault may first strike; it strikes at the first one from there that it can be done to.
+
+    Attributes
+    ----------
+    struck : bool
+        Whether it has.
+    """
+
+    def __init__(self, device: SimulatedDevice, kind: str, at: int) -> None:
+        if kind not in FAULTS:
+            raise BadInput(f"unknown fault {kind!r}: use one of {', '.join(FAULTS)}")
+        self.device = device
+        self.kind = kind
+        self.at = at
+        self.struck = False
+        self.exchanges = 0
+        self._inner = device._match
+        self._act, self._lasting, _ = FAULTS[kind]
+        device._match = self._match  # type: ignore[method-assign]
+
+    def _match(self, query: bytes) -> Any:
+        self.exchanges += 1
+        if self.exchanges > MOST_EXCHANGES:
+            raise OutOfMind(f"{MOST_EXCHANGES} exchanges, the last one {query!r}")
+        if self.exchanges < self.at or (self.struck and not self._lasting):
+            return self._inner(query)
+        return self._act(self, query)
+
+    def strike(self) -> None:
+        """Note that it happens now."""
+        self.struck = True
+
+    def answer(self, query: bytes) -> Any:
+        """What the healthy instrument says."""
+        return self._inner(query)
+
+    def restart(self) -> None:
+        """Power off and on: every setting at its default, nothing compensated, answers gone."""
+        name = str(self.device.resource_name)
+        type(self.device).__init__(self.device, self.device.wiring, self.device.clock)  # type: ignore[call-arg]
+        self.device.resource_name = name
+        del self.device._match
+        self._inner = self.device._match
+        self.device._match = self._match  # type: ignore[method-assign]
+
+
+Act = Callable[[FaultLayer, bytes], Any]
+
+
+def _changed(change: Callable[[bytes], bytes | None]) -> Act:
+    """A fault in the answer: the first answer that can be changed in this way."""
+
+    def act(layer: FaultLayer, query: bytes) -> Any:
+        answer = layer.answer(query)
+        if answer is NoResponse or (changed := change(bytes(answer))) is None or changed == answer:
+            return answer
+        layer.strike()
+        return changed
+
+    return act
+
+
+def _silent(layer: FaultLayer, query: bytes) -> Any:
+    if layer.answer(query) is not NoResponse:
+        layer.strike()
+    return NoResponse
+
+
+def _dead(layer: FaultLayer, query: bytes) -> Any:
+    layer.strike()
+    return NoResponse
+
+
+def _delayed(seconds: float) -> Act:
+    def act(layer: FaultLayer, query: bytes) -> Any:
+        answer = layer.answer(query)
+        if answer is not NoResponse:
+            layer.strike()
+            layer.device.answer_due_s = layer.device.clock.now() + seconds
+        return answer
+
+    return act
+
+
+def _dropped(layer: FaultLayer, query: bytes) -> NoReturn:
+    layer.strike()
+    raise ConnectionResetError("connection reset by peer")
+
+
+def _error_entry(layer: FaultLayer, query: bytes) -> Any:
+    layer.strike()
+    answer = layer.answer(query)
+    layer.device.error_response("execution_error")
+    return answer
+
+
+def _wrong_identity(layer: FaultLayer, query: bytes) -> Any:
+    answer = layer.answer(query)
+    if query.strip().upper() != b"*IDN?":
+        return answer
+    layer.strike()
+    return b"ACME,\x1b[31m9000,0,1.0"
+
+
+def _overload(layer: FaultLayer, query: bytes) -> Any:
+    answer = layer.answer(query)
+    if b"QUES:POW" not in query.upper():
+        return answer
+    layer.strike()
+    return b"1"
+
+
+def _restarted(layer: FaultLayer, query: bytes) -> Any:
+    layer.strike()
+    layer.restart()
+    return layer.answer(query)
+
+
+def _dbm(layer: FaultLayer, query: bytes) -> Any:
+    """Somebody switched the receiver to dBm, or the analyser to kHz."""
+    answer = layer.answer(query)
+    if b"UNIT" in query.upper() and query.endswith(b"?"):
+        return b"DBM"
+    if answer is NoResponse:
+        return answer
+    if b"TRAC" in query.upper() and (levels := _numbers(bytes(answer))) is not None and levels.size > 1:
+        layer.strike()
+        return ",".join(f"{level - DBM_BELOW_DBUV:.3f}" for level in levels).encode()
+    if b"STAR" in query.upper() or b"STOP" in query.upper():
+        layer.strike()
+        return repr(float(answer) / 1e3).encode()
+    return answer
+
+
+def _numbers(answer: bytes) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    """The values of an answer that is a block or a list of numbers."""
+    if answer[:1] == b"#" and answer[1:2].isdigit():
+        payload = answer[2 + int(answer[1:2]) :]
+        return np.frombuffer(payload, BLOCK_TYPE).astype(np.float64) if payload and len(payload) % 8 == 0 else None
+    try:
+        return np.array([float(field) for field in answer.split(b",")])
+    except ValueError:
+        return None
+
+
+def _rewritten(change: Callable[[np.ndarray[Any, np.dtype[np.float64]]], Any], least: int = 1) -> Callable[[bytes], bytes | None]:
+    def rewrite(answer: bytes) -> bytes | None:
+        values = _numbers(answer)
+        if values is None or values.size < least:
+            return None
+        values = np.asarray(change(values), dtype=np.float64)
+        if answer[:1] == b"#":
+            return definite_block(values, BLOCK_TYPE)
+        return b",".join(f"{value:.6E}".encode() for value in values)
+
+    return rewrite
+
+
+def _with_one(value: float) -> Callable[[bytes], bytes | None]:
+    def change(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+        values = values.copy()
+        values[values.size // 4 * 2] = value
+        return values
+
+    return _rewritten(change)
+
+
+def _wrong_length(by: int) -> Callable[[bytes], bytes | None]:
+    """A block whose header announces another length than it has."""
+
+    def change(answer: bytes) -> bytes | None:
+        if answer[:1] != b"#" or not answer[1:2].isdigit():
+            return None
+        digits = int(answer[1:2])
+        count = str(int(answer[2 : 2 + digits]) + by).encode()
+        return b"#" + str(len(count)).encode() + count + answer[2 + digits :]
+
+    return change
+
+
+def _high_bit(answer: bytes) -> bytes:
+    return bytes(byte ^ 0x80 for byte in answer)
+
+
+def _half(answer: bytes) -> bytes:
+    return answer[: len(answer) // 2]
+
+
+def _decimal_comma(answer: bytes) -> bytes | None:
+    return answer.replace(b".", b",") if _numbers(answer) is not None and answer[:1] != b"#" else None
+
+
+def _unit_suffix(answer: bytes) -> bytes | None:
+    values = _numbers(answer)
+    return answer + b" HZ" if values is not None and values.size == 1 and answer[:1] != b"#" else None
+
+
+# Kind -> what it does, whether it goes on, and what it is in words.
+FAULTS: dict[str, tuple[Act, bool, str]] = {
+    "silence": (_silent, False, "one answer does not come"),
+    "dead": (_dead, True, "no answer any more"),
+    "short-delay": (_delayed(SHORT_DELAY_S), False, "an answer comes late, within the deadline"),
+    "long-delay": (_delayed(LONG_DELAY_S), False, "an answer comes after the deadline"),
+    "link-glitch": (_dropped, False, "the link drops for one exchange"),
+    "dropped-link": (_dropped, True, "the link is gone"),
+    "garbled": (_changed(_high_bit), False, "an answer with wrong bits in every byte, as with a wrong parity"),
+    "truncated": (_changed(_half), False, "half of an answer"),
+    "block-too-short": (_changed(_wrong_length(+8)), False, "a block that is shorter than its header says"),
+    "block-too-long": (_changed(_wrong_length(-8)), False, "a block that is longer than its header says"),
+    "nan": (_changed(_with_one(NOT_A_NUMBER)), False, "one value is NaN"),
+    "9.9e37": (_changed(_with_one(NOT_MEASURED)), False, "one value is 9.9E37, which marks a point that was not measured"),
+    "overload": (_overload, False, "the receiver's overload bit is set"),
+    "error-entry": (_error_entry, False, "an entry in the error queue"),
+    "wrong-identity": (_wrong_identity, False, "another instrument answers"),
+    "half-sweep": (_changed(_rewritten(lambda values: values[: values.size // 2], least=8)), False, "an array with half of the points"),
+    "restart": (_restarted, False, "power off and on: all settings at their defaults"),
+    "other-unit": (_dbm, True, "frequencies in kHz, levels in dBm"),
+    "unit-suffix": (_changed(_unit_suffix), False, "a number with its unit behind it"),
+    "decimal-comma": (_changed(_decimal_comma), False, "numbers with a decimal comma"),
+}

@@ -1,0 +1,300 @@
+"""The embedded bench: simulated instruments, a simulated motor and a simulated operator, behind genuine PyVISA resources."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, SupportsInt, cast
+
+import numpy as np
+import pyvisa
+from pyvisa import constants
+from pyvisa.typing import VISAEventContext, VISARMSession, VISASession
+from pyvisa.util import LibraryPath
+from pyvisa_sim.devices import Devices
+from pyvisa_sim.highlevel import SimVisaLibrary
+
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.bench.clock import Clock, VirtualClock
+from motoremi.bench.connect import Options, attach, open_transport
+from motoremi.bench.driver import Driver
+from motoremi.bench.motor_connections import AT_THE_LISN, CONNECTIONS, ConnectionName
+from motoremi.bench.traffic import TrafficSink
+from motoremi.data.conditions import Condition, SingleValue
+from motoremi.data.sweep import Termination
+from motoremi.errors import BadInput
+from motoremi.simulate import emission
+from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.arrangement import Arrangement
+from motoremi.simulate.effects import split_effects
+from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.specimen import Specimen
+from motoremi.simulate.stand import MotorStand
+from motoremi.virtual.simulated_device import SimulatedDevice
+from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS, virtual_instrument
+
+OPEN_STANDARD_OHM = 1e12
+# What the motor runs on where no supply of the bench feeds it.
+OPERATORS_SUPPLY = (12.0, 5.0)
+STANDARDS_OHM = {"short-standard": 0.0, "load-standard": 100.0}
+# The stand is not symmetric: the return line reads a little less.
+OTHER_LINE_DB = -1.5
+_library_numbers = itertools.count(1)
+
+
+class BenchLibrary(SimVisaLibrary):
+    """PyVISA-sim's library with devices added by hand, device clear, serial poll and service requests, and an error for a name nobody has."""
+
+    devices: Devices
+
+    def _init(self) -> None:
+        self.sessions = {}
+        self.devices = Devices()
+        # Session -> how many of its instrument's service requests have been waited for.
+        self._heard: dict[VISASession, int] = {}
+
+    def open(
+        self,
+        session: VISARMSession,
+        resource_name: str,
+        access_mode: constants.AccessModes = constants.AccessModes.no_lock,
+        open_timeout: SupportsInt = constants.VI_TMO_IMMEDIATE,
+    ) -> tuple[VISASession, constants.StatusCode]:
+        """Open a session; an unknown resource is an error, as on a real bus."""
+        opened, status = super().open(session, resource_name, access_mode, open_timeout)
+        if status != constants.StatusCode.success:
+            raise pyvisa.VisaIOError(status)
+        return opened, status
+
+    def read(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
+        """Read from an instrument; a deadline passes on its own clock, so that silence costs no real time on a virtual one."""
+        link, device = self.sessions[session], self._device(session)
+        if link.parsed.interface_type_const == constants.InterfaceType.asrl:
+            return self._read_line(session, count)
+        timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
+        wait_s = device.answer_due_s - device.clock.now() if device._output_buffers else np.inf
+        if wait_s > timeout_s:
+            device.clock.sleep(timeout_s)
+            raise pyvisa.VisaIOError(constants.VI_ERROR_TMO)
+        device.clock.sleep(wait_s)
+        message = device._output_buffers[0]
+        part = bytes(message[:count])
+        del message[:count]
+        if message:
+            return part, constants.StatusCode.success_max_count_read
+        device._output_buffers.popleft()
+        return part, constants.StatusCode.success
+
+    def _read_line(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
+        """Read from a serial line up to the character that ends an answer, or so many bytes where none does."""
+        link, device = self.sessions[session], self._device(session)
+        waiting = device.take_answers()
+        if link.get_attribute(constants.ResourceAttribute.termchar_enabled)[0]:
+            end = waiting.find(bytes([link.get_attribute(constants.ResourceAttribute.termchar)[0]])) + 1
+        else:
+            end = count if len(waiting) >= count else 0
+        wait_s = device.answer_due_s - device.clock.now() if end else np.inf
+        timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
+        device.clock.sleep(min(wait_s, timeout_s))
+        part = waiting[: min(end, count)] if wait_s <= timeout_s else b""
+        device._output_buffers.append(bytearray(waiting[len(part) :]))
+        if not part:
+            raise pyvisa.VisaIOError(constants.VI_ERROR_TMO)
+        ended = len(part) == end
+        return part, constants.StatusCode.success_termination_character_read if ended else constants.StatusCode.success_max_count_read
+
+    def clear(self, session: VISASession) -> constants.StatusCode:
+        """Device clear."""
+        self._device(session).device_clear()
+        return constants.StatusCode.success
+
+    def flush(self, session: VISASession, mask: constants.BufferOperation) -> constants.StatusCode:
+        """Drop what is on a serial line."""
+        self._device(session).device_clear()
+        return constants.StatusCode.success
+
+    def read_stb(self, session: VISASession) -> tuple[int, constants.StatusCode]:
+        """Serial poll."""
+        return self._device(session).serial_poll(), constants.StatusCode.success
+
+    def enable_event(
+        self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism, context: None = None
+    ) -> constants.StatusCode:
+        """Queue service requests from now on; there are no others, and serial lines have none."""
+        link = self.sessions[session]
+        if event_type != constants.EventType.service_request or link.parsed.interface_type_const != constants.InterfaceType.gpib:
+            raise pyvisa.VisaIOError(constants.StatusCode.error_invalid_event)
+        self._heard.setdefault(session, self._device(session).service_requests)
+        return constants.StatusCode.success
+
+    def wait_on_event(
+        self, session: VISASession, in_event_type: constants.EventType, timeout: int
+    ) -> tuple[constants.EventType, VISAEventContext, constants.StatusCode]:
+        """Wait for the next service request; on a virtual clock that takes no time."""
+        if session not in self._heard:
+            raise pyvisa.VisaIOError(constants.StatusCode.error_not_enabled)
+        device = self._device(session)
+        deadline_s = device.clock.now() + timeout / 1000
+        device.notice_request()
+        while device.service_requests == self._heard[session]:
+            now_s = device.clock.now()
+            if now_s >= deadline_s:
+                raise pyvisa.VisaIOError(constants.StatusCode.error_timeout)
+            ends_s = device.busy_until()
+            device.clock.sleep((ends_s if now_s < ends_s < deadline_s else deadline_s) - now_s)
+            device.notice_request()
+        self._heard[session] += 1
+        return in_event_type, VISAEventContext(0), constants.StatusCode.success
+
+    def discard_events(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
+        """Forget the service requests that wait."""
+        if session in self._heard:
+            self._heard[session] = self._device(session).service_requests
+        return constants.StatusCode.success
+
+    def disable_event(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
+        """Queue them no more."""
+        self._heard.pop(session, None)
+        return constants.StatusCode.success
+
+    def _device(self, session: VISASession) -> SimulatedDevice:
+        return cast(SimulatedDevice, self.sessions[session].device)
+
+
+class SimulatedBench:
+    """A bench on which everything is simulated: the motor, the instruments, and the operator who connects them.
+
+    Parameters
+    ----------
+    seed : int
+        Draws the motor, the instruments' own errors and the noise.
+    effects : sequence of str
+        Hidden effects; those of the instrument go to the analyser, the others to the motor.
+    clock : Clock, optional
+        Virtual unless given, so that a sweep of a minute takes no time.
+    """
+
+    # What stands there until a procedure asks for something else.
+    INSTRUMENTS: ClassVar[Mapping[str, str]] = {"analyser": "4294a", "receiver": "esr"}
+
+    def __init__(self, seed: int, effects: Sequence[str] = (), clock: Clock | None = None) -> None:
+        self.seed = seed
+        self.effects = tuple(effects)
+        self.clock = clock or VirtualClock()
+        hidden, faults = split_effects(effects)
+        self.motor = SimulatedMotor.random(seed, hidden)
+        self._specimen = Specimen(self.motor, seed)
+        self._arrangement = Arrangement(self._specimen)
+        self.stand = MotorStand(self.clock.now)
+        self._analyser = SimulatedAnalyser(seed, faults=faults)
+        self._connected: ConnectionName = "open-standard"
+        self._standards: set[str] = set()
+        self._is_reference = True
+        self._connection = 0
+        self._line = ""
+        self.devices: dict[str, SimulatedDevice] = {}
+        self.resources: dict[str, str] = {}
+        self._library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
+        self._on_bench = dict(self.INSTRUMENTS)
+        for role, name in self.INSTRUMENTS.items():
+            self._place(role, name)
+        self.resource_manager = pyvisa.ResourceManager(self._library)
+
+    def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
+        """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
+        # A driver that has no simulated instrument finds what stands there, and says that it is the wrong one.
+        if driver != self._on_bench.get(role) and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].resource_as(role):
+            self._place(role, driver)
+        if role not in self.resources:
+            raise BadInput(f"the simulated bench has no {role!r} with the driver {driver!r}; it has {', '.join(self.resources)}")
+        self.devices[role].use(options or {})
+        transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
+        return attach(transport, role, driver, sink, options)
+
+    def _place(self, role: str, name: str) -> None:
+        """Put the simulated instrument of that name on the bench."""
+        instrument = virtual_instrument(name)
+        resource = instrument.resource_as(role)
+        if resource is None:
+            raise BadInput(f"a {name} cannot be the {role}")
+        self._on_bench[role] = name
+        self.devices[role] = instrument.make(self, self.clock)
+        self.resources[role] = resource
+        self._library.devices.add_device(resource, self.devices[role])
+
+    def _other_line_db(self) -> float:
+        return OTHER_LINE_DB if self._line in ("N", "-") else 0.0
+
+    def connect(self, what: ConnectionName) -> int:
+        """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
+        if what not in CONNECTIONS:
+            raise BadInput(f"unknown connection {what!r}: use one of {', '.join(CONNECTIONS)}")
+        # What compensation leaves shows when a standard is connected again: the first time it is the reference itself.
+        self._is_reference = what not in self._standards
+        self._standards.add(what)
+        self._connected = what
+        self._connection += 1
+        if what in AT_THE_LISN.values() and "supply" not in self._on_bench:
+            # The operator's own supply and switch.
+            self.stand.drive(*OPERATORS_SUPPLY) if what == "lisn-motor-on" else self.stand.release()
+        return self._connection
+
+    def arrange(self, condition: Condition | None, terminations: Sequence[Termination], turn: int = 0) -> None:
+        """Have the operator set something up for the sweeps that follow; None: put everything back.
+
+        Parameters
+        ----------
+        condition : Condition or None
+        terminations : sequence of str
+            Which sweeps will follow.
+        turn : int
+            How often the same was asked before.
+        """
+        self._arrangement = Arrangement(self._specimen, condition, tuple(terminations), turn)
+
+    def single_value(self, name: str, turn: int = 0) -> SingleValue:
+        """What the operator reads off another meter."""
+        return Arrangement(self._specimen, turn=turn).single_value(name)
+
+    def at_work(self, role: str) -> ConnectionName:
+        """What an instrument of that role is connected to while it measures the motor."""
+        return "open" if role == "analyser" else "lisn-motor-on"
+
+    def truth(self) -> JsonDict:
+        """What is hidden on this bench."""
+        return {"seed": self.seed, "hidden": list(self.effects), **self.motor.truth(), **self._analyser.truth()}
+
+    def close(self) -> None:
+        """Close the resource manager."""
+        self.resource_manager.close()
+
+    def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int, averages: int = 1) -> ComplexArray:
+        """What the analyser would read without fixture, in ohm; the mean of so many readings."""
+        connected_ohm = self.connected_ohm(frequency_hz)
+        analyser: SimulatedAnalyser = self._arrangement.analyser(self._analyser)
+        if self._connected in ("short", "open"):
+            return analyser.measure(self._connected, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
+        if self._is_reference and self._connected != "load-standard":
+            return connected_ohm
+        like: Termination = "short" if self._connected == "short-standard" else "open"
+        return analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
+
+    def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
+        """What is connected, as it truly is, in ohm."""
+        if self._connected in ("short", "open"):
+            return self._arrangement.impedance(self._connected, frequency_hz)
+        if self._arrangement.on_the_fixture:
+            return self._arrangement.impedance("open", frequency_hz)
+        return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
+
+    def at_line(self, line: str) -> None:
+        """Switch the LISN to another line; a new connection is to the first."""
+        self._line = line
+
+    def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
+        """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""
+        if self._connected == "lisn-motor-on":
+            return self._other_line_db() + emission.spectrum(self.motor, frequency_hz, detector, self.seed)
+        if self._connected == "lisn-motor-off":
+            return emission.background(frequency_hz, detector, self.seed)
+        return np.full(frequency_hz.shape, -200.0)

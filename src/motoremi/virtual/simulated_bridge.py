@@ -1,0 +1,235 @@
+"""What the simulated impedance analysers share: sweeps, triggering, and the compensation of a fixture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.bench.clock import Clock
+from motoremi.virtual.simulated_device import SimulatedDevice, Wiring
+
+SWEEP_OVERHEAD_S = 0.04
+OVERFLOW_OHM = 9.9e37
+# An ordinary fixture: 30 mOhm and 15 nH in series, 4 pF and 10 nS across. Compensation has to take them out.
+FIXTURE_OHM, FIXTURE_HENRY, FIXTURE_FARAD, FIXTURE_SIEMENS = 0.03, 15e-9, 4e-12, 1e-8
+# What is low enough to tell the direct current through a device: conductance is what a capacitor has none of.
+NEARLY_DIRECT_HZ = 40.0
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One part of a list sweep, spaced linearly."""
+
+    start_hz: float
+    stop_hz: float
+    points: int
+
+
+class SimulatedBridge(SimulatedDevice):
+    """An analyser with a fixture, connected to a test stand.
+
+    The profile names its settings `start`, `stop`, `points`, `spacing` (LIN, LOG or the word for a list), `bandwidth_factor`,
+    `point_averaging`, `point_averages`, `sweep_averaging`, `sweep_averages`, `bias`, `bias_volt`, and what its standards are:
+    `open_siemens`, `open_farad`, `short_ohm`, `short_henry`, `load_ohm`, `load_henry`.
+    """
+
+    # What `spacing` is for a list sweep.
+    LIST: ClassVar[str]
+
+    # Order of magnitude; makers give no figures.
+    SECONDS_PER_POINT: ClassVar[tuple[float, ...]] = (0.003, 0.006, 0.012, 0.06, 0.2)
+
+    def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
+        self._ends_s: float | None = None
+        self._measured: ComplexArray | None = None
+        self._measured_with: tuple[float, ...] = ()
+        self._measured_until_s = 0.0
+        self._continuous = True
+        self._segments: tuple[Segment, ...] = ()
+        # How many sweeps have gone into the average.
+        self._averaged = 0
+        self._standards: dict[str, ComplexArray] = {}
+        self._standard_axes: dict[str, FloatArray] = {}
+        self._enabled = {"open": False, "short": False, "load": False}
+        super().__init__(profile, wiring, clock)
+
+    def busy_until(self) -> float:
+        """When the running sweep or compensation ends."""
+        return self.clock.now() if self._ends_s is None else self._ends_s
+
+    def axis(self) -> FloatArray:
+        """Frequencies of the sweep in hertz."""
+        if self.value("spacing") == self.LIST:
+            return np.concatenate([np.linspace(one.start_hz, one.stop_hz, one.points) for one in self._segments])
+        spaced = np.geomspace if self.value("spacing") == "LOG" else np.linspace
+        axis: FloatArray = spaced(self.value("start"), self.value("stop"), self.value("points"))
+        return axis
+
+    def duration_s(self) -> float:
+        """How long a sweep takes."""
+        per_point_s = self.SECONDS_PER_POINT[int(self.value("bandwidth_factor")) - 1] * self._point_averages()
+        return SWEEP_OVERHEAD_S + self.axis().size * per_point_s
+
+    def begin(self, sweeps: int = 1) -> None:
+        """Start whatever takes as long as that many sweeps."""
+        self._ends_s = self.clock.now() + sweeps * self.duration_s()
+
+    def ended(self) -> None:
+        """Called once when it has ended."""
+
+    def sweep(self, sweeps: int = 1) -> None:
+        """Start one sweep or several; if sweeps are averaged, each counts."""
+        self._continuous = False
+        self._averaged += sweeps
+        self._measure()
+        self.begin(sweeps)
+
+    def restart_average(self) -> None:
+        """Forget the sweeps that were averaged."""
+        self._averaged = 0
+
+    def bias_current_a(self) -> float:
+        """Direct current through what is connected."""
+        if self.value("bias") != "1" or not self.value("bias_volt"):
+            return 0.0
+        connected_ohm = complex(self.wiring.connected_ohm(np.array([NEARLY_DIRECT_HZ]))[0])
+        conductance = (1 / connected_ohm).real if connected_ohm else np.inf
+        return float(self.value("bias_volt")) * conductance
+
+    def sweeps_continuously(self) -> bool:
+        """Whether one sweep follows the other."""
+        return self._continuous
+
+    def set_continuous(self, on: bool) -> None:
+        """Sweep again and again, or hold."""
+        self._continuous = on
+        if not on:
+            self._ends_s = None
+
+    def impedance_ohm(self) -> ComplexArray:
+        """What the last sweep measured; an analyser that sweeps continuously has always just measured."""
+        old = self.clock.now() - self._measured_until_s > self.duration_s()
+        if self.sweeps_continuously() and (self._measured is None or self._measured_with != self._sweep_settings() or old):
+            self._measure()
+        return np.zeros(self.axis().size, dtype=np.complex128) if self._measured is None else self._measured
+
+    def measure_standard(self, standard: str) -> None:
+        """Read what is left with a standard connected, and switch its compensation on."""
+        self.keep_standard(standard, self._raw(self._point_averages()))
+        self._enabled[standard] = True
+        self.begin()
+
+    def keep_standard(self, standard: str, raw_ohm: ComplexArray) -> None:
+        """Hold what the bridge saw with a standard connected, at the frequencies of the sweep."""
+        self._standards[standard] = raw_ohm
+        self._standard_axes[standard] = self.axis()
+
+    def kept_standard(self, standard: str) -> tuple[FloatArray, ComplexArray] | None:
+        """Frequencies in hertz and what the bridge saw there, in ohm."""
+        return (self._standard_axes[standard], self._standards[standard]) if standard in self._standards else None
+
+    def is_enabled(self, standard: str) -> bool:
+        """Whether this compensation is on."""
+        return self._enabled[standard]
+
+    def enable(self, standard: str, argument: str) -> None:
+        """Switch a compensation on or off; an error if the standard was never measured."""
+        on = argument.upper() in ("ON", "1")
+        if on and standard not in self._standards:
+            self.error_response("no_compensation")
+            return
+        self._enabled[standard] = on
+
+    def _assign(self, name: str, argument: str) -> None:
+        """Set a property; of start and stop, the one that is set pushes the other along, and a list sweep needs its list."""
+        if name == "spacing" and self.fold_word(argument) == self.LIST and not self._segments:
+            self.error_response("no_list")
+            return
+        super()._assign(name, argument)
+        if name in ("start", "stop") and self.value("start") > self.value("stop"):
+            self.set_value("stop" if name == "start" else "start", float(self.value(name)))
+
+    def take_list(self, segments: Sequence[Segment]) -> None:
+        """Take the table of a list sweep, unless it is empty, too long or not ascending."""
+        edges = [hertz for one in segments for hertz in (one.start_hz, one.stop_hz)]
+        ascending = all(first < last for first, last in pairwise(edges))
+        fits = all(one.points >= 2 for one in segments) and sum(one.points for one in segments) <= self.limits("points")[1]
+        if not (segments and ascending and fits and edges[0] >= self.limits("start")[0] and edges[-1] <= self.limits("stop")[1]):
+            self.error_response("execution_error")
+            return
+        self._segments = tuple(segments)
+
+    def _settle(self) -> None:
+        if self._ends_s is not None and self.clock.now() >= self._ends_s:
+            self._ends_s = None
+            self.ended()
+        super()._settle()
+
+    def _reset(self, argument: str) -> None:
+        super()._reset(argument)
+        self.set_continuous(True)
+        self._ends_s = None
+        self._enabled = dict.fromkeys(self._enabled, False)
+        self._segments = ()
+        self._averaged = 0
+
+    def _sweep_settings(self) -> tuple[float, ...]:
+        return (*self.axis(), self.value("bandwidth_factor"))
+
+    def _point_averages(self) -> int:
+        return int(self.value("point_averages")) if self.value("point_averaging") == "1" else 1
+
+    def _averages(self) -> int:
+        """Of how many readings each point is the mean."""
+        if self.value("sweep_averaging") != "1":
+            return self._point_averages()
+        most = int(self.value("sweep_averages"))
+        return self._point_averages() * (most if self.sweeps_continuously() else max(1, min(self._averaged, most)))
+
+    def _measure(self) -> None:
+        # Standards that were one and the same thing leave nothing to divide by; instruments show 9.9E37 then.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            impedance = self._between_open_and_short(self._raw(self._averages()))
+            load = self._standard("load", impedance.size)
+            if load is not None:
+                s = 2j * np.pi * self.axis()
+                impedance = impedance * (self.value("load_ohm") + s * self.value("load_henry")) / self._between_open_and_short(load)
+        self._measured = np.where(np.isfinite(impedance), impedance, OVERFLOW_OHM)
+        self._measured_with = self._sweep_settings()
+        self._measured_until_s = self.clock.now()
+
+    def _raw(self, averages: int) -> ComplexArray:
+        """What the bridge sees: the device under test behind the fixture."""
+        frequency_hz = self.axis()
+        s = 2j * np.pi * frequency_hz
+        device = self.wiring.impedance_ohm(frequency_hz, int(self.value("bandwidth_factor")), averages)
+        raw: ComplexArray = FIXTURE_OHM + s * FIXTURE_HENRY + device / (1 + device * (FIXTURE_SIEMENS + s * FIXTURE_FARAD))
+        return raw
+
+    def _between_open_and_short(self, impedance: ComplexArray) -> ComplexArray:
+        """Take the fixture out: in series what the short leaves of its own value, across it what the open leaves of its own."""
+        short, open_ = self._standard("short", impedance.size), self._standard("open", impedance.size)
+        s = 2j * np.pi * self.axis()
+        series = 0.0 if short is None else short - self.value("short_ohm") - s * self.value("short_henry")
+        behind: ComplexArray = impedance - series
+        if open_ is None:
+            return behind
+        across = 1 / (open_ - series) - self.value("open_siemens") - s * self.value("open_farad")
+        corrected: ComplexArray = behind / (1 - behind * across)
+        return corrected
+
+    def _standard(self, name: str, points: int) -> ComplexArray | None:
+        """What was read with a standard connected, if that compensation is on and has a value for each point."""
+        standard = self._standards.get(name)
+        return standard if self._enabled[name] and standard is not None and standard.size == points else None
+
+
+def pairs(values: ComplexArray | FloatArray) -> FloatArray:
+    """Real and imaginary parts by turns."""
+    interleaved: FloatArray = np.column_stack([np.real(values), np.imag(values)]).ravel()
+    return interleaved

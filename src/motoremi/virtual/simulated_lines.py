@@ -1,0 +1,67 @@
+"""A simulated tachometer or thermometer that sends lines of text, by itself or when it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from motoremi.bench.clock import Clock
+from motoremi.schema.text_lines import Lines
+from motoremi.virtual.simulated_device import MESSAGE_S, SimulatedDevice, Wiring
+
+# What it says if nobody tells it otherwise.
+PLAIN = (
+    Lines(example="n=3000.0 T=23.0", pattern=r"n=([\d.]+) T=[\d.]+", unit="rpm"),
+    Lines(example="n=3000.0 T=23.0", pattern=r"n=[\d.]+ T=([\d.]+)", unit="degC"),
+)
+EVERY_S = 0.25
+
+
+class SimulatedLineReader(SimulatedDevice):
+    """It writes the motor's state into lines like the example that it is given."""
+
+    # A restart does not change how it talks.
+    _lines: tuple[Lines, ...] = PLAIN
+    _talks = False
+    _said = 0
+
+    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+        super().__init__("line_reader.yaml", wiring, clock)
+
+    def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
+        """Send lines like these examples."""
+        self._lines = tuple(Lines.model_validate(entry["lines"]) for entry in options.values() if entry.get("lines")) or PLAIN
+        self._talks = not self._lines[0].ask
+
+    def commands(self) -> dict[str, Callable[[str], bytes | None]]:
+        """It knows none: any line asks it."""
+        return {}
+
+    def busy_until(self) -> float:
+        """It is never busy."""
+        return self.clock.now()
+
+    def take_answers(self) -> bytes:
+        """All that waits to be read; one that talks by itself has always just begun the next line."""
+        waiting = super().take_answers()
+        if self._talks and not waiting:
+            self.clock.sleep(EVERY_S)
+            waiting = self._line() + self.line_end()
+        return waiting
+
+    def line_end(self) -> bytes:
+        """What ends a line."""
+        return b"\r" if self._lines[0].line_end == "CR" else b"\r\n"
+
+    def _match(self, query: bytes) -> Any:
+        self.clock.sleep(MESSAGE_S)
+        return self._line()
+
+    def _line(self) -> bytes:
+        examples = list(dict.fromkeys(lines.example for lines in self._lines))
+        line = example = examples[self._said % len(examples)]
+        self._said += 1
+        for lines in self._lines:
+            if lines.example == example:
+                line = lines.written(line, getattr(self.wiring.stand, lines.quantity))
+        return line.encode("ascii", "replace")

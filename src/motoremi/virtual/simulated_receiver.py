@@ -1,0 +1,147 @@
+"""What the simulated receivers share: a scan of what arrives, overload, units and transfer formats."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from motoremi.arrays import FloatArray
+from motoremi.bench.clock import Clock
+from motoremi.virtual.simulated_device import Wiring
+from motoremi.virtual.simulated_scpi import SimulatedScpi
+
+DETECTORS = {
+    "POS": "peak",
+    "QPE": "quasi-peak",
+    "AVER": "average",
+    "CAV": "cispr-average",
+    "EAV": "cispr-average",
+    "CRMS": "rms-average",
+    "RAV": "rms-average",
+}
+METER_S = 0.160
+# Level at the mixer, in dBuV, above which it compresses.
+MIXER_LIMIT_DBUV = 97.0
+PREAMPLIFIER_DB = 20.0
+RF_OVERLOAD = 1
+BAND_B_HZ: FloatArray = 150e3 + 4.5e3 * np.arange(6634, dtype=np.float64)
+BAND_B_END_HZ = 30e6
+# A scan of so few points is read off the whole band as well: working the stand out takes as long for five points as for all.
+SHORT_SCAN = 8
+# And a scan of so fine a step, much finer than the filter of 9 kHz.
+FINE_STEP_HZ = 1e3
+# More than any receiver stores for one trace, and more than a client should be able to ask of this machine.
+MOST_POINTS = 1_000_000
+NOTHING_DBUV = -200.0
+# What an instrument's own correction adds while it is on: an attenuator in front of it, made up for.
+OWN_CORRECTION_DB = 10.0
+DBUV_OF_0_DBM = 106.98970004336019
+
+
+class SimulatedReceiver(SimulatedScpi):
+    """A receiver whose input is connected to a test stand."""
+
+    def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
+        self._ends_s = 0.0
+        self._frequency_hz: FloatArray = np.zeros(0)
+        self._levels_dbuv: FloatArray = np.zeros(0)
+        self._overload_event = 0
+        super().__init__(profile, wiring, clock)
+
+    def busy_until(self) -> float:
+        """When the running scan ends."""
+        return self._ends_s
+
+    def measure(
+        self, frequency_hz: FloatArray, detector: str, attenuation_db: float, preamplifier: bool, duration_s: float, dwell_s: float | None = None
+    ) -> None:
+        """Start a scan; `detector` is the instrument's word. A sweep dwells on a frequency as long as its filter takes to pass over it."""
+        upwards = frequency_hz.size == 1 or (frequency_hz.size > 1 and frequency_hz[-1] > frequency_hz[0])
+        if not upwards or frequency_hz.size > MOST_POINTS:
+            self.error_response("execution_error")
+            return
+        arriving = self.arriving(frequency_hz, DETECTORS[detector])
+        limit_dbuv = MIXER_LIMIT_DBUV + attenuation_db - (PREAMPLIFIER_DB if preamplifier else 0.0)
+        if np.any(arriving > limit_dbuv):
+            self._overload_event |= RF_OVERLOAD
+        self._frequency_hz = frequency_hz
+        self._levels_dbuv = np.minimum(arriving, limit_dbuv) + settling_db(DETECTORS[detector], dwell_s or duration_s / frequency_hz.size)
+        self._ends_s = self.clock.now() + duration_s
+
+    def arriving(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
+        """Level at the input in dBuV."""
+        return arriving_dbuv(self.wiring, frequency_hz, detector)
+
+    def stop(self) -> None:
+        """Stop the running scan."""
+        self._ends_s = self.clock.now()
+
+    def levels(self, unit: str) -> FloatArray:
+        """Levels of the last scan, with the instrument's own correction."""
+        return self._levels_dbuv + self.correction_db() - (DBUV_OF_0_DBM if unit == "DBM" else 0.0)
+
+    def correction_db(self) -> float:
+        """What the instrument adds to its levels by itself."""
+        return OWN_CORRECTION_DB if self.value("own_correction") == "ON" else 0.0
+
+    def read_overload(self) -> bytes:
+        """The overload event register, which reading clears."""
+        event, self._overload_event = self._overload_event, 0
+        return str(event).encode()
+
+    def _clear_status(self, argument: str) -> None:
+        super()._clear_status(argument)
+        self._overload_event = 0
+
+    def _reset(self, argument: str) -> None:
+        # As on the X-series, whose corrections and external gain outlive a reset; and so does what is installed.
+        kept = {name: self.value(name) for name in ("own_correction", "external_gain", "emi_option") if name in self._properties}
+        super()._reset(argument)
+        for name, value in kept.items():
+            self._properties[name].init_value(str(value))
+
+
+def settling_db(detector: str, dwell_s: float) -> float:
+    """How far a meter has come in its dwell, in dB: two equal poles of 160 ms (CISPR 16-1-1, band B) that start from zero.
+
+    Peak and the linear average have no meter.
+    """
+    if detector in ("peak", "average"):
+        return 0.0
+    x = dwell_s / METER_S
+    return 20 * math.log10(max(1 - (1 + x) * math.exp(-x), 1e-5))
+
+
+def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
+    """Level at the input in dBuV: what the stand says within band B, read off one scan of that band for any other frequencies.
+
+    The simulated stand has nothing outside of the band.
+    """
+    if frequency_hz.size <= SHORT_SCAN or frequency_hz[1] - frequency_hz[0] < FINE_STEP_HZ:
+        return read_off_the_band(wiring, frequency_hz, detector)
+    inside = BAND_B_HZ[0] <= frequency_hz[0] and frequency_hz[-1] <= BAND_B_END_HZ
+    if inside and frequency_hz.size <= 2 * BAND_B_HZ.size:
+        return wiring.level_dbuv(frequency_hz, detector)
+    return read_off_the_band(wiring, frequency_hz, detector)
+
+
+def read_off_the_band(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
+    """Level at any frequencies from one scan of band B, which takes the stand seconds to work out, but only once."""
+    level = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector))
+    # The last step of the band ends a little before 30 MHz.
+    inside = (BAND_B_HZ[0] <= frequency_hz) & (frequency_hz <= BAND_B_END_HZ)
+    return np.where(inside, level, NOTHING_DBUV)
+
+
+def steps(start_hz: float, stop_hz: float, step_hz: float) -> FloatArray:
+    """Frequencies of a scan table, none if there are too many; the small addition keeps a last step that rounding would lose."""
+    if step_hz * MOST_POINTS < stop_hz - start_hz:
+        return np.zeros(0)
+    axis: FloatArray = start_hz + step_hz * np.arange(int((stop_hz - start_hz) / step_hz + 1e-6) + 1, dtype=np.float64)
+    return axis
+
+
+def ascii_levels(levels: FloatArray) -> bytes:
+    """Levels as text."""
+    return ",".join(f"{level:.3f}" for level in levels).encode()
