@@ -75,7 +75,7 @@ def test_an_adapter_that_somebody_changes_stops_the_run(tmp_path: Path, bench: S
     writer = SessionWriter.create(tmp_path / "s", start_document(procedure("4294a", SWEEP, OPEN_SWEEP), BENCH_FILE))
 
     def meddle(_: str) -> None:
-        bench.devices["analyser"]._properties["adapter"].set_value("M1")
+        bench.devices["analyser"].set_value("adapter", "M1")
 
     with pytest.raises(InstrumentError, match="adapter is '1m', was 'none'"):
         run(procedure("4294a", SWEEP, OPEN_SWEEP), bench, writer, analyse=lambda *_: None, prompt=meddle)

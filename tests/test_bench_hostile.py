@@ -83,5 +83,5 @@ def test_a_line_without_end_does_not_fill_the_memory(name: str) -> None:
     healthy = identity(device)
     for _ in range(100):
         converse(device, b"x" * 65536)
-    assert len(device._input_buffer) <= 1 << 20
+    assert len(device._incoming) <= 1 << 20
     assert identity(device) == healthy

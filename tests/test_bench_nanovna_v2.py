@@ -102,7 +102,7 @@ def test_an_instrument_left_in_the_middle_of_its_data_is_found_again(bench: Simu
 
 
 def test_what_speaks_another_language_is_refused(bench: SimulatedBench, analyser: NanoVnaV2, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(device_of(bench), "_match", lambda query: b"?")
+    monkeypatch.setattr(device_of(bench), "respond", lambda query: b"?")
     with pytest.raises(InstrumentError, match="does not answer 'indicate' with '2'; choose another driver"):
         analyser.reset()
 

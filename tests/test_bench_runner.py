@@ -180,7 +180,7 @@ def test_an_instrument_that_fails_keeps_what_was_measured(
         nonlocal sweeps
         sweeps += document["kind"] == "sweep"
         if sweeps == 5:
-            monkeypatch.setattr(device, "_match", lambda query: b'-200,"EXECUTION ERROR"' if query == b"OUTPERRO?" else b"")
+            monkeypatch.setattr(device, "respond", lambda query: b'-200,"EXECUTION ERROR"' if query == b"OUTPERRO?" else b"")
 
     with pytest.raises(InstrumentError, match="expected a binary block"):
         measure(tmp_path / "s", procedure, bench, listener=fail_at_the_fifth)

@@ -34,10 +34,10 @@ def hostile_bench() -> SimulatedBench:
     """A bench whose analyser has a serial number that tries to take over terminal and page."""
     bench = SimulatedBench(SEED)
     device = bench.devices["analyser"]
-    healthy = device._match
+    healthy = device.respond
     serial = HOSTILE.replace(",", "").replace("\r\n", " ")
     identity = f"HEWLETT-PACKARD,4294A,{serial},REV1.11".encode("latin-1", "replace")
-    device._match = lambda query: identity if query == b"*IDN?" else healthy(query)  # type: ignore[method-assign]
+    device.respond = lambda query: identity if query == b"*IDN?" else healthy(query)
     return bench
 
 
@@ -76,8 +76,8 @@ def test_hostile_answers_end_in_one_clean_line(
 ) -> None:
     bench = SimulatedBench(SEED)
     for device in bench.devices.values():
-        healthy = device._match
-        device._match = lambda asked, healthy=healthy: HOSTILE.encode("utf-8") if asked.decode() == query else healthy(asked)  # type: ignore[method-assign, misc]
+        healthy = device.respond
+        device.respond = lambda asked, healthy=healthy: HOSTILE.encode("utf-8") if asked.decode() == query else healthy(asked)  # type: ignore[misc]
     monkeypatch.setattr("motoremi.run.runner.make_bench", lambda bench_file: bench)
     monkeypatch.setattr("motoremi.cli.bench.ask_operator", lambda text: None)
     monkeypatch.setattr(sys, "argv", ["motoremi", "run", "full_motor_test", "--out", str(tmp_path / "s")])

@@ -183,14 +183,14 @@ def test_a_fault_in_one_message_does_not_end_the_server(
 ) -> None:
     with served("4294a", over) as (server, _):
         device = server._device
-        healthy = device._match
+        healthy = device.respond
 
         def faulty(query: bytes) -> object:
             if query.startswith(b"*TRG"):
                 raise ZeroDivisionError("two\nlines")
             return healthy(query)
 
-        monkeypatch.setattr(device, "_match", faulty)
+        monkeypatch.setattr(device, "respond", faulty)
         link = open_transport(manager, server.resource, timeout_s=0.3)
         link.write("*TRG")
         with pytest.raises(InstrumentError):

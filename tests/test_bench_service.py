@@ -24,7 +24,8 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.run.rerun import rerun
 from motoremi.run.runner import run, start_document
 from motoremi.schema.procedure import parse_procedure
-from motoremi.virtual.simulated_bench import BenchLibrary, SimulatedBench
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.visa_library import BenchLibrary
 
 REQUEST, QUEUE = EventType.service_request, EventMechanism.queue
 # What each driver looks at to see whether it is done, and what it starts the measurement with.

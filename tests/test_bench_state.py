@@ -285,14 +285,14 @@ def test_a_supply_that_restarts_ends_the_run_but_keeps_the_spectrum(tmp_path: Pa
     supply = placed(bench, "supply")
     layer = FaultLayer(supply, "restart", 10**9)
     receiver = bench.devices["receiver"]
-    healthy = receiver._match
+    healthy = receiver.respond
 
     def restart_during_the_scan(query: bytes) -> Any:
         if query.startswith(b"INIT2") and bench.stand.driven:
             layer.at = 0
         return healthy(query)
 
-    monkeypatch.setattr(receiver, "_match", restart_during_the_scan)
+    monkeypatch.setattr(receiver, "respond", restart_during_the_scan)
     with pytest.raises(InstrumentError, match="did it restart"):
         measure(tmp_path / "s", bench)
     session = load(tmp_path / "s")

@@ -125,7 +125,7 @@ def test_the_filter_is_told_and_quasi_peak_needs_the_right_one(bench: SimulatedB
 )
 def test_without_the_option_only_gaussian_filters_are_there(bench: SimulatedBench, name: str, option: str) -> None:
     driver = opened(bench, name)
-    bench.devices["receiver"]._properties["emi_option"].init_value("OFF")
+    bench.devices["receiver"].set_value("emi_option", "OFF")
     driver.reset()
     with pytest.raises(InstrumentError, match=f"-222.*the 6 dB EMI filter and quasi-peak need {option}") as caught:
         driver.configure(150e3, 30e6, 1e6, 9e3)
@@ -160,8 +160,8 @@ def test_corrections_of_the_instrument_are_switched_off(bench: SimulatedBench, n
     left = bench.devices["receiver"]
     # What somebody left on, which a reset does not take away everywhere.
     for setting, value in {"own_correction": "ON", "level_offset": "6", "external_gain": "20"}.items():
-        if setting in left._properties:
-            left._properties[setting].init_value(value)
+        if left.has(setting):
+            left.set_value(setting, value)
     driver.reset()
     assert driver.own_correction is True
     settings = driver.configure(150e3, 30e6, 1e6)

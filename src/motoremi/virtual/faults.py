@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 import numpy as np
-from pyvisa_sim.component import NoResponse
 
 from motoremi.errors import BadInput
 from motoremi.virtual.simulated_device import SimulatedDevice, definite_block
@@ -52,45 +51,36 @@ class FaultLayer:
         self.at = at
         self.struck = False
         self.exchanges = 0
-        self._inner = device._match
+        self._healthy = device.respond
         self._act, self._lasting, _ = FAULTS[kind]
-        device._match = self._match  # type: ignore[method-assign]
+        device.respond = self._respond
 
-    def _match(self, query: bytes) -> Any:
+    def _respond(self, query: bytes) -> bytes | None:
         self.exchanges += 1
         if self.exchanges > MOST_EXCHANGES:
             raise OutOfMind(f"{MOST_EXCHANGES} exchanges, the last one {query!r}")
         if self.exchanges < self.at or (self.struck and not self._lasting):
-            return self._inner(query)
+            return self._healthy(query)
         return self._act(self, query)
 
     def strike(self) -> None:
         """Note that it happens now."""
         self.struck = True
 
-    def answer(self, query: bytes) -> Any:
+    def answer(self, query: bytes) -> bytes | None:
         """What the healthy instrument says."""
-        return self._inner(query)
-
-    def restart(self) -> None:
-        """Power off and on: every setting at its default, nothing compensated, answers gone."""
-        name = str(self.device.resource_name)
-        type(self.device).__init__(self.device, self.device.wiring, self.device.clock)  # type: ignore[call-arg]
-        self.device.resource_name = name
-        del self.device._match
-        self._inner = self.device._match
-        self.device._match = self._match  # type: ignore[method-assign]
+        return self._healthy(query)
 
 
-Act = Callable[[FaultLayer, bytes], Any]
+Act = Callable[[FaultLayer, bytes], bytes | None]
 
 
 def _changed(change: Callable[[bytes], bytes | None]) -> Act:
     """A fault in the answer: the first answer that can be changed in this way."""
 
-    def act(layer: FaultLayer, query: bytes) -> Any:
+    def act(layer: FaultLayer, query: bytes) -> bytes | None:
         answer = layer.answer(query)
-        if answer is NoResponse or (changed := change(bytes(answer))) is None or changed == answer:
+        if answer is None or (changed := change(answer)) is None or changed == answer:
             return answer
         layer.strike()
         return changed
@@ -98,21 +88,21 @@ def _changed(change: Callable[[bytes], bytes | None]) -> Act:
     return act
 
 
-def _silent(layer: FaultLayer, query: bytes) -> Any:
-    if layer.answer(query) is not NoResponse:
+def _silent(layer: FaultLayer, query: bytes) -> bytes | None:
+    if layer.answer(query) is not None:
         layer.strike()
-    return NoResponse
+    return None
 
 
-def _dead(layer: FaultLayer, query: bytes) -> Any:
+def _dead(layer: FaultLayer, query: bytes) -> bytes | None:
     layer.strike()
-    return NoResponse
+    return None
 
 
 def _delayed(seconds: float) -> Act:
-    def act(layer: FaultLayer, query: bytes) -> Any:
+    def act(layer: FaultLayer, query: bytes) -> bytes | None:
         answer = layer.answer(query)
-        if answer is not NoResponse:
+        if answer is not None:
             layer.strike()
             layer.device.answer_due_s = layer.device.clock.now() + seconds
         return answer
@@ -125,14 +115,14 @@ def _dropped(layer: FaultLayer, query: bytes) -> NoReturn:
     raise ConnectionResetError("connection reset by peer")
 
 
-def _error_entry(layer: FaultLayer, query: bytes) -> Any:
+def _error_entry(layer: FaultLayer, query: bytes) -> bytes | None:
     layer.strike()
     answer = layer.answer(query)
-    layer.device.error_response("execution_error")
+    layer.device.note_error("execution_error")
     return answer
 
 
-def _wrong_identity(layer: FaultLayer, query: bytes) -> Any:
+def _wrong_identity(layer: FaultLayer, query: bytes) -> bytes | None:
     answer = layer.answer(query)
     if query.strip().upper() != b"*IDN?":
         return answer
@@ -140,7 +130,7 @@ def _wrong_identity(layer: FaultLayer, query: bytes) -> Any:
     return b"ACME,\x1b[31m9000,0,1.0"
 
 
-def _overload(layer: FaultLayer, query: bytes) -> Any:
+def _overload(layer: FaultLayer, query: bytes) -> bytes | None:
     answer = layer.answer(query)
     if b"QUES:POW" not in query.upper():
         return answer
@@ -148,20 +138,20 @@ def _overload(layer: FaultLayer, query: bytes) -> Any:
     return b"1"
 
 
-def _restarted(layer: FaultLayer, query: bytes) -> Any:
+def _restarted(layer: FaultLayer, query: bytes) -> bytes | None:
     layer.strike()
-    layer.restart()
+    layer.device.power_on()
     return layer.answer(query)
 
 
-def _dbm(layer: FaultLayer, query: bytes) -> Any:
+def _dbm(layer: FaultLayer, query: bytes) -> bytes | None:
     """Somebody switched the receiver to dBm, or the analyser to kHz."""
     answer = layer.answer(query)
     if b"UNIT" in query.upper() and query.endswith(b"?"):
         return b"DBM"
-    if answer is NoResponse:
+    if answer is None:
         return answer
-    if b"TRAC" in query.upper() and (levels := _numbers(bytes(answer))) is not None and levels.size > 1:
+    if b"TRAC" in query.upper() and (levels := _numbers(answer)) is not None and levels.size > 1:
         layer.strike()
         return ",".join(f"{level - DBM_BELOW_DBUV:.3f}" for level in levels).encode()
     if b"STAR" in query.upper() or b"STOP" in query.upper():

@@ -8,11 +8,10 @@ from functools import partial
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.bench.clock import Clock
 from motoremi.virtual.shown_quantities import PAIRS, QUANTITIES
 from motoremi.virtual.simulated_band import band_commands
 from motoremi.virtual.simulated_bridge import Segment, SimulatedBridge, pairs
-from motoremi.virtual.simulated_device import Wiring, definite_block, number_text
+from motoremi.virtual.simulated_device import definite_block, number_text
 
 SWEEP_COMPLETE = 1
 COMPENSATION_COMPLETE = 256
@@ -31,9 +30,12 @@ class Simulated4294A(SimulatedBridge):
     family; on the 4294A they are unconfirmed, and so are the numbers of the errors other than 137.
     """
 
+    profile = "agilent_4294a.yaml"
     LIST = "LIST"
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+    def power_on(self) -> None:
+        """Values as text, no list, no adapter."""
+        super().power_on()
         self._format = "FORM4"
         self._events = 0
         self._event_at_end = SWEEP_COMPLETE
@@ -41,7 +43,6 @@ class Simulated4294A(SimulatedBridge):
         self._edited: list[Segment] = []
         self._segment: dict[str, float] | None = None
         self._adapter_data: set[str] = set()
-        super().__init__("agilent_4294a.yaml", wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the 4294A computes."""
@@ -100,13 +101,13 @@ class Simulated4294A(SimulatedBridge):
 
     def _group(self, argument: str) -> None:
         if not argument.isdigit() or not 1 <= int(argument) <= 999:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._trigger(int(argument))
 
     def _bus_trigger(self) -> None:
         if self.value("trigger") != "BUS":
-            self.error_response("trigger_ignored")
+            self.note_error("trigger_ignored")
             return
         self._trigger(1)
 
@@ -123,14 +124,14 @@ class Simulated4294A(SimulatedBridge):
             text = number_text(argument)
             low, high = self.limits(name)
             if text is None or not low <= float(text) <= high:
-                self.error_response("execution_error")
+                self.note_error("execution_error")
                 return
             self._segment[name] = float(text)
             return
         super()._assign(name, argument)
         if name.startswith("bias") and abs(self.bias_current_a()) > BIAS_RANGES_A[self.value("bias_range")]:
-            self._properties["bias"].set_value("0")
-            self.error_response("bias_overload")
+            self.set_value("bias", "0")
+            self.note_error("bias_overload")
 
     def _edit(self, segments: list[Segment]) -> None:
         self._edited, self._segment = segments, None
@@ -141,7 +142,7 @@ class Simulated4294A(SimulatedBridge):
     def _end_segment(self) -> None:
         segment, self._segment = self._segment, None
         if segment is None or segment.keys() != {"start", "stop", "points"}:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._edited.append(Segment(segment["start"], segment["stop"], int(segment["points"])))
 
@@ -150,7 +151,7 @@ class Simulated4294A(SimulatedBridge):
 
     def _measure_for_adapter(self, letter: str, _: str) -> None:
         if letter not in ADAPTERS[self.value("adapter")]:
-            self.error_response("settings_conflict")
+            self.note_error("settings_conflict")
             return
         self._adapter_data.add(letter)
         self._event_at_end = COMPENSATION_COMPLETE
@@ -158,14 +159,14 @@ class Simulated4294A(SimulatedBridge):
 
     def _end_adapter(self) -> None:
         if self._adapter_data != set(ADAPTERS[self.value("adapter")]):
-            self.error_response("settings_conflict")
+            self.note_error("settings_conflict")
         self._adapter_data.clear()
 
     def _print_compensation(self, standard: str, _: str) -> bytes | None:
         """The open standard as G and B, the others as R and X."""
         kept = self.kept_standard(standard)
         if kept is None:
-            self.error_response("no_compensation")
+            self.note_error("no_compensation")
             return None
         return self._array(pairs(1 / kept[1] if standard == "open" else kept[1]))
 
@@ -175,7 +176,7 @@ class Simulated4294A(SimulatedBridge):
         except ValueError:
             values = np.zeros(0)
         if values.size != 2 * self.axis().size:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         complex_ = values[::2] + 1j * values[1::2]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -41,7 +41,7 @@ def band_commands(device: SimulatedDevice, center: str, span: str, start: str, s
         text = number_text(argument)
         value = math.nan if text is None else float(text)
         if not math.isfinite(value) or (width and value < 0):
-            device.error_response("execution_error")
+            device.note_error("execution_error")
             return
         first, last = edges()
         limits = float(device.limits(start)[0]), float(device.limits(stop)[1])

@@ -10,8 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.bench.clock import Clock
-from motoremi.virtual.simulated_device import SimulatedDevice, Wiring
+from motoremi.virtual.simulated_device import SimulatedDevice
 
 SWEEP_OVERHEAD_S = 0.04
 OVERFLOW_OHM = 9.9e37
@@ -44,7 +43,9 @@ class SimulatedBridge(SimulatedDevice):
     # Order of magnitude; makers give no figures.
     SECONDS_PER_POINT: ClassVar[tuple[float, ...]] = (0.003, 0.006, 0.012, 0.06, 0.2)
 
-    def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
+    def power_on(self) -> None:
+        """Sweeping continuously, nothing compensated."""
+        super().power_on()
         self._ends_s: float | None = None
         self._measured: ComplexArray | None = None
         self._measured_with: tuple[float, ...] = ()
@@ -56,7 +57,6 @@ class SimulatedBridge(SimulatedDevice):
         self._standards: dict[str, ComplexArray] = {}
         self._standard_axes: dict[str, FloatArray] = {}
         self._enabled = {"open": False, "short": False, "load": False}
-        super().__init__(profile, wiring, clock)
 
     def busy_until(self) -> float:
         """When the running sweep or compensation ends."""
@@ -141,14 +141,14 @@ class SimulatedBridge(SimulatedDevice):
         """Switch a compensation on or off; an error if the standard was never measured."""
         on = argument.upper() in ("ON", "1")
         if on and standard not in self._standards:
-            self.error_response("no_compensation")
+            self.note_error("no_compensation")
             return
         self._enabled[standard] = on
 
     def _assign(self, name: str, argument: str) -> None:
         """Set a property; of start and stop, the one that is set pushes the other along, and a list sweep needs its list."""
         if name == "spacing" and self.fold_word(argument) == self.LIST and not self._segments:
-            self.error_response("no_list")
+            self.note_error("no_list")
             return
         super()._assign(name, argument)
         if name in ("start", "stop") and self.value("start") > self.value("stop"):
@@ -160,7 +160,7 @@ class SimulatedBridge(SimulatedDevice):
         ascending = all(first < last for first, last in pairwise(edges))
         fits = all(one.points >= 2 for one in segments) and sum(one.points for one in segments) <= self.limits("points")[1]
         if not (segments and ascending and fits and edges[0] >= self.limits("start")[0] and edges[-1] <= self.limits("stop")[1]):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._segments = tuple(segments)
 

@@ -8,11 +8,10 @@ from functools import partial
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.bench.clock import Clock
 from motoremi.virtual.shown_quantities import QUANTITIES
 from motoremi.virtual.simulated_band import band_commands
 from motoremi.virtual.simulated_bridge import Segment, SimulatedBridge, pairs
-from motoremi.virtual.simulated_device import Wiring, definite_block
+from motoremi.virtual.simulated_device import definite_block
 from motoremi.virtual.simulated_scpi import SimulatedScpi
 
 PARAMETER_COUNT = 4
@@ -51,11 +50,13 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
 
     # `SENS:APER:TIME` is `SENS:APER`, `TRIG:SEQ:AVER` is `TRIG:AVER`.
     IMPLIED_NODES = SimulatedScpi.IMPLIED_NODES | {"TIME", "SEQ"}
+    profile = "keysight_e4990a.yaml"
     LIST = "SEGM"
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+    def power_on(self) -> None:
+        """Parameter 1 is selected."""
+        super().power_on()
         self._selected = 1
-        super().__init__("keysight_e4990a.yaml", wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the E4990A computes."""
@@ -98,7 +99,7 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
 
     def _trigger(self, source: str) -> None:
         if self.value("trigger") != source:
-            self.error_response("trigger_ignored")
+            self.note_error("trigger_ignored")
             return
         self.sweep(int(self.value("sweep_averages")) if self.value("sweep_averaging") == self.value("averaging_trigger") == "1" else 1)
 
@@ -109,7 +110,7 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
             values = []
         head, rows = values[: len(SEGMENT_HEAD) + 1], values[len(SEGMENT_HEAD) + 1 :]
         if tuple(head[:-1]) != SEGMENT_HEAD or len(rows) != 3 * head[-1]:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self.take_list([Segment(rows[i], rows[i + 1], int(rows[i + 2])) for i in range(0, len(rows), 3)])
 
@@ -139,7 +140,7 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
 
     def _select(self, parameter: int, _: str) -> None:
         if parameter > int(self.value("parameters")):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._selected = parameter
 

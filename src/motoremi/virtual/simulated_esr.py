@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
 
 import numpy as np
 
-from motoremi.bench.clock import Clock
 from motoremi.virtual.simulated_band import band_commands
-from motoremi.virtual.simulated_device import Wiring, definite_block
+from motoremi.virtual.simulated_device import definite_block
 from motoremi.virtual.simulated_receiver import SimulatedReceiver, ascii_levels, steps
 
 
 class SimulatedESR(SimulatedReceiver):
     """An ESR whose input is connected to a test stand."""
 
-    profile: ClassVar[str] = "rohde_schwarz_esr.yaml"
+    profile = "rohde_schwarz_esr.yaml"
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+    def power_on(self) -> None:
+        """Marker at the first point, LISN at its first line."""
+        super().power_on()
         self._marker = 0
         self._line = "L1"
-        super().__init__(self.profile, wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the ESR computes."""
@@ -61,7 +60,7 @@ class SimulatedESR(SimulatedReceiver):
 
     def _switch_line(self, argument: str) -> None:
         if argument.upper() not in ("L1", "L2", "L3", "N"):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._line = argument.upper()
         self.wiring.at_line(self._line)
@@ -71,7 +70,7 @@ class SimulatedESR(SimulatedReceiver):
 
     def _trace(self, argument: str) -> bytes | None:
         if argument.upper() != "TRACE1":
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return None
         levels = self.levels(self.value("unit"))
         return ascii_levels(levels) if self.value("format") == "ASC" else definite_block(levels, "<f4")

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.bench.clock import Clock
 from motoremi.simulate.vna import RAW, SimulatedVna
-from motoremi.virtual.simulated_device import SimulatedDevice, Wiring
+from motoremi.virtual.simulated_device import SimulatedDevice
 from motoremi.virtual.simulated_nanovna import behind_clips
 
 # As the Programming Guide writes them: the capitals alone will do, and a node of capitals alone has no short form. `ACTIVE` of a trace's
@@ -30,13 +29,16 @@ SETTLING_S = 2e-4
 class SimulatedLibreVna(SimulatedDevice):
     """A LibreVNA whose port 1 is calibrated and connected to a test stand by clips; nothing is connected to port 2."""
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+    profile = "librevna.yaml"
+
+    def power_on(self) -> None:
+        """Calibrated and sweeping."""
+        super().power_on()
         self._calibration = POWER_ON_CALIBRATION
         self._begun_s: float | None = None
         self._single = False
         self._s11: ComplexArray | None = None
-        super().__init__("librevna.yaml", wiring, clock)
-        self._calibrated, self._raw = SimulatedVna(wiring.seed), SimulatedVna(wiring.seed, RAW)
+        self._calibrated, self._raw = SimulatedVna(self.wiring.seed), SimulatedVna(self.wiring.seed, RAW)
         self._run("")
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
@@ -88,7 +90,7 @@ class SimulatedLibreVna(SimulatedDevice):
 
     def _set_single(self, argument: str) -> None:
         if argument.upper() not in TRUE + FALSE:
-            self.error_response("command_error")
+            self.note_error("command_error")
             return
         before, self._single = self._single, argument.upper() in TRUE
         # Said again while a sweep runs it starts none.
@@ -102,12 +104,12 @@ class SimulatedLibreVna(SimulatedDevice):
             try:
                 value = float(argument.split(" ")[0])
             except ValueError:
-                self.error_response("command_error")
+                self.note_error("command_error")
                 return
             value = min(max(value, float(specs["min"])), float(specs["max"]))
             argument = str(int(value)) if specs["type"] == "int" else repr(value)
         elif argument.upper() not in specs["valid"]:
-            self.error_response("command_error")
+            self.note_error("command_error")
             return
         super()._assign(name, argument)
         if name in ("start", "stop") and self.value("start") > self.value("stop"):
@@ -139,14 +141,14 @@ class SimulatedLibreVna(SimulatedDevice):
 
     def _of_trace(self, name: str, answer: str) -> bytes | None:
         if name.upper() not in (*TRACES, *map(str, range(len(TRACES)))):
-            self.error_response("command_error")
+            self.note_error("command_error")
             return None
         return answer.encode()
 
     def _activate(self, argument: str) -> None:
         known = {kind.upper(): kind for kind in ("SOLT_12", "OSL_1", "ThroughNormalization_12", "None")}
         if argument.upper() not in known:
-            self.error_response("command_error")
+            self.note_error("command_error")
             return
         self._calibration = known[argument.upper()]
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from motoremi.bench.clock import Clock
 from motoremi.schema.text_lines import Lines
-from motoremi.virtual.simulated_device import MESSAGE_S, SimulatedDevice, Wiring
+from motoremi.virtual.simulated_device import MESSAGE_S, SimulatedDevice
 
 # What it says if nobody tells it otherwise.
 PLAIN = (
@@ -20,13 +19,11 @@ EVERY_S = 0.25
 class SimulatedLineReader(SimulatedDevice):
     """It writes the motor's state into lines like the example that it is given."""
 
-    # A restart does not change how it talks.
+    profile = "line_reader.yaml"
+    # Set by `use`; power-on does not change them.
     _lines: tuple[Lines, ...] = PLAIN
     _talks = False
     _said = 0
-
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__("line_reader.yaml", wiring, clock)
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
         """Send lines like these examples."""
@@ -53,7 +50,8 @@ class SimulatedLineReader(SimulatedDevice):
         """What ends a line."""
         return b"\r" if self._lines[0].line_end == "CR" else b"\r\n"
 
-    def _match(self, query: bytes) -> Any:
+    def answer(self, message: bytes) -> bytes | None:
+        """One line, whatever was asked."""
         self.clock.sleep(MESSAGE_S)
         return self._line()
 

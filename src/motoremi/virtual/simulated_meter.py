@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from motoremi.bench.clock import Clock
-from motoremi.virtual.simulated_device import Wiring
 from motoremi.virtual.simulated_scpi import SimulatedScpi
 
 # A reading at 10 power line cycles.
@@ -17,9 +15,12 @@ FUNCTIONS = {"VOLT:DC": "VOLT", "VOLT": "VOLT", "CURR:DC": "CURR", "CURR": "CURR
 class Simulated34461A(SimulatedScpi):
     """A multimeter that is connected to the right thing for whatever it is told to measure."""
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+    profile = "keysight_34461a.yaml"
+
+    def power_on(self) -> None:
+        """It measures direct voltage."""
+        super().power_on()
         self._function = "VOLT"
-        super().__init__("keysight_34461a.yaml", wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the multimeter computes."""
@@ -54,7 +55,7 @@ class Simulated34461A(SimulatedScpi):
     def _set_function(self, argument: str) -> None:
         word = FUNCTIONS.get(self.fold(argument.strip('"')))
         if word is None:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._function = word
 

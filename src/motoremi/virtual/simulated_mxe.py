@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
 
 import numpy as np
 
-from motoremi.bench.clock import Clock
 from motoremi.virtual.simulated_band import band_commands
-from motoremi.virtual.simulated_device import Wiring, definite_block
+from motoremi.virtual.simulated_device import definite_block
 from motoremi.virtual.simulated_receiver import SimulatedReceiver, ascii_levels
 
 INPUT_OVERLOAD = 16
@@ -18,10 +16,7 @@ INPUT_OVERLOAD = 16
 class SimulatedMxe(SimulatedReceiver):
     """An MXE whose input is connected to a test stand."""
 
-    profile: ClassVar[str] = "keysight_mxe.yaml"
-
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__(self.profile, wiring, clock)
+    profile = "keysight_mxe.yaml"
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the MXE computes."""
@@ -41,7 +36,7 @@ class SimulatedMxe(SimulatedReceiver):
 
     def _scan(self) -> None:
         if self.value("mode") != "EMI" or self.value("row_2") != "ON":
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         frequency_hz = np.linspace(self.value("start"), self.value("stop"), self.value("points"))
         preamplifier = self.value("preamplifier") == "ON"
@@ -49,7 +44,7 @@ class SimulatedMxe(SimulatedReceiver):
 
     def _trace(self, argument: str) -> bytes | None:
         if argument.upper() != "TRACE1":
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return None
         order = "<" if self.value("byte_order") == "SWAP" else ">"
         match self.value("format"):

@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.bench.clock import Clock
 from motoremi.simulate.vna import SimulatedVna
 from motoremi.virtual.simulated_device import Wiring
 from motoremi.virtual.simulated_shell import SimulatedShell, integer_axis, lines, whole
@@ -26,9 +25,12 @@ _EDGES = ("start", "stop", "center", "span", "cw")
 class SimulatedNanoVna(SimulatedShell):
     """A NanoVNA whose port 1 is connected to a test stand; nothing is connected to port 2."""
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__("nanovna.yaml", wiring, clock)
-        self._vna = SimulatedVna(wiring.seed)
+    profile = "nanovna.yaml"
+
+    def power_on(self) -> None:
+        """Calibrated, with one sweep measured."""
+        super().power_on()
+        self._vna = SimulatedVna(self.wiring.seed)
         self._calibrated = True
         self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
         self._reflection = self._measure()
@@ -37,8 +39,8 @@ class SimulatedNanoVna(SimulatedShell):
         """What the shell knows."""
         quiet: Callable[[list[str]], str] = lambda _: ""  # noqa: E731
         known: dict[str, Callable[[list[str]], str | bytes]] = {
-            "version": lambda _: lines(self._says("version")),
-            "info": lambda _: lines(self._says("board"), self._says("build"), "Architecture: ARMv7E-M Core Variant: Cortex-M4F"),
+            "version": lambda _: lines(self.texts["version"]),
+            "info": lambda _: lines(self.texts["board"], self.texts["build"], "Architecture: ARMv7E-M Core Variant: Cortex-M4F"),
             "sweep": self._sweep,
             "scan": self._scan,
             "scan_bin": lambda arguments: self._scan(arguments, BINARY),
@@ -53,9 +55,6 @@ class SimulatedNanoVna(SimulatedShell):
             "recall": quiet,
         }
         return {**known, "help": lambda _: lines(f"Commands: {' '.join(known)} help")}
-
-    def _says(self, what: str) -> str:
-        return str(self._dialogues[what.encode()].decode())
 
     def _sweep(self, arguments: list[str]) -> str:
         if not arguments:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from pyvisa_sim.component import NoResponse
 
-from motoremi.bench.clock import Clock
 from motoremi.simulate.vna import RAW, SimulatedVna
-from motoremi.virtual.simulated_device import SimulatedDevice, Wiring
+from motoremi.virtual.simulated_device import SimulatedDevice
 from motoremi.virtual.simulated_nanovna import behind_clips
 
 # Name in the profile -> address and size.
@@ -47,9 +44,12 @@ EARLY_SWEEPS, EARLY_ERROR = 2, 0.02
 class SimulatedNanoVnaV2(SimulatedDevice):
     """A NanoVNA V2 whose port 1 is connected to a test stand by clips; nothing is connected to port 2."""
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__("nanovna_v2.yaml", wiring, clock)
-        self._vna = SimulatedVna(wiring.seed, RAW)
+    profile = "nanovna_v2.yaml"
+
+    def power_on(self) -> None:
+        """Registers as in the profile, nothing measured."""
+        super().power_on()
+        self._vna = SimulatedVna(self.wiring.seed, RAW)
         self._command = bytearray()
         self._registers = bytearray(256)
         for name, (address, size) in REGISTERS.items():
@@ -79,9 +79,9 @@ class SimulatedNanoVnaV2(SimulatedDevice):
             command = bytes(self._command)
             self._command.clear()
             if command[0] != NOTHING:
-                answer = self._match(command)
-                if answer is not NoResponse:
-                    self._output_buffers.append(bytearray(answer))
+                answer = self.respond(command)
+                if answer is not None:
+                    self.answers.append(bytearray(answer))
 
     def _length(self) -> int:
         first = self._command[0]
@@ -94,19 +94,20 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         # What the firmware does not know it takes for a command of three bytes.
         return 2 + WRITE.get(first, 1)
 
-    def _match(self, query: bytes) -> Any:
-        first, address = query[0], query[1] if len(query) > 1 else 0
+    def answer(self, message: bytes) -> bytes | None:
+        """Carry out one command."""
+        first, address = message[0], message[1] if len(message) > 1 else 0
         if first == INDICATE:
             return b"2"
         if first in READ:
             return bytes(self._registers[address : address + READ[first]])
         if first in WRITE:
-            for offset, byte in enumerate(query[2:]):
+            for offset, byte in enumerate(message[2:]):
                 self._registers[(address + offset) % len(self._registers)] = byte
             self._written(address)
         if first == READ_FIFO and address == QUEUE:
-            return self._values(query[2] or self._register("points"))
-        return NoResponse
+            return self._values(message[2] or self._register("points"))
+        return None
 
     def _register(self, name: str) -> int:
         address, size = REGISTERS[name]

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.bench.clock import Clock
 from motoremi.virtual.simulated_device import Wiring
 from motoremi.virtual.simulated_scpi import SimulatedScpi
 
@@ -42,12 +41,13 @@ DBUV_OF_0_DBM = 106.98970004336019
 class SimulatedReceiver(SimulatedScpi):
     """A receiver whose input is connected to a test stand."""
 
-    def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
+    def power_on(self) -> None:
+        """Nothing scanned yet."""
+        super().power_on()
         self._ends_s = 0.0
         self._frequency_hz: FloatArray = np.zeros(0)
         self._levels_dbuv: FloatArray = np.zeros(0)
         self._overload_event = 0
-        super().__init__(profile, wiring, clock)
 
     def busy_until(self) -> float:
         """When the running scan ends."""
@@ -59,7 +59,7 @@ class SimulatedReceiver(SimulatedScpi):
         """Start a scan; `detector` is the instrument's word. A sweep dwells on a frequency as long as its filter takes to pass over it."""
         upwards = frequency_hz.size == 1 or (frequency_hz.size > 1 and frequency_hz[-1] > frequency_hz[0])
         if not upwards or frequency_hz.size > MOST_POINTS:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         arriving = self.arriving(frequency_hz, DETECTORS[detector])
         limit_dbuv = MIXER_LIMIT_DBUV + attenuation_db - (PREAMPLIFIER_DB if preamplifier else 0.0)
@@ -96,10 +96,10 @@ class SimulatedReceiver(SimulatedScpi):
 
     def _reset(self, argument: str) -> None:
         # As on the X-series, whose corrections and external gain outlive a reset; and so does what is installed.
-        kept = {name: self.value(name) for name in ("own_correction", "external_gain", "emi_option") if name in self._properties}
+        kept = {name: self.value(name) for name in ("own_correction", "external_gain", "emi_option") if self.has(name)}
         super()._reset(argument)
         for name, value in kept.items():
-            self._properties[name].init_value(str(value))
+            self.set_value(name, value)
 
 
 def settling_db(detector: str, dwell_s: float) -> float:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 from motoremi.virtual.simulated_device import SimulatedDevice
 
-ERROR_QUEUE = b"SYST:ERR?"
 SCPI_VERSION = b"1999.0"
 # Bits of the operation status register.
 MEASURING = 16
@@ -25,7 +24,7 @@ class SimulatedScpi(SimulatedDevice):
         return {
             "SYST:VERS?": lambda _: SCPI_VERSION,
             "SYST:ERR:ALL?": lambda _: self._all_errors(),
-            "SYST:ERR:COUN?": lambda _: str(len(self._error_queues[ERROR_QUEUE]._queue)).encode(),
+            "SYST:ERR:COUN?": lambda _: str(len(self.errors.entries)).encode(),
             "STAT:PRES": lambda _: None,
             "STAT:OPER:COND?": lambda _: str(MEASURING if self.busy_until() > self.clock.now() else 0).encode(),
             "STAT:QUES:COND?": lambda _: b"0",
@@ -33,10 +32,9 @@ class SimulatedScpi(SimulatedDevice):
 
     def _all_errors(self) -> bytes:
         """The whole error queue at once, which empties it."""
-        queue = self._error_queues[ERROR_QUEUE]
-        entries = [queue.value]
-        while queue._queue:
-            entries.append(queue.value)
+        entries = [self.errors.pop()]
+        while self.errors.entries:
+            entries.append(self.errors.pop())
         return b",".join(entries)
 
     def fold(self, header: str) -> str:
@@ -53,7 +51,7 @@ class SimulatedScpi(SimulatedDevice):
 
     def status_byte(self) -> int:
         """Bit 2 tells of an entry in the error queue, bit 6 requests service."""
-        summary = super().status_byte() | (4 if self._error_queues[ERROR_QUEUE]._queue else 0)
+        summary = super().status_byte() | (4 if self.errors.entries else 0)
         return summary | (64 if summary & int(self.value("service_mask")) else 0)
 
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
-
-from pyvisa_sim.component import NoResponse
 
 from motoremi.bench.clock import Clock
 from motoremi.virtual.simulated_device import MESSAGE_S, SimulatedDevice, Wiring
@@ -24,11 +21,15 @@ class SimulatedShell(SimulatedDevice):
     Subclasses list their commands in `shell_commands()`: name to a function of the arguments that returns what is printed.
     """
 
-    def __init__(self, profile: str, wiring: Wiring, clock: Clock) -> None:
+    def __init__(self, wiring: Wiring, clock: Clock) -> None:
+        super().__init__(wiring, clock)
+        self._shell = self.shell_commands()
+
+    def power_on(self) -> None:
+        """An empty command line."""
+        super().power_on()
         self._line = bytearray()
         self._busy_until_s = 0.0
-        super().__init__(profile, wiring, clock)
-        self._shell = self.shell_commands()
 
     def shell_commands(self) -> dict[str, Callable[[list[str]], str | bytes]]:
         """What the shell knows, by name."""
@@ -48,9 +49,9 @@ class SimulatedShell(SimulatedDevice):
             if byte == _CR:
                 self._say(NEWLINE.encode())
                 line, self._line = bytes(self._line), bytearray()
-                answer = self._match(line)
-                if answer is not NoResponse:
-                    self._say(bytes(answer) + PROMPT)
+                answer = self.respond(line)
+                if answer is not None:
+                    self._say(answer + PROMPT)
             elif byte in _BACKSPACES:
                 del self._line[-1:]
             elif byte >= _FIRST_PRINTABLE and len(self._line) < LINE_LENGTH:
@@ -75,11 +76,12 @@ class SimulatedShell(SimulatedDevice):
         """Set a setting of the profile to the nearest value within its limits, as the firmware does."""
         low, high = self.limits(name)
         kept = min(max(value, low), high)
-        self._properties[name].set_value(str(int(kept) if self._properties[name].specs.type is int else kept))  # type: ignore[union-attr]
+        self.set_value(name, int(kept) if self._data["properties"][name]["specs"]["type"] == "int" else kept)
 
-    def _match(self, query: bytes) -> Any:
+    def answer(self, message: bytes) -> bytes | None:
+        """Run one line and return what it prints."""
         self.clock.sleep(MESSAGE_S)
-        name, *arguments = query.decode("latin-1").split() or [""]
+        name, *arguments = message.decode("latin-1").split() or [""]
         if not name:
             return b""
         if name not in self._shell:
@@ -88,7 +90,7 @@ class SimulatedShell(SimulatedDevice):
         return printed if isinstance(printed, bytes) else printed.encode()
 
     def _say(self, data: bytes) -> None:
-        self._output_buffers.append(bytearray(data))
+        self.answers.append(bytearray(data))
 
 
 def lines(*texts: str) -> str:

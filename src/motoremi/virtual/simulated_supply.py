@@ -6,8 +6,6 @@ import re
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
-from motoremi.bench.clock import Clock
-from motoremi.virtual.simulated_device import Wiring
 from motoremi.virtual.simulated_scpi import SimulatedScpi
 
 OFF, CONSTANT_CURRENT, CONSTANT_VOLTAGE = 0, 1, 2
@@ -16,19 +14,14 @@ OFF, CONSTANT_CURRENT, CONSTANT_VOLTAGE = 0, 1, 2
 class SimulatedSupply(SimulatedScpi):
     """A supply; the output that is switched on last, or set last while on, feeds the motor."""
 
-    profile: ClassVar[str]
     ratings: ClassVar[Sequence[tuple[float, float]]]
     # How it writes a voltage or a current.
     number: ClassVar[str]
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        self._volt = [0.0 for _ in self.ratings]
-        self._ampere = [most for _, most in self.ratings]
-        self._selected = 1
-        self._switched_off()
-        super().__init__(self.profile, wiring, clock)
-        # Power on: nothing is fed.
-        wiring.stand.release()
+    def power_on(self) -> None:
+        """All outputs are off, so nothing feeds the motor."""
+        super().power_on()
+        self._all_off()
 
     def busy_until(self) -> float:
         """It does everything at once."""
@@ -76,7 +69,7 @@ class SimulatedSupply(SimulatedScpi):
         """As `addressed`; an output that does not exist is an error."""
         number, rest = self.addressed(text)
         if not 1 <= number <= len(self.ratings):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return None
         return number, rest
 
@@ -85,6 +78,9 @@ class SimulatedSupply(SimulatedScpi):
 
     def _reset(self, argument: str) -> None:
         super()._reset(argument)
+        self._all_off()
+
+    def _all_off(self) -> None:
         self._volt = [0.0 for _ in self.ratings]
         self._ampere = [most for _, most in self.ratings]
         self._selected = 1
@@ -103,7 +99,7 @@ class SimulatedSupply(SimulatedScpi):
         except ValueError:
             value = -1.0
         if not 0 <= value <= most:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         values[number - 1] = value
         self.feed(number)
@@ -164,7 +160,7 @@ class SimulatedE36313A(SimulatedSupply):
             return
         number, word = found
         if word.upper() not in ("ON", "OFF", "1", "0"):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         self._on[number - 1] = word.upper() in ("ON", "1")
         self.feed(number)
@@ -177,7 +173,7 @@ class SimulatedE36313A(SimulatedSupply):
         if text.isdigit() and 1 <= int(text) <= len(self.ratings):
             self._selected = int(text)
         else:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
 
 
 class SimulatedHmp4040(SimulatedSupply):
@@ -217,11 +213,11 @@ class SimulatedHmp4040(SimulatedSupply):
         if text.isdigit() and 1 <= int(text) <= len(self.ratings):
             self._selected = int(text)
         else:
-            self.error_response("execution_error")
+            self.note_error("execution_error")
 
     def _switch(self, text: str, output: int) -> None:
         if text.upper() not in ("ON", "OFF", "1", "0"):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         on = text.upper() in ("ON", "1")
         if output:

@@ -8,8 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.bench.clock import Clock
-from motoremi.virtual.simulated_device import Wiring
 from motoremi.virtual.simulated_receiver import SimulatedReceiver, read_off_the_band
 
 # The words by which these instruments call the 6 dB EMI filter, and the detectors that need it.
@@ -26,13 +24,9 @@ class SimulatedSwept(SimulatedReceiver):
     """A spectrum analyser whose input is connected to a test stand."""
 
     IMPLIED_NODES = SimulatedReceiver.IMPLIED_NODES | {"RF", "FUNC", "SCAL"}
-    profile: ClassVar[str]
     # Of one sweep, where they cannot be set.
     points: ClassVar[int] = 0
     trace_name: ClassVar[str] = "TRACE1"
-
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__(self.profile, wiring, clock)
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What the analyser computes."""
@@ -70,19 +64,19 @@ class SimulatedSwept(SimulatedReceiver):
         word = self.fold_word(argument)
         lacks_option = name == "filter" and word in EMI_WORDS and self.value("emi_option") != "ON"
         if lacks_option or (name == "detector" and word in WEIGHTING_WORDS and not self._has_emi_filter()):
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return
         super()._assign(name, argument)
         if name in ("filter", "bandwidth"):
             filters_hz = EMI_FILTERS_HZ if self._has_emi_filter() else GAUSS_FILTERS_HZ
             asked_hz = float(self.value("bandwidth"))
-            self._properties["bandwidth"].init_value(str(min(filters_hz, key=lambda hz: abs(hz - asked_hz))))
+            self.set_value("bandwidth", min(filters_hz, key=lambda hz: abs(hz - asked_hz)))
 
     def _sweep(self) -> None:
-        if "mode" in self._properties and self.value("mode") != "SA":
-            self.error_response("execution_error")
+        if self.has("mode") and self.value("mode") != "SA":
+            self.note_error("execution_error")
             return
-        points = int(self.value("points")) if "points" in self._properties else self.points
+        points = int(self.value("points")) if self.has("points") else self.points
         frequency_hz = np.linspace(float(self.value("start")), float(self.value("stop")), points)
         word = str(self.value("detector"))
         preamplifier = self.value("preamplifier") == "ON"
@@ -93,7 +87,7 @@ class SimulatedSwept(SimulatedReceiver):
 
     def _trace(self, argument: str) -> bytes | None:
         if argument.upper() != self.trace_name or self.value("format") != "ASC":
-            self.error_response("execution_error")
+            self.note_error("execution_error")
             return None
         return self.trace(self.levels(self.value("unit"))).encode()
 

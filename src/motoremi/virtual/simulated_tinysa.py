@@ -9,9 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.bench.clock import Clock
 from motoremi.virtual.simulated_band import about, as_wide_as
-from motoremi.virtual.simulated_device import Wiring
 from motoremi.virtual.simulated_receiver import DBUV_OF_0_DBM, MOST_POINTS, read_off_the_band
 from motoremi.virtual.simulated_shell import SimulatedShell, integer_axis, lines, whole
 
@@ -29,8 +27,11 @@ _AVERAGING = ("off", "minh", "maxh", "maxd", "aver4", "aver16", "aver", "quasi")
 class SimulatedTinySa(SimulatedShell):
     """A tinySA whose low input is connected to a test stand."""
 
-    def __init__(self, wiring: Wiring, clock: Clock) -> None:
-        super().__init__("tinysa.yaml", wiring, clock)
+    profile = "tinysa.yaml"
+
+    def power_on(self) -> None:
+        """Sweeping in the background."""
+        super().power_on()
         self._paused = False
         self._averaging = "off"
         self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
@@ -39,8 +40,8 @@ class SimulatedTinySa(SimulatedShell):
     def shell_commands(self) -> dict[str, Callable[[list[str]], str | bytes]]:
         """What the shell knows."""
         known: dict[str, Callable[[list[str]], str | bytes]] = {
-            "version": lambda _: lines(self._dialogues[b"version"].decode()),
-            "info": lambda _: lines(self._dialogues[b"board"].decode(), "2019-2024 Copyright @Erik Kaashoek", "Licensed under GPL."),
+            "version": lambda _: lines(self.texts["version"]),
+            "info": lambda _: lines(self.texts["board"], "2019-2024 Copyright @Erik Kaashoek", "Licensed under GPL."),
             "sweep": self._sweep,
             "scan": self._scan,
             "scanraw": self._scan_raw,
@@ -72,19 +73,19 @@ class SimulatedTinySa(SimulatedShell):
         if len(arguments) > 3 or not arguments[0][:1].isdigit():
             return lines("usage: sweep {start(Hz)} [stop(Hz)] [points]", "\tsweep {start|stop|center|span|cw} {freq(Hz)}")
         if len(arguments) == 3 and 2 <= whole(arguments[2]) <= self.limits("points")[1]:
-            self._properties["points"].set_value(str(whole(arguments[2])))
+            self.set_value("points", whole(arguments[2]))
         return self._set_edges(**{edge: whole(text) for edge, text in zip(("start", "stop"), arguments, strict=False)})
 
     def _set_edges(self, start: int | None = None, stop: int | None = None) -> str:
         highest = self.limits("stop")[1]
         if start is not None:
-            self._properties["start"].set_value(str(min(start, highest)))
+            self.set_value("start", min(start, highest))
         if stop is not None:
-            self._properties["stop"].set_value(str(min(stop, highest)))
+            self.set_value("stop", min(stop, highest))
         # The edge that was set last pushes the other one along.
         if self.value("start") > self.value("stop"):
             pushed, by = ("start", "stop") if stop is not None else ("stop", "start")
-            self._properties[pushed].set_value(str(self.value(by)))
+            self.set_value(pushed, self.value(by))
         self._take_edges()
         return ""
 
@@ -146,7 +147,7 @@ class SimulatedTinySa(SimulatedShell):
             arguments = ["0"]
         if len(arguments) == 1 and (wanted := _number(arguments[0])) is not None and (wanted == 0 or 2 <= wanted <= 600):
             nearest = min(FILTERS_KHZ, key=lambda khz: abs(np.log(khz / wanted))) if wanted else 0.0
-            self._properties["bandwidth_khz"].set_value(str(nearest))
+            self.set_value("bandwidth_khz", nearest)
             return ""
         return lines("usage: rbw 2..600|auto", f"{self._filter_khz() * 1e3:.1f}Hz")
 
