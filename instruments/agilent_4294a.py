@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard
+from motoremi.bench.analyser import Standard, SweepSettings
 from motoremi.bench.bridge import BridgeAnalyser
 from motoremi.bench.driver import choice, count, number, switch
 from motoremi.bench.sweep_options import Bias, Segment
@@ -84,26 +84,18 @@ class Agilent4294A(BridgeAnalyser):
         super().reset()
         self.tell("HOLD", "TRGS INT")
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`."""
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`."""
         self._complete = False
         self.measurement = "resistance-reactance"
         self.tell("SWPP FREQ")
-        self.spacing = spacing
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
-        self.points = points
+        self.spacing = asked.spacing
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
+        self.points = asked.points
         self.tell("POWMOD VOLT")
-        self.oscillator_volt = oscillator_volt
-        self.bandwidth_factor = bandwidth_factor
+        self.oscillator_volt = asked.oscillator_volt
+        self.bandwidth_factor = asked.bandwidth_factor
         return self.settings()
 
     def enter_list(self, segments: tuple[Segment, ...]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard
+from motoremi.bench.analyser import Standard, SweepSettings
 from motoremi.bench.bridge import BridgeAnalyser
 from motoremi.bench.driver import choice, count, number, switch
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
@@ -70,25 +70,17 @@ class KeysightE4990A(BridgeAnalyser):
         super().reset()
         self.tell(":TRIG:SOUR BUS", ":INIT1:CONT ON")
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`."""
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`."""
         self._complete = False
         self.tell(":CALC1:PAR:COUN 2", ":CALC1:PAR1:DEF R", ":CALC1:PAR2:DEF X", ":FORM:DATA REAL", ":FORM:BORD NORM")
-        self.spacing = spacing
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
-        self.points = points
+        self.spacing = asked.spacing
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
+        self.points = asked.points
         self.tell(":SOUR1:MODE VOLT")
-        self.oscillator_volt = oscillator_volt
-        self.bandwidth_factor = bandwidth_factor
+        self.oscillator_volt = asked.oscillator_volt
+        self.bandwidth_factor = asked.bandwidth_factor
         return self.settings()
 
     def prepare(self, options: SweepOptions) -> JsonDict:

@@ -9,10 +9,9 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import choice, count, number, switch
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.data.spectrum import Spectrum
-from motoremi.errors import BadInput, InstrumentError
-from motoremi.quantities import show
+from motoremi.errors import InstrumentError
 
 
 class KeysightMXE(EmiReceiver):
@@ -50,31 +49,22 @@ class KeysightMXE(EmiReceiver):
     # Bit of the questionable integrity register: input overload.
     OVERLOAD: ClassVar[int] = 16
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set receiver mode and one row of the scan table up; see `EmiReceiver.configure`.
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set receiver mode and one row of the scan table up; see `ScanSettings`.
 
         The instrument takes a number of points: the step is `step_hz` or the little less that makes the last one fall on `stop_hz`.
         """
-        if not 0 < step_hz <= stop_hz - start_hz:
-            raise BadInput(f"{self}: step_hz = {show(step_hz, 'Hz')} is outside the range 0 Hz to {show(stop_hz - start_hz, 'Hz')}")
-        points = ceil((stop_hz - start_hz) / step_hz - 1e-9) + 1
+        self.refuse_step(asked)
+        points = ceil((asked.stop_hz - asked.start_hz) / asked.step_hz - 1e-9) + 1
         self.tell(":INST:SEL EMI", ":CONF:FSC", ":CAL:AUTO OFF", ":FSC:SEQ SCAN", ":INIT2:CONT OFF")
         self.tell(*(f":FSC:SCAN{row}:STAT OFF" for row in self.OTHER_ROWS), ":FSC:SCAN2:STAT ON")
         self.own_correction = False
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
         self.points = points
-        self.resolution_bandwidth_hz = resolution_bandwidth_hz
-        self.scan_time_s = dwell_s * points
-        self.attenuation_db = attenuation_db
+        self.resolution_bandwidth_hz = asked.resolution_bandwidth_hz
+        self.scan_time_s = asked.dwell_s * points
+        self.attenuation_db = asked.attenuation_db
         self.preamplifier = False
         self.tell(":TRAC1:FSC:TYPE WRIT", ":TRAC1:FSC:UPD ON", ":FORM:DATA INT,32", ":FORM:BORD SWAP")
         return self.settings()

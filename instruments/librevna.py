@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing
+from motoremi.bench.analyser import SweepSettings
 from motoremi.bench.driver import Identity, Setting, choice, count, number
 from motoremi.bench.reflection import ReflectionAnalyser
 from motoremi.bench.transport import Transport
@@ -74,26 +74,18 @@ class LibreVna(ReflectionAnalyser):
         self.tell(":DEV:MODE VNA", ":VNA:SWEEP FREQUENCY", ":VNA:ACQ:SINGLE TRUE", ":VNA:ACQ:STOP")
         self.told.clear()
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`. `oscillator_volt` has no effect: a calibration belongs to its level."""
-        self.refuse_outside("bandwidth_factor", bandwidth_factor, (1, len(self.BANDWIDTHS_HZ)))
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`. `oscillator_volt` has no effect: a calibration belongs to its level."""
+        self.refuse_outside("bandwidth_factor", asked.bandwidth_factor, (1, len(self.BANDWIDTHS_HZ)))
         self._measured = self._axis = None
-        self.start_hz, self.stop_hz, self.points, self.spacing = round(start_hz), round(stop_hz), points, spacing
-        self.bandwidth_hz, self.averages = self.BANDWIDTHS_HZ[bandwidth_factor - 1], 1
+        self.start_hz, self.stop_hz, self.points, self.spacing = round(asked.start_hz), round(asked.stop_hz), asked.points, asked.spacing
+        self.bandwidth_hz, self.averages = self.BANDWIDTHS_HZ[asked.bandwidth_factor - 1], 1
         settings = self.settings()
         kind, _, ports = str(settings["calibration"]).partition("_")
         if kind not in self.CORRECTS_S11 or "1" not in ports:
             raise InstrumentError(
                 f"{self}: no calibration of port 1 is active ({settings['calibration']}); calibrate in the LibreVNA-GUI (open, short, load at "
-                f"port 1) for {show(start_hz, 'Hz')} to {show(stop_hz, 'Hz')}"
+                f"port 1) for {show(asked.start_hz, 'Hz')} to {show(asked.stop_hz, 'Hz')}"
             )
         return settings
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing
+from motoremi.bench.analyser import Spacing, SweepSettings
 from motoremi.bench.driver import Setting
 from motoremi.bench.reflection import ReflectionAnalyser, pieces
 from motoremi.bench.shell import ShellDriver, sweep_edges
@@ -58,32 +58,24 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
         self._pieces: list[tuple[int, int, int]] = []
         self._spacing: Spacing = "log"
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`.
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`.
 
         The firmware sweeps linearly. A logarithmic sweep is done as one linear scan for each octave, so that its points are spaced
         nearly as asked for. `oscillator_volt` has no effect: the level cannot be set.
         """
-        self.refuse_outside("points", points, (2, self.MOST_POINTS))
-        self.refuse_outside("bandwidth_factor", bandwidth_factor, (1, len(self.BANDWIDTHS)))
+        self.refuse_outside("points", asked.points, (2, self.MOST_POINTS))
+        self.refuse_outside("bandwidth_factor", asked.bandwidth_factor, (1, len(self.BANDWIDTHS)))
         self._measured = None
-        self.stop_hz = stop_hz
-        self.start_hz = start_hz
-        self.bandwidth_index = self.BANDWIDTHS[bandwidth_factor - 1]
-        self._spacing = spacing
-        self._pieces = pieces(round(start_hz), round(stop_hz), points, spacing, self.SCAN_POINTS)
+        self.stop_hz = asked.stop_hz
+        self.start_hz = asked.start_hz
+        self.bandwidth_index = self.BANDWIDTHS[asked.bandwidth_factor - 1]
+        self._spacing = asked.spacing
+        self._pieces = pieces(round(asked.start_hz), round(asked.stop_hz), asked.points, asked.spacing, self.SCAN_POINTS)
         if "cal'ed" not in self.ask("cal").split():
             raise InstrumentError(
                 f"{self}: is not calibrated; calibrate it at its connector (open, short, load on its screen) for "
-                f"{show(start_hz, 'Hz')} to {show(stop_hz, 'Hz')}"
+                f"{show(asked.start_hz, 'Hz')} to {show(asked.stop_hz, 'Hz')}"
             )
         return self.settings()
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard
+from motoremi.bench.analyser import Spacing, Standard, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces
 from motoremi.bench.registers import RegisterDriver, register
 from motoremi.bench.transport import Transport
@@ -60,29 +60,21 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         self._sweeps = 1
         self._load_ohm_henry = (self.REFERENCE_OHM, 0.0)
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`.
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`.
 
         The firmware sweeps linearly with a step in whole hertz. A logarithmic sweep is one scan for each octave; the last frequency may
         be up to 254 Hz below the one asked for. `oscillator_volt` has no effect.
         """
-        self.refuse_outside("start_hz", start_hz, self.SPAN_HZ, "Hz")
-        self.refuse_outside("stop_hz", stop_hz, self.SPAN_HZ, "Hz")
-        self.refuse_outside("points", points, (2, self.MOST_POINTS))
-        self.refuse_outside("bandwidth_factor", bandwidth_factor, (1, len(self.SWEEPS)))
+        self.refuse_outside("start_hz", asked.start_hz, self.SPAN_HZ, "Hz")
+        self.refuse_outside("stop_hz", asked.stop_hz, self.SPAN_HZ, "Hz")
+        self.refuse_outside("points", asked.points, (2, self.MOST_POINTS))
+        self.refuse_outside("bandwidth_factor", asked.bandwidth_factor, (1, len(self.SWEEPS)))
         self._measured = None
-        self._sweeps, self._spacing = self.SWEEPS[bandwidth_factor - 1], spacing
+        self._sweeps, self._spacing = self.SWEEPS[asked.bandwidth_factor - 1], asked.spacing
         self._pieces = [
             (first, max(1, (last - first) // max(1, count - 1)), count)
-            for first, last, count in pieces(round(start_hz), round(stop_hz), points, spacing, self.MOST_VALUES)
+            for first, last, count in pieces(round(asked.start_hz), round(asked.stop_hz), asked.points, asked.spacing, self.MOST_VALUES)
         ]
         self.data_mode = 0
         self.values_per_frequency = 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import Setting, choice, number, switch
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.data.spectrum import Spectrum
 from motoremi.errors import InstrumentError
 
@@ -55,28 +55,20 @@ class RohdeSchwarzESR(EmiReceiver):
     # R&S marks a value that was not measured with 9.91E37.
     NOT_MEASURED: ClassVar[float] = 9e36
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set receiver mode and one range of the scan table up; see `EmiReceiver.configure`."""
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set receiver mode and one range of the scan table up; see `ScanSettings`."""
         self.tell("INST:SEL REC")
         self.own_correction = False
         self.level_unit = "dBuV"
         self.tell("DISP:WIND:TRAC1:MODE WRIT", "SWE:SPAC LIN", "SCAN:RANG:COUN 1")
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
-        self.step_hz = step_hz
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
+        self.step_hz = asked.step_hz
         self.filter_shape = "6 dB EMI"
-        self.resolution_bandwidth_hz = resolution_bandwidth_hz
-        self.dwell_s = dwell_s
+        self.resolution_bandwidth_hz = asked.resolution_bandwidth_hz
+        self.dwell_s = asked.dwell_s
         self.tell("INP:ATT:PROT ON", "SCAN1:INP:ATT:AUTO OFF")
-        self.attenuation_db = attenuation_db
+        self.attenuation_db = asked.attenuation_db
         self.preamplifier = False
         self.tell("TRAC:FEED:CONT ALW", "FORM ASC", "FORM:DEXP:DSEP POIN", "INIT2:CONT OFF")
         return self.settings()

@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import Setting
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.bench.shell import ShellDriver, sweep_edges
 from motoremi.bench.transport import Transport
 from motoremi.data.spectrum import Spectrum
@@ -31,6 +31,7 @@ class TinySa(ShellDriver, EmiReceiver):
 
     vendor = "tinySA"
     model = r"tinySA.*"
+    USUAL_BANDWIDTH_HZ = 10e3
     safe_commands = ("resume",)
 
     start_hz, stop_hz = sweep_edges(100e3, 350e6)
@@ -66,38 +67,29 @@ class TinySa(ShellDriver, EmiReceiver):
         self._step_hz = 0
         self._dwell_s = 0.0
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 10e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set the scan up and return the settings as the instrument reports them; see `EmiReceiver.configure`.
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set the scan up and return the settings as the instrument reports them; see `ScanSettings`.
 
         Raises
         ------
         BadInput
             If the instrument has no such filter, or the dwell is too long for it.
         """
-        if not 1 <= step_hz <= stop_hz - start_hz:
-            raise BadInput(f"{self}: step_hz = {show(step_hz, 'Hz')} is outside the range 1 Hz to {show(stop_hz - start_hz, 'Hz')}")
-        if not 0 < dwell_s <= self.LONGEST_SCAN_S / self.SCAN_POINTS:
+        self.refuse_step(asked, lowest_hz=1.0)
+        if not 0 < asked.dwell_s <= self.LONGEST_SCAN_S / self.SCAN_POINTS:
             raise BadInput(
-                f"{self}: dwell_s = {show(dwell_s, 's')} is outside the range 0 s to {show(self.LONGEST_SCAN_S / self.SCAN_POINTS, 's')}"
+                f"{self}: dwell_s = {show(asked.dwell_s, 's')} is outside the range 0 s to {show(self.LONGEST_SCAN_S / self.SCAN_POINTS, 's')}"
             )
-        self.stop_hz = stop_hz
-        self.start_hz = start_hz
-        self._step_hz = round(step_hz)
-        self._dwell_s = dwell_s
-        self.resolution_bandwidth_hz = resolution_bandwidth_hz
-        if (filter_hz := self.resolution_bandwidth_hz) != resolution_bandwidth_hz:
+        self.stop_hz = asked.stop_hz
+        self.start_hz = asked.start_hz
+        self._step_hz = round(asked.step_hz)
+        self._dwell_s = asked.dwell_s
+        self.resolution_bandwidth_hz = asked.resolution_bandwidth_hz
+        if (filter_hz := self.resolution_bandwidth_hz) != asked.resolution_bandwidth_hz:
             raise BadInput(
-                f"{self}: has no filter of {show(resolution_bandwidth_hz, 'Hz')}, the nearest is {show(filter_hz, 'Hz')}; ask for that one"
+                f"{self}: has no filter of {show(asked.resolution_bandwidth_hz, 'Hz')}, the nearest is {show(filter_hz, 'Hz')}; ask for that one"
             )
-        self.attenuation_db = attenuation_db
+        self.attenuation_db = asked.attenuation_db
         self.tell("calc 1 off")
         return self.settings()
 

@@ -60,6 +60,11 @@ def test_identity(analyser: LibreVna) -> None:
     assert (identity.vendor, identity.model, identity.serial, identity.firmware) == ("LibreVNA", "LibreVNA-GUI", "206039903350", "1.6.5")
 
 
+def test_a_value_that_is_no_number_is_refused(bench: SimulatedBench, analyser: LibreVna) -> None:
+    with pytest.raises(InstrumentError, match=r"'\*ESE nan' was refused"):
+        analyser.tell("*ESE nan")
+
+
 def test_a_program_without_instrument_is_refused(bench: SimulatedBench, analyser: LibreVna, monkeypatch: pytest.MonkeyPatch) -> None:
     answering(monkeypatch, bench, "*IDN?", "LibreVNA,LibreVNA-GUI,Not connected,1.6.5")
     with pytest.raises(InstrumentError, match="is not connected to a LibreVNA; connect it there"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -19,6 +20,30 @@ from motoremi.quantities import show_band
 
 Standard = Literal["open", "short", "load"]
 Spacing = Literal["log", "linear"]
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """What a sweep is asked to be.
+
+    Parameters
+    ----------
+    start_hz, stop_hz : float
+        First and last frequency in hertz.
+    points : int
+    spacing : {"log", "linear"}
+    bandwidth_factor : int
+        1 is fastest, 5 most accurate.
+    oscillator_volt : float
+        Level of the test signal in volt.
+    """
+
+    start_hz: float
+    stop_hz: float
+    points: int
+    spacing: Spacing
+    bandwidth_factor: int
+    oscillator_volt: float
 
 
 class ImpedanceAnalyser(Driver):
@@ -43,7 +68,6 @@ class ImpedanceAnalyser(Driver):
         self._compensated: dict[Standard, FloatArray] = {}
         self.options = SweepOptions()
 
-    @abc.abstractmethod
     def configure(
         self,
         start_hz: float,
@@ -53,19 +77,12 @@ class ImpedanceAnalyser(Driver):
         bandwidth_factor: int = 3,
         oscillator_volt: float = 0.5,
     ) -> JsonDict:
-        """Set the sweep up and return the settings as the instrument reports them.
+        """Set the sweep up and return the settings as the instrument reports them; parameters as in `SweepSettings`."""
+        return self.set_up(SweepSettings(start_hz, stop_hz, points, spacing, bandwidth_factor, oscillator_volt))
 
-        Parameters
-        ----------
-        start_hz, stop_hz : float
-            First and last frequency in hertz.
-        points : int
-        spacing : {"log", "linear"}
-        bandwidth_factor : int
-            1 is fastest, 5 most accurate.
-        oscillator_volt : float
-            Level of the test signal in volt.
-        """
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up and return the settings as the instrument reports them; every driver defines this, or `configure`."""
+        raise NotImplementedError
 
     def prepare(self, options: SweepOptions) -> JsonDict | None:
         """Set up what comes on top of `configure`, after it, and return all settings as the instrument reports them; None if they are as before.

@@ -3,12 +3,38 @@
 from __future__ import annotations
 
 import abc
+from dataclasses import dataclass
 from typing import ClassVar
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.driver import Driver
 from motoremi.data.spectrum import Spectrum
 from motoremi.errors import BadInput
+from motoremi.quantities import show
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """What a scan is asked to be.
+
+    Parameters
+    ----------
+    start_hz, stop_hz, step_hz : float
+        Scan range and step in hertz.
+    resolution_bandwidth_hz : float
+        6 dB bandwidth in hertz.
+    dwell_s : float
+        Measuring time at each step in seconds.
+    attenuation_db : float
+        Input attenuation in dB.
+    """
+
+    start_hz: float
+    stop_hz: float
+    step_hz: float
+    resolution_bandwidth_hz: float
+    dwell_s: float
+    attenuation_db: float
 
 
 class EmiReceiver(Driver):
@@ -21,6 +47,8 @@ class EmiReceiver(Driver):
     """
 
     start_command: ClassVar[str]
+    # The resolution bandwidth of `configure`, if none is given.
+    USUAL_BANDWIDTH_HZ: ClassVar[float] = 9e3
 
     @classmethod
     def detectors(cls) -> tuple[str, ...]:
@@ -28,29 +56,28 @@ class EmiReceiver(Driver):
         setting = cls.table().get("detector")
         return tuple(setting.words) if setting is not None else ("peak",)
 
-    @abc.abstractmethod
     def configure(
         self,
         start_hz: float,
         stop_hz: float,
         step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
+        resolution_bandwidth_hz: float | None = None,
         dwell_s: float = 0.05,
         attenuation_db: float = 10.0,
     ) -> JsonDict:
-        """Set the scan up and return the settings as the instrument reports them.
+        """Set the scan up and return the settings as the instrument reports them; parameters as in `ScanSettings`."""
+        bandwidth_hz = self.USUAL_BANDWIDTH_HZ if resolution_bandwidth_hz is None else resolution_bandwidth_hz
+        return self.set_up(ScanSettings(start_hz, stop_hz, step_hz, bandwidth_hz, dwell_s, attenuation_db))
 
-        Parameters
-        ----------
-        start_hz, stop_hz, step_hz : float
-            Scan range and step in hertz.
-        resolution_bandwidth_hz : float
-            6 dB bandwidth in hertz.
-        dwell_s : float
-            Measuring time at each step in seconds.
-        attenuation_db : float
-            Input attenuation in dB.
-        """
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set the scan up and return the settings as the instrument reports them; every driver defines this, or `configure`."""
+        raise NotImplementedError
+
+    def refuse_step(self, asked: ScanSettings, lowest_hz: float = 0.0) -> None:
+        """Raise `BadInput` for a step that is 0, below `lowest_hz`, or wider than the range of the scan."""
+        widest_hz = asked.stop_hz - asked.start_hz
+        if not lowest_hz <= asked.step_hz <= widest_hz or asked.step_hz == 0:
+            raise BadInput(f"{self}: step_hz = {show(asked.step_hz, 'Hz')} is outside the range {show(lowest_hz, 'Hz')} to {show(widest_hz, 'Hz')}")
 
     @abc.abstractmethod
     def scan(self, detector: str) -> Spectrum:

@@ -13,7 +13,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import RefusedCommand, Setting, choice, number, switch
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.bench.transport import Transport
 from motoremi.data.detectors import DBUV_OF_0_DBM
 from motoremi.data.spectrum import Spectrum
@@ -98,43 +98,34 @@ class SweptAnalyser(EmiReceiver):
         self._parts = 1
         self._points, self._steps = 0, 1
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set single sweeps up, without any correction of the instrument's own; see `EmiReceiver.configure`.
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set single sweeps up, without any correction of the instrument's own; see `ScanSettings`.
 
         Raises
         ------
         BadInput
             If the step does not fit the span, or the instrument has no such filter.
         """
-        if not 0 < step_hz <= stop_hz - start_hz:
-            raise BadInput(f"{self}: step_hz = {show(step_hz, 'Hz')} is outside the range 0 Hz to {show(stop_hz - start_hz, 'Hz')}")
-        intervals = ceil((stop_hz - start_hz) / step_hz - 1e-9)
+        self.refuse_step(asked)
+        intervals = ceil((asked.stop_hz - asked.start_hz) / asked.step_hz - 1e-9)
         self._parts = ceil(intervals / (self.points_possible[-1] - 1))
         self._steps = ceil(intervals / self._parts) + 1
         self._points = self.points_possible[bisect_left(self.points_possible, self._steps)]
         with self.transport.patience(self.RESET_S):
             self.tell(*self.mode_commands)
-        self._sweep_over(start_hz, stop_hz)
+        self._sweep_over(asked.start_hz, asked.stop_hz)
         self.own_correction = False
         for gain in self.gains:
             setattr(self, gain, 0.0)
         self.level_unit = "dBm"
-        self._choose_filter(resolution_bandwidth_hz)
+        self._choose_filter(asked.resolution_bandwidth_hz)
         self.video_bandwidth_hz = self.VIDEO_BANDWIDTH_HZ
-        self.attenuation_db = attenuation_db
+        self.attenuation_db = asked.attenuation_db
         self.preamplifier = False
         if self.points_command:
             self.tell(f"{self.points_command} {self._points}")
         # The dwell is for each step that was asked for. A sweep of more points than that stays as long within the filter.
-        self.sweep_time_s = dwell_s * self._steps
+        self.sweep_time_s = asked.dwell_s * self._steps
         return self.settings()
 
     def settings(self) -> JsonDict:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 
@@ -104,6 +105,8 @@ class SimulatedLibreVna(SimulatedDevice):
             try:
                 value = float(argument.split(" ")[0])
             except ValueError:
+                value = math.nan
+            if math.isnan(value):
                 self.note_error("command_error")
                 return
             value = min(max(value, float(specs["min"])), float(specs["max"]))
