@@ -72,7 +72,7 @@ class LibreVna(ReflectionAnalyser):
         """Bring the program into a known state. It has a `*RST`, which would delete the calibration."""
         self.transport.write("*CLS")
         self.tell(":DEV:MODE VNA", ":VNA:SWEEP FREQUENCY", ":VNA:ACQ:SINGLE TRUE", ":VNA:ACQ:STOP")
-        self.told.clear()
+        self.sent_settings.clear()
 
     def set_up(self, asked: SweepSettings) -> JsonDict:
         """Set the sweep up; see `SweepSettings`. `oscillator_volt` has no effect: a calibration belongs to its level."""

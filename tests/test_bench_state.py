@@ -441,10 +441,10 @@ def test_a_dry_run_knows_the_steps_and_waits_for_no_state_that_its_motor_never_h
     [
         (lambda data: data["steps"][3].pop("current_limit"), "needs voltage and current_limit"),
         (lambda data: data["steps"][3].update(output="off"), "one that is off takes neither"),
-        (lambda data: data["steps"][4].update(within="1 %"), "a temperature is held within so many K"),
+        (lambda data: data["steps"][4].update(within="1 %"), "give the tolerance of a temperature in K"),
         (lambda data: data["steps"][4].update(within="1"), "write it with its unit, K"),
         (lambda data: data["steps"][4].update(within="-1 K"), "must be above 0"),
-        (lambda data: data["steps"][4].update(hold="0 s"), "without a target it must be above 0"),
+        (lambda data: data["steps"][4].update(hold="0 s"), "must be above 0 without a target"),
         (lambda data: data["steps"][4].update(longest="10 s"), "must not be below hold"),
         (lambda data: data["instruments"]["supply"].update(driver="34461a"), "the driver '34461a' is no supply"),
         (lambda data: data["instruments"]["tachometer"].update(driver="34461a"), "the driver '34461a' reads no speed"),

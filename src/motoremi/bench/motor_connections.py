@@ -1,4 +1,4 @@
-"""What can be connected to the instruments, and how the operator is told: one sentence and a drawing in text."""
+"""What can be connected to the instruments, and the operator's instruction for each: a sentence and a drawing in text."""
 
 from __future__ import annotations
 

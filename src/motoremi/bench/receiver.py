@@ -1,4 +1,4 @@
-"""What every EMI receiver can do."""
+"""Base class of the drivers of EMI receivers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from motoremi.quantities import show
 
 @dataclass(frozen=True)
 class ScanSettings:
-    """What a scan is asked to be.
+    """Settings of a scan.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class EmiReceiver(Driver):
     Attributes
     ----------
     start_command : str
-        What starts a scan, and returns at once.
+        Command that starts a scan and returns at once.
     """
 
     start_command: ClassVar[str]
@@ -52,7 +52,7 @@ class EmiReceiver(Driver):
 
     @classmethod
     def detectors(cls) -> tuple[str, ...]:
-        """The detectors that it has; an instrument that lets none be chosen has the peak detector."""
+        """The detectors that it has; an instrument without a setting for it has the peak detector."""
         setting = cls.table().get("detector")
         return tuple(setting.words) if setting is not None else ("peak",)
 
@@ -101,14 +101,14 @@ class EmiReceiver(Driver):
         raise BadInput(f'{self}: controls no LISN; write line_switch = "operator" in [spectrum], and switch to {line} by hand')
 
     def transfer_s(self, points: int) -> float:
-        """Deadline for reading so many levels: GPIB, the slowest of the links, carries 10 000 numbers a second and more."""
+        """Deadline in seconds for reading that many levels: GPIB, the slowest of the links, carries 10 000 numbers a second and more."""
         return self.transport.timeout_s + points / 10e3
 
     def run_scan(self, longest_s: float) -> None:
-        """Scan, and wait for the end: for a service request where the link carries them, by polling the event register elsewhere.
+        """Scan, and wait for the end: by a service request where the link carries them, else by polling the event register.
 
-        Never by `*WAI` or `*OPC?`: they hold up every later message until the scan has ended, the one that stops it too. That a receiver
-        answers `*ESR?` while it scans is what IEEE 488.2 and the manuals say of overlapped commands; unconfirmed on hardware.
+        `*WAI` and `*OPC?` are not used: they delay every later message until the scan has ended, including the one that stops it. That a
+        receiver answers `*ESR?` while it scans follows from IEEE 488.2 and the manuals on overlapped commands; unconfirmed on hardware.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Where a replay asks something else than the recorded run did, shown so that a person sees it at once."""
+"""Errors of a replay: an exchange that differs from the record, shown side by side, and a record that ends early."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ CONTEXT = 4
 
 
 class RecordedEnd(InstrumentError):
-    """The recorded run ended here, before its procedure did."""
+    """The record ends here, because the recorded run was stopped before its procedure was complete."""
 
 
 class ReplayDifference(InstrumentError):
-    """The code asks something else than the record holds.
+    """An exchange of the replay differs from the recorded one.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class ReplayDifference(InstrumentError):
     exchange : int
         Number of the recorded exchange, from 1.
     expected, came : str
-        What the record holds and what was asked.
+        The recorded exchange and the one of the replay.
     before : sequence of str
         The exchanges just before.
     """
@@ -40,7 +40,7 @@ class ReplayDifference(InstrumentError):
         self.before = tuple(before)
 
     def lines(self) -> list[str]:
-        """A few lines for a terminal: what went before, then both sides with a mark under the first character that differs."""
+        """A few lines for a terminal: the exchanges before, then both sides with a mark under the first character that differs."""
         same = next((i for i, (a, b) in enumerate(zip(self.expected, self.came, strict=False)) if a != b), min(len(self.expected), len(self.came)))
         return [
             f"{self.resource_name}, exchange {self.exchange}:",
@@ -62,6 +62,6 @@ class ReplayDifference(InstrumentError):
 
 
 def shown(record: Mapping[str, Any]) -> str:
-    """A record in a few words; what an instrument sent is shown, not obeyed."""
+    """A record as short text; control characters that an instrument may have sent are made visible."""
     content = record.get("text", record.get("base64", record.get("error", "")))
     return clean_text(f"{record['direction']} {content!r}".removesuffix(" ''"), LONGEST)

@@ -1,7 +1,7 @@
-"""What has arrived on a socket, so that neither a slow link nor one that never falls silent can stretch a deadline.
+"""Input that waits on a socket: with it, a link that is slow or sends without end cannot extend a deadline.
 
-PyVISA-py begins the deadline of a read on a socket anew with each byte, and clears a socket for as long as anything comes. A read that asks
-for what is there already, or for a single byte, has no such chance. The vendors' libraries hold the deadline of a read themselves.
+PyVISA-py restarts the deadline of a read on a socket with each byte, and clears a socket for as long as data arrive. A read of no more than
+has already arrived, or of a single byte, keeps its deadline. The vendors' libraries keep the deadline of a read themselves.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import time
 
 from pyvisa.resources import MessageBasedResource
 
-# A link on which nothing has come for so long is silent.
+# A link is silent when nothing has arrived for this time.
 _SILENCE_S = 0.1
 
 
@@ -22,19 +22,19 @@ def socket_of(resource: MessageBasedResource) -> socket.socket | None:
     return link if isinstance(link, socket.socket) else None
 
 
-def at_hand(resource: MessageBasedResource) -> int:
-    """How many bytes one read may ask for, so that it does not wait for more than one."""
+def readable_bytes(resource: MessageBasedResource) -> int:
+    """How many bytes one read may ask for without waiting for more than one byte."""
     link, most = socket_of(resource), int(resource.chunk_size)
     if link is None:
         return most
-    # What PyVISA-py has taken from the socket already, and what the socket holds.
+    # Bytes that PyVISA-py has already read from the socket, and bytes in the socket.
     taken = len(getattr(_session(resource), "_pending_buffer", b""))
     ready, _, _ = select.select([link], [], [], 0)
     return max(1, taken + (len(link.recv(most, socket.MSG_PEEK)) if ready else 0))
 
 
-def fell_silent(link: socket.socket, longest_s: float) -> bool:
-    """Drop what arrives until nothing does; False if that takes longer, or the other side has closed the link."""
+def discard_until_silent(link: socket.socket, longest_s: float) -> bool:
+    """Discard input until nothing arrives; False if that takes longer than `longest_s`, or the other side has closed the link."""
     until = time.monotonic() + longest_s
     while time.monotonic() < until:
         ready, _, _ = select.select([link], [], [], _SILENCE_S)

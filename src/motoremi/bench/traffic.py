@@ -30,7 +30,7 @@ def decode_bytes(record: Mapping[str, Any]) -> bytes:
 
 
 class RecordingTransport(Transport):
-    """Hands every exchange of another transport to a sink, before anything else happens.
+    """Passes every exchange of another transport to a sink before it goes on.
 
     A record holds `time` (UTC), `clock_s` (of the bench's clock), `timeout_s` (the deadline in force), `instrument` (its role),
     `resource`, `direction` (`open`, `write`, `read`, `request`, `clear`, `error` or `close`), and `text`, `base64` or, for an error,
@@ -51,7 +51,7 @@ class RecordingTransport(Transport):
         self._inner = inner
         self._instrument = instrument
         self._sink = sink
-        # Asking VISA for every record would cost more than the record.
+        # Kept here: asking VISA for each record would take longer than writing the record.
         self._timeout_s = inner.timeout_s
         self.service_requests = inner.service_requests
         self._record("open", stream=inner.stream, service_requests=inner.service_requests)
@@ -76,7 +76,7 @@ class RecordingTransport(Transport):
         self._inner.talk_at(baud, data_bits, parity)
 
     def send(self, data: bytes) -> None:
-        """Record, then send: an attempt that fails is evidence too."""
+        """Record, then send, so that an attempt that fails is recorded too."""
         # The inner transport names the command when it fails.
         self._inner._last_command = self._last_command
         self._record("write", **encode_bytes(data))

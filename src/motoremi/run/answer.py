@@ -1,4 +1,4 @@
-"""What an operator may answer to a prompt: done, not done, stop."""
+"""The operator's answers to a prompt: done, not done, stop."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from motoremi.errors import InstrumentError
 
 Answer = Literal["done", "not done", "stop"]
 ANSWERS: tuple[Answer, ...] = get_args(Answer)
-# Tells the operator what to do and returns the answer; None where nobody is asked, as on the simulated bench.
+# Shows the operator an instruction and returns the answer; None where there is no operator, as on the simulated bench.
 Prompt = Callable[[str], Answer | None]
-# What may be typed at a terminal; Enter alone means done.
+# Answers that may be typed in a terminal; Enter alone means done.
 TYPED: dict[str, Answer] = {
     "": "done",
     "d": "done",

@@ -1,4 +1,4 @@
-"""What the bench file's dates of calibration are worth on the day of a run: told before the first sweep, or a reason not to begin."""
+"""Checks the calibration dates of the bench file on the day of a run: doubts are reported before the first sweep, or stop the run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def calibration_doubts(procedure: Procedure, bench_file: BenchFile) -> Iterator[
 
 
 def refuse_unless_calibrated(procedure: Procedure, bench_file: BenchFile) -> None:
-    """Refuse a run whose procedure forbids what is doubtful about the calibration of its instruments.
+    """Refuse a run whose procedure requires calibrated instruments, if there is a doubt about one of them.
 
     Raises
     ------
@@ -44,6 +44,6 @@ def refuse_unless_calibrated(procedure: Procedure, bench_file: BenchFile) -> Non
 
 
 def tell_doubts(procedure: Procedure, bench_file: BenchFile, writer: Writer) -> None:
-    """Put every doubt into the session, and so before whoever listens to it."""
-    for says in calibration_doubts(procedure, bench_file):
-        writer.emit("doubt", about="calibration", says=says)
+    """Write every doubt into the session; listeners of the session, such as the command line, show it."""
+    for doubt in calibration_doubts(procedure, bench_file):
+        writer.emit("doubt", about="calibration", says=doubt)

@@ -1,4 +1,4 @@
-"""Scans and final measurements at the LISN: lines, operating states, more attenuation where the receiver was overloaded."""
+"""Scans and final measurements at the LISN: lines, operating states, and more attenuation after an overload."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from motoremi.schema.procedure_tables import SpectrumSpec
 if TYPE_CHECKING:
     from motoremi.run.execution import Execution
 
-# Receivers' attenuators have steps of 5 or 10 dB.
+# By how much the attenuation is raised after an overload; attenuators of receivers have steps of 5 or 10 dB.
 MORE_DB = 10.0
-# A final measurement reads so many points, from half a bandwidth below the maximum to half a bandwidth above: between two of them a line
-# reads at most 0.4 dB low behind a Gaussian filter.
+# Points of a final measurement, from half a bandwidth below the maximum to half a bandwidth above. A line between two of them is measured at
+# most 0.4 dB too low with a Gaussian filter.
 FINAL_POINTS = 5
-# Reads once, as the receiver is set up.
+# Scans once with these settings and this detector.
 ReadOnce = Callable[[SpectrumSpec, Detector], Spectrum]
 
 
@@ -36,9 +36,9 @@ class EmissionSteps:
     Parameters
     ----------
     run : Execution
-        Whose connections, prompts and session are used.
+        The run, whose connections, prompts and session are used.
     read_once : callable
-        Scans once with a set-up and a detector, and checks what came.
+        Scans once with settings and a detector, and checks the result.
     """
 
     def __init__(self, run: Execution, read_once: ReadOnce) -> None:
@@ -47,18 +47,18 @@ class EmissionSteps:
         self._line, self._operating = "", ""
 
     def scan(self, step: Scan, stored: int) -> None:
-        """Scan as often as the step says, what is stored already left out."""
+        """Scan as often as the step requires; `stored` scans are stored already."""
         spec = self._spec()
         if step.dwell is not None:
             spec = spec.model_copy(update={"dwell": step.dwell})
-        told = self._stand(step.condition, step.line or "", step.operating)
+        metadata = self._set_up(step.condition, step.line or "", step.operating)
         for _ in range(stored, step.repeat):
             spectrum = self._run.state.around(partial(self._without_overload, spec, step.detector))
-            self._run.writer.add_spectrum(spectrum.with_metadata(**told))
+            self._run.writer.add_spectrum(spectrum.with_metadata(**metadata))
             self._run.state.refuse_trouble()
 
     def final(self, planned: Planned, step: Final, stored: int) -> None:
-        """Read each maximum with each detector, on every line and in every state that was scanned; stored one by one."""
+        """Measure each maximum with each detector, on every line and in every operating state that was scanned; each is stored at once."""
         maxima = self._maxima(planned, step)
         spec = self._spec()
         readings = [
@@ -68,22 +68,22 @@ class EmissionSteps:
             for detector in step.detectors
         ]
         for (line, operating), frequency_hz, detector in readings[stored:]:
-            told = self._stand("motor running", line, operating)
+            metadata = self._set_up("motor running", line, operating)
             half, dwell = spec.bandwidth / 2, {"dwell": step.dwell, "step": spec.bandwidth / (FINAL_POINTS - 1)}
-            # At an edge the points lie within the span, which a limit may begin with.
+            # Near an edge of the span the points are moved inside, because a limit may begin there.
             near = min(max(frequency_hz, spec.start + half), spec.stop - half)
             around = spec.model_copy(update={"start": near - half, "stop": near + half, **dwell})
             spectrum = self._run.state.around(partial(self._without_overload, around, detector))
-            self._run.writer.add_final(spectrum.with_metadata(maximum_hz=frequency_hz, dwell_s=step.dwell, **told))
+            self._run.writer.add_final(spectrum.with_metadata(maximum_hz=frequency_hz, dwell_s=step.dwell, **metadata))
             self._run.state.refuse_trouble()
 
     def _maxima(self, planned: Planned, step: Final) -> list[float]:
-        """Frequencies in hertz: those that were chosen before the run was interrupted, or what the analysis chooses now."""
+        """Frequencies in hertz: those chosen before the run was interrupted, else those that the analysis chooses now."""
         known = self._run.done.maxima.get(planned.number)
         if known is None:
             chosen = self._run.analyse("maxima", self._run.writer, step.parameters())
             if chosen is None:
-                # A dry run measures nothing: as many as may come, to tell how long it takes.
+                # A dry run has no scans to choose from: assume the largest number of maxima, to estimate the time.
                 spec = self._spec()
                 return [float(f) for f in np.geomspace(spec.start, spec.stop, step.maxima + 2)[1:-1]]
             self._run.writer.emit("maxima", step=planned.number, **chosen)
@@ -96,8 +96,8 @@ class EmissionSteps:
             raise BadInput("the step needs the table [spectrum]")
         return spec
 
-    def _stand(self, condition: Condition, line: str, operating: str) -> JsonDict:
-        """Connect, switch the line, ask for the operating state; what of it belongs to the spectrum."""
+    def _set_up(self, condition: Condition, line: str, operating: str) -> JsonDict:
+        """Connect, switch the line, ask for the operating state; returns them as metadata of the spectrum."""
         connection = self._run.connect(AT_THE_LISN[condition])
         if line and line != self._line:
             if self._spec().line_switch == "receiver":
@@ -112,7 +112,7 @@ class EmissionSteps:
         return {"condition": condition, "connection": connection} | {k: v for k, v in (("line", line), ("operating", operating)) if v}
 
     def _without_overload(self, spec: SpectrumSpec, detector: Detector) -> Spectrum:
-        """One scan; the part that was overloaded is read again with more attenuation, as far as the receiver has any."""
+        """One scan; the part that was overloaded is measured again with more attenuation, up to the receiver's largest."""
         spectrum = self._read_once(spec, detector)
         most_db = _most_attenuation(self._run.receiver())
         raised: list[JsonDict] = []

@@ -1,4 +1,4 @@
-"""Does the steps of a procedure one by one; all that happens goes into the session."""
+"""Carries out the steps of a procedure one by one and writes everything into the session."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ from motoremi.schema.state_steps import SupplyStep, WaitFor
 
 # Step kind, session, parameters of the step -> result, None if there is nothing to judge.
 Analyse = Callable[[str, Any, JsonDict], JsonDict | None]
-# An instrument rounds what it is told to its own resolution, which is much finer than this.
+# Largest relative difference between a setting and what the instrument reports; instruments round to a much finer resolution.
 ROUNDING = 1e-3
-# A wait in slices shows progress: a second each, but no more than so many.
+# A wait is divided into slices to show progress: seconds of a slice, and the largest number of slices.
 SLICE_S, MOST_SLICES = 1.0, 200
-# Settings that a step changes by itself.
+# Settings that steps change.
 _CHANGING = {"detector"}
 
 
 class Execution:
-    """The state of one run: who is connected, and what has been said.
+    """The state of one run: connected instruments, connections, verdicts.
 
     Parameters
     ----------
     procedure, bench, writer
         As in `motoremi.run.runner.run`.
     analyse : callable
-        Does the steps that need no instrument.
+        Does the steps of analysis, which need no instrument.
     prompt : callable
         Tells the operator what to do and returns the answer.
     tick : callable
-        Called at every exchange with an instrument, for whoever shows progress.
+        Called at every exchange with an instrument, to show progress.
     done : Done
         What an earlier run of this session has finished.
     """
@@ -81,7 +81,7 @@ class Execution:
         self.where = "the start"
         self._of = len(procedure.plan)
         self._settings: dict[str, JsonDict] = {}
-        # What is connected, its number, and whether a step of its own asked for it.
+        # What is connected, the number of the connection, and whether a step "connect" made it.
         self._connected: tuple[ConnectionName | None, int, bool] = (None, 0, False)
         self._scan_set_up: SpectrumSpec | None = None
         self._emission = EmissionSteps(self, self._scanned)
@@ -89,7 +89,7 @@ class Execution:
         self.state = MotorState(writer.emit, self._wait, self.ask)
 
     def step(self, planned: Planned) -> None:
-        """Do one step, between its two documents."""
+        """Do one step, and write a document at its start and end."""
         step = planned.step
         parameters = step.parameters()
         self.where = str(planned)
@@ -98,14 +98,14 @@ class Execution:
         if isinstance(step, AnalysisStep):
             result = self.analyse(step.do, self.writer, parameters)
             if result is not None:
-                self._tell_verdict(planned, result)
+                self._add_verdict(planned, result)
         else:
             self.measure(planned)
         self.writer.emit("step-stop", step=planned.number, of=self._of, do=step.do)
 
     def measure(self, planned: Planned) -> None:
-        """Do a step that needs the bench, without its documents."""
-        with _unreadable_is_trouble():
+        """Do a step that needs the bench, without the documents of its start and end."""
+        with _unreadable_answer_as_instrument_error():
             self._measure(planned)
 
     def _measure(self, planned: Planned) -> None:
@@ -138,7 +138,7 @@ class Execution:
         standard = None if under is None else IN_THE_MOTORS_PLACE.get(under.id)
         connection = self.connect(standard or step.termination)
         for _ in range(stored, step.repeat):
-            # Stored one by one: an instrument that fails in the third sweep leaves two.
+            # Each sweep is stored at once, so a failure loses only the sweep that was being measured.
             swept = self.state.around(lambda: self._swept(step.termination, of_a_standard=standard is not None))
             self.writer.add_sweep(swept.with_metadata(connection=connection).under(under))
             self.state.refuse_trouble()
@@ -148,21 +148,21 @@ class Execution:
         if step.nominal is not None:
             analyser.define_load(step.nominal, step.inductance)
         analyser.compensate(step.standard)
-        with _bad_data_is_trouble(analyser):
+        with _bad_data_as_instrument_error(analyser):
             kept = analyser.read_compensation(step.standard)
         if kept is not None:
             self.writer.add_compensation(step.standard, kept)
 
     def _check(self, planned: Planned, step: Check) -> None:
         connection = self.connect(STANDARDS[step.standard])
-        # To the analyser a standard is one of its two terminations; that it is no motor is said by where it is stored.
+        # The analyser measures a standard like the motor, with the termination "short" or "open". It is stored apart from the motor's sweeps.
         sweep = self._swept("short" if step.standard == "short" else "open", of_a_standard=True)
         self.writer.add_standard(step.standard, sweep.with_metadata(connection=connection))
-        self._tell_verdict(planned, judge_standard(step, sweep))
+        self._add_verdict(planned, judge_standard(step, sweep))
 
     def _swept(self, termination: Termination, *, of_a_standard: bool = False) -> ImpedanceSweep:
         analyser = self._analyser()
-        with _bad_data_is_trouble(analyser):
+        with _bad_data_as_instrument_error(analyser):
             sweep = analyser.sweep(termination, of_a_standard=of_a_standard)
         self._refuse_changed("analyser", sweep.metadata.get("settings"))
         if (asked := self.procedure.sweep) is not None:
@@ -173,26 +173,27 @@ class Execution:
         receiver = self.receiver()
         if spec != self._scan_set_up:
             self._settings["receiver"] = self._configure_receiver(receiver, spec)
-        with _bad_data_is_trouble(receiver):
+        with _bad_data_as_instrument_error(receiver):
             spectrum = receiver.scan(detector)
         self._refuse_changed("receiver", spectrum.metadata.get("settings"))
-        # Receivers report before the scan, because their axis follows from it; what changed during the scan shows only afterwards.
+        # The settings in the metadata were read before the scan, because the frequencies follow from them. A change during the scan is seen only
+        # now.
         self._refuse_changed("receiver", receiver.settings())
         span = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
         _refuse_other_span(receiver, span, (spec.start, spec.stop), spec.step)
         return spectrum
 
-    def _tell_verdict(self, planned: Planned, result: JsonDict) -> None:
+    def _add_verdict(self, planned: Planned, result: JsonDict) -> None:
         self.verdicts.append(result)
         self.writer.emit("verdict", step=planned.number, do=planned.step.do, result=result)
 
     def ask(self, text: str) -> None:
-        """Put something to the operator; the answer is recorded, and only "done" lets the run go on."""
+        """Show the operator an instruction and record the answer; the run continues only after "done"."""
         asked = datetime.now(UTC).isoformat()
         answer = self.prompt(text)
         if answer is None:
             return
-        # Without the drawing, which says no more.
+        # Without the drawing, which repeats the text.
         self.writer.emit("prompt", text=text.partition("\n")[0], asked=asked, answer=answer)
         if answer == "stop":
             raise KeyboardInterrupt
@@ -209,21 +210,21 @@ class Execution:
             self.tick()
 
     def leave_safe(self) -> dict[str, str]:
-        """Bring every connected instrument into its safe state and let it go; returns what went wrong, by role.
+        """Bring every connected instrument into its safe state and close its link; returns what went wrong, by role.
 
-        Ctrl-C is heard afterwards: each exchange has its deadline, so this ends.
+        Ctrl-C takes effect afterwards. Each exchange has a deadline, so this always ends.
         """
         with unbroken():
             return self._leave_safe()
 
     def _leave_safe(self) -> dict[str, str]:
         self._leaving = True
-        # The supply first: nothing that another instrument does may keep the motor running.
+        # The supply first, so that trouble with another instrument cannot keep the motor running.
         problems = dict.fromkeys(sorted(self.drivers, key="supply".__ne__), "")
         ended: RecordedEnd | None = None
         for role, driver in ((role, self.drivers[role]) for role in problems):
             try:
-                # Where the procedure ends and the leaving begins: a replay has to know.
+                # Marks the end of the procedure's exchanges, for a replay.
                 self._log({"time": datetime.now(UTC).isoformat(), "instrument": role, "direction": "leave"})
                 driver.safe()
             except (InstrumentError, ValueError) as error:
@@ -231,11 +232,11 @@ class Execution:
                 ended = error if isinstance(error, RecordedEnd) else ended
             finally:
                 driver.close()
-        # Written last: what cannot be stored must not keep the next instrument from its safe state.
+        # Written after all instruments are safe, because writing may fail.
         for role, problem in problems.items():
             self.writer.emit("safe", role=role, safe=not problem, problem=problem)
         if ended is not None:
-            # The recorded run was killed while it did this: no instrument of a replay is left in any state.
+            # A replay of a run that was killed here; a replay has no instruments to leave unsafe.
             raise ended
         return {role: problem for role, problem in problems.items() if problem}
 
@@ -243,7 +244,7 @@ class Execution:
         try:
             self.writer.log_traffic(record)
         except MotoremiError:
-            # A full disk ends the run, but does not stand between an instrument and its safe state.
+            # A full disk ends the run, but must not prevent the safe state.
             if not self._leaving:
                 raise
         if not self._leaving:
@@ -259,7 +260,7 @@ class Execution:
                 identity = driver.identify()
                 self._refuse_other(role, identity)
             except BaseException:
-                # What answers may be anything; commands that make ours safe could harm it.
+                # Another instrument may be connected, which the safe commands could harm.
                 driver.close()
                 raise
             self.drivers[role] = driver
@@ -305,7 +306,7 @@ class Execution:
         return settings
 
     def _refuse_changed(self, role: str, settings: object) -> None:
-        """An instrument that restarted, or that somebody turned a knob of, measures something else than was asked."""
+        """Refuse data whose settings have changed during the run, because the instrument restarted or was operated by hand."""
         if not isinstance(settings, Mapping):
             return
         before = self._settings[role]
@@ -318,9 +319,9 @@ class Execution:
             raise InstrumentError(f"{self.drivers[role]}: its settings changed during the run ({'; '.join(changed)}); did it restart?")
 
     def connect(self, what: ConnectionName, *, explicit: bool = False, note: str = "") -> int:
-        """Have something connected, unless it is already; returns the number of the connection."""
+        """Ask the operator to connect something, unless it is connected already; returns the number of the connection."""
         before, number, made_by_step = self._connected
-        # A second detector is read on the same connection. A second sweep step is a new connection, unless a step made it.
+        # A second scan uses the same connection. A second step "sweep" is a new connection, unless a step "connect" made the present one.
         if what == before and not explicit and (made_by_step or what in AT_THE_LISN.values()):
             return number
         instruction = INSTRUCTIONS[what]
@@ -346,8 +347,8 @@ class Execution:
 
 
 @contextmanager
-def _unreadable_is_trouble() -> Iterator[None]:
-    """An answer that no driver expected is trouble with the instrument, not with the program."""
+def _unreadable_answer_as_instrument_error() -> Iterator[None]:
+    """Turn exceptions from an answer that the driver does not expect into `InstrumentError`."""
     try:
         yield
     except MotoremiError:
@@ -357,8 +358,8 @@ def _unreadable_is_trouble() -> Iterator[None]:
 
 
 @contextmanager
-def _bad_data_is_trouble(driver: Driver) -> Iterator[None]:
-    """Data that can be no sweep came from the instrument: the user's input is not to blame."""
+def _bad_data_as_instrument_error(driver: Driver) -> Iterator[None]:
+    """Turn `BadInput` from data that cannot be a sweep into `InstrumentError`: they come from the instrument, not from the user."""
     try:
         yield
     except BadInput as error:
@@ -366,21 +367,21 @@ def _bad_data_is_trouble(driver: Driver) -> Iterator[None]:
 
 
 def _refuse_other_span(driver: Driver, span_hz: tuple[float, float], asked_hz: tuple[float, float], step_hz: float) -> None:
-    """The axis must be the one that was asked for; a scan may end up to one step before its stop."""
+    """Refuse data over another span than requested; a scan may end up to one step before its stop."""
     if any(abs(came - asked) > step_hz + ROUNDING * asked for came, asked in zip(span_hz, asked_hz, strict=True)):
         raise InstrumentError(f"{driver}: measured {show_band(*span_hz)}, but {show_band(*asked_hz)} was asked for")
 
 
 def _refuse_other_than_asked(driver: Driver, settings: JsonDict, asked: JsonDict, table: str) -> None:
-    """What the instrument reports must be what it was told, or nothing measured with it means what it says."""
+    """Refuse settings that differ from those that were sent."""
     wanted = {name: asked[key] for key, name in DRIVER_SETTINGS[table].items()}
-    # A driver sets more than the procedure names: which quantity the traces show, the unit of the levels.
-    for name, value in (driver.told | wanted).items():
+    # A driver sets more than the procedure has: which quantity the traces show, the unit of the levels.
+    for name, value in (driver.sent_settings | wanted).items():
         if name in settings and not _is_about(settings[name], value):
             raise InstrumentError(f"{driver}: {name} was set to {value!r}, but the instrument reports {settings[name]!r}")
 
 
-def _is_about(reported: object, told: object) -> bool:
-    if isinstance(told, int | float) and isinstance(reported, int | float):
-        return abs(reported - told) <= ROUNDING * abs(told)
-    return reported == told
+def _is_about(reported: object, sent: object) -> bool:
+    if isinstance(sent, int | float) and isinstance(reported, int | float):
+        return abs(reported - sent) <= ROUNDING * abs(sent)
+    return reported == sent

@@ -1,6 +1,6 @@
-"""Which simulated bench a session was measured on, with what its motor hides: kept in the session for `--bench sim`, and read by nothing else.
+"""Stores in a session which simulated bench it was measured on, including the hidden effects, so that `--bench sim` can continue on it.
 
-Sealed only against being read by accident; a diagnosis never looks at it.
+The file is encoded so that it is not read by accident. No analysis reads it.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ SEALED = "simulated/bench.sealed"
 
 
 def keep_bench(writer: SessionWriter, seed: int, effects: Sequence[str]) -> None:
-    """Store it in an open session."""
+    """Store seed and effects in an open session."""
     writer.save_file(SEALED, base64.b64encode(zlib.compress(to_line({"seed": seed, "effects": list(effects)}).encode())))
 
 
 def kept_bench(session: Session) -> BenchFile | None:
-    """The bench that a session keeps; None if it keeps none.
+    """The bench that is stored in a session; None if there is none.
 
     Raises
     ------
     BadInput
-        If what is kept cannot be read.
+        If the file cannot be read.
     """
     path = inside(session.path, SEALED)
     if not path.is_file():
         return None
     try:
-        told = object_from_json(zlib.decompress(base64.b64decode(path.read_bytes(), validate=True)))
-        return BenchFile(backend="sim", seed=int(told["seed"]), effects=tuple(map(str, told["effects"])))
+        stored = object_from_json(zlib.decompress(base64.b64decode(path.read_bytes(), validate=True)))
+        return BenchFile(backend="sim", seed=int(stored["seed"]), effects=tuple(map(str, stored["effects"])))
     except (OSError, binascii.Error, zlib.error, KeyError, TypeError, ValueError) as error:
         raise BadInput(f"{session.path.name}: {SEALED} cannot be read; give the bench file that the session was made with") from error

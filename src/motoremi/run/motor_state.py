@@ -1,4 +1,4 @@
-"""The motor's state in a run: who reads it, what is demanded of it, and what feeds the motor."""
+"""The motor's state in a run: the instruments that read it, the limits that it has to keep, and the supply."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.schema.procedure import Procedure
 from motoremi.schema.state_steps import Demand, SupplyStep, WaitFor
 
-# A ramp goes in steps of about this.
+# Approximate duration of one step of a ramp.
 RAMP_STEP_S = 0.5
-# A quantity that is waited for and cannot be read so often in a row will not come back.
+# A wait ends with an error after this many failed readings in a row.
 MOST_FAILURES = 3
 
 Measured = TypeVar("Measured", ImpedanceSweep, Spectrum)
 
 
 class MotorState:
-    """What is known and demanded of the motor's state during one run.
+    """The motor's state during one run.
 
     Parameters
     ----------
     emit : callable
         Writes a document: kind and content.
     wait : callable
-        Lets so many seconds pass.
+        Waits that many seconds.
     ask : callable
-        Puts a question to the operator and returns if the answer is "done"; else it raises.
+        Asks the operator; returns if the answer is "done", else raises.
     """
 
     def __init__(self, emit: Callable[..., object], wait: Callable[[float], None], ask: Callable[[str], None]) -> None:
@@ -51,7 +51,7 @@ class MotorState:
         self._trouble: InstrumentError | None = None
 
     def adopt(self, role: str, driver: Driver, identity: Identity, procedure: Procedure) -> None:
-        """Take an instrument in, and refuse what it cannot do before anything is measured."""
+        """Register an instrument of a role; refuse what it cannot do before anything is measured."""
         if role == "supply":
             if not isinstance(driver, Supply):
                 raise BadInput(f"instruments.supply: the driver {type(driver).__name__} is no supply")
@@ -73,21 +73,21 @@ class MotorState:
 
     @property
     def warning(self) -> str:
-        """What an operator has to know before touching the motor's terminals."""
-        told = self.supply.told if self.supply is not None else {}
-        return f"CAUTION: the supply is ON ({show_state('voltage_volt', told['voltage_volt'])}). " if told.get("output") else ""
+        """Warning for an operator who is about to touch the motor's terminals; empty if the supply is off."""
+        sent = self.supply.sent_settings if self.supply is not None else {}
+        return f"CAUTION: the supply is ON ({show_state('voltage_volt', sent['voltage_volt'])}). " if sent.get("output") else ""
 
     def set_supply(self, step: SupplyStep) -> None:
         """Do a `supply` step."""
         supply = self.supply
         if supply is None:
             raise BadInput("the step needs instruments.supply")
-        # What was waited for belongs to the state before.
+        # Earlier waits were for the state with the former supply settings.
         self._demands.clear()
-        on = bool(supply.told.get("output"))
-        start = float(supply.told.get("voltage_volt", 0.0)) if on else 0.0
-        final, limit = step.voltage or 0.0, step.current_limit or float(supply.told.get("limit_ampere", 0.0))
-        # In equal steps, not by the clock: a replay must make as many.
+        on = bool(supply.sent_settings.get("output"))
+        start = float(supply.sent_settings.get("voltage_volt", 0.0)) if on else 0.0
+        final, limit = step.voltage or 0.0, step.current_limit or float(supply.sent_settings.get("limit_ampere", 0.0))
+        # A fixed number of steps, independent of the clock, so that a replay makes as many.
         steps = math.ceil(step.ramp / RAMP_STEP_S) if step.ramp and (on or step.output == "on") else 0
         if step.output == "on":
             supply.set_limits(start if steps else final, limit)
@@ -107,7 +107,7 @@ class MotorState:
         Raises
         ------
         InstrumentError
-            If the quantity cannot be read, or is not as demanded after the longest wait and nobody says to go on.
+            If the quantity cannot be read, or the condition is not met after the longest wait and the operator does not go on.
         """
         if step.key not in self._meters:
             raise BadInput(f"nothing on this bench reads the {step.quantity}")
@@ -127,10 +127,10 @@ class MotorState:
             values.append(float(reading[step.key]))
             if (demand := step.met(values)) is not None:
                 self._demands[step.key] = demand
-                self._emit("state", reached=step.says, seconds=number * step.every, state=self._state())
+                self._emit("state", reached=step.text, seconds=number * step.every, state=self._state())
                 return
         last = f"last {show_state(step.key, values[-1])}" if values else "it could not be read"
-        trouble = f"the {step.quantity} was not {step.says.removeprefix(step.quantity).strip()} within {step.longest:g} s ({last})"
+        trouble = f"the {step.quantity} was not {step.text.removeprefix(step.quantity).strip()} within {step.longest:g} s ({last})"
         if step.otherwise == "stop":
             raise InstrumentError(f"{trouble}; mend what keeps it from settling or wait longer, and go on with --resume")
         self._ask(f"{trouble[0].upper()}{trouble[1:]}. Go on all the same? What is measured is then marked")
@@ -140,7 +140,7 @@ class MotorState:
     def around(self, measure: Callable[[], Measured]) -> Measured:
         """Measure between two readings of the state, which go into the metadata as `state`.
 
-        Trouble with the supply afterwards must not cost what was measured: it is raised by `refuse_trouble`, when that is stored.
+        An error of the supply after the measurement is kept and raised by `refuse_trouble`, when the data are stored.
         """
         if not self._meters:
             return measure()
@@ -166,21 +166,21 @@ class MotorState:
         return measured.with_metadata(state=state)
 
     def refuse_trouble(self) -> None:
-        """Raise what went wrong with the supply while the last measurement was made."""
+        """Raise the error of the supply that occurred during the last measurement."""
         if self._trouble is not None:
             raise self._trouble
 
     def _state(self) -> JsonDict:
-        """All quantities now, who read them, and what is not as demanded."""
+        """All quantities now, the instruments that read them, and which are outside their limits."""
         outside = []
-        if self.supply is not None and self.supply.told.get("output"):
+        if self.supply is not None and self.supply.sent_settings.get("output"):
             self.supply.refuse_changed()
             if trouble := self.supply.regulation():
                 outside.append(trouble)
         values, missing = self._readings(self._meters)
         for key, demand in self._demands.items():
             if key in values and demand.outside(values[key]):
-                outside.append(f"{STATE_QUANTITIES[key][0]} {show_state(key, values[key])}: {demand.says}")
+                outside.append(f"{STATE_QUANTITIES[key][0]} {show_state(key, values[key])}: {demand.text}")
         state: JsonDict = {**values, "read_by": {key: self._read_by[key] for key in STATE_QUANTITIES if key in self._read_by}}
         if missing:
             state["missing"] = missing
@@ -201,7 +201,7 @@ class MotorState:
             except (RecordedEnd, ReplayDifference):
                 raise
             except InstrumentError as error:
-                # A supply that does not answer is no small matter: the motor hangs on it.
+                # An error of the supply is raised, because it feeds the motor.
                 if meter is self.supply:
                     raise
                 missing[key] = str(error)

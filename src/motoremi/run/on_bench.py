@@ -1,4 +1,4 @@
-"""A procedure with the instruments and limits of one bench."""
+"""Applies a bench file to a procedure: the bench's instruments and limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from motoremi.schema.state_steps import SupplyStep
 
 
 def on_bench(procedure: Procedure, bench_file: BenchFile) -> Procedure:
-    """The procedure as it is done on that bench: with the bench file's instruments, which become part of its source and so of the record.
+    """The procedure with the instruments of the bench file, which become part of its source and so of the session.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def on_bench(procedure: Procedure, bench_file: BenchFile) -> Procedure:
 
 
 def shared_roles(procedure: Procedure) -> list[tuple[Role, ...]]:
-    """The instruments by the roles that each one plays: those with one driver and one resource are one."""
+    """The roles of each instrument: roles with the same driver and resource belong to one instrument."""
     found: dict[tuple[str, str], list[Role]] = {}
     for role, spec in procedure.instruments.items():
         found.setdefault((spec.driver, spec.resource), []).append(role)

@@ -1,4 +1,4 @@
-"""A dry run: the procedure on simulated instruments with a virtual clock, to see what would be sent and how long it takes."""
+"""Dry run: a procedure on simulated instruments with a virtual clock, to see what would be sent and how long it takes."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Rehearsed:
     seconds : float
         On the clock of the simulated instruments.
     prompts : tuple of str
-        What the operator is told, the first line of each.
+        First line of each instruction to the operator.
     sent : tuple of (str, str, int)
-        Role, message and how often in a row; looks at the error queue left out.
+        Role, message and how often in a row; without readings of the error queue.
     messages : int
-        How many were sent in all.
+        Number of messages sent, with readings of the error queue.
     """
 
     number: int
@@ -87,7 +87,7 @@ def rehearse(procedure: Procedure, bench_file: BenchFile) -> tuple[Rehearsed, ..
 
 
 def _never_stopping(procedure: Procedure) -> Procedure:
-    """The same, asking where it would stop because a state is not reached: the simulated motor is another one than the user's."""
+    """The same procedure without stops at a state that is not reached, because the simulated motor may never reach it."""
 
     def asking(step: Any) -> Any:
         if isinstance(step, Repeat):
@@ -98,7 +98,7 @@ def _never_stopping(procedure: Procedure) -> Procedure:
 
 
 class _Notes:
-    """Takes down what a run says, in place of a session."""
+    """Collects what a run does, in place of a session."""
 
     path = Path("rehearsal")
 
@@ -116,7 +116,7 @@ class _Notes:
         self._messages = 0
 
     def prompt(self, text: str) -> None:
-        """Note what the operator would be told."""
+        """Note the instruction for the operator."""
         self._prompts.append(text.partition("\n")[0])
 
     def emit(self, kind: str, **content: Any) -> JsonDict:

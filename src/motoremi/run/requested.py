@@ -1,4 +1,4 @@
-"""Measures what somebody asks for, one thing after the other, in one run of a bench: instruments stay connected and compensated in between."""
+"""Single measurements on request, as an investigation needs them; instruments stay connected and compensated between two requests."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from motoremi.schema.procedure_steps import Compensate, Identify, PlainStep, Swe
 from motoremi.schema.procedure_tables import DRIVER_SETTINGS
 
 WIDE, COMPENSATION = "wide-sweep", "repeat-compensation"
-# For a session of files, whose sweeps say where they begin and end.
+# Procedure for a session of imported files; the sweeps of the session give first and last frequency.
 _USUAL = "impedance_only"
 
 
 @dataclass(frozen=True)
 class Order:
-    """One measurement that is asked for.
+    """One requested measurement.
 
     Parameters
     ----------
     id : str
-        On the menu.
+        Its identifier, such as `second-temperature`.
     instruction : str
         What the operator has to do, in plain words.
     condition : Condition, optional
-        What is set up for the sweeps; None for more of the motor as it is.
+        What is set up for the sweeps; None for further sweeps of the motor as it is.
     terminations : tuple of str
         Which sweeps; empty for a single value.
     repeats : int
         Sweeps of each.
     turn : int
-        How often the same was asked before.
+        How often the same measurement was requested before.
     """
 
     id: str
@@ -59,7 +59,7 @@ class Order:
         return not self.terminations
 
     def to_dict(self) -> JsonDict:
-        """Plain data, for the record."""
+        """Plain data, for the session."""
         return {
             "id": self.id,
             "instruction": self.instruction,
@@ -79,18 +79,18 @@ class Order:
             If it is not such a dictionary.
         """
         try:
-            told = written["condition"]
+            text = written["condition"]
             terminations = tuple(TERMINATIONS[TERMINATIONS.index(name)] for name in written["terminations"])
-            condition = None if told is None else parse_condition(told)
+            condition = None if text is None else parse_condition(text)
             return cls(str(written["id"]), str(written["instruction"]), condition, terminations, int(written["repeats"]), int(written["turn"]))
         except (KeyError, TypeError, ValueError) as error:
             raise BadInput(f"a recorded question cannot be read ({type(error).__name__}: {error})") from error
 
 
 def procedure_for(session: Session) -> Procedure:
-    """How the bench measures for this session: its own instruments, sweep and compensation, without its steps of analysis.
+    """Procedure for further sweeps of a session: its instruments, sweep and compensation, without its steps of analysis.
 
-    For a session of files: the usual procedure over the span of its sweeps.
+    For a session of imported files: `impedance_only` over the span of its sweeps.
     """
     name = session.path.name
     source: JsonDict = dict(session.start["procedure"] if "procedure" in session.start else load_procedure(_USUAL).source)
@@ -109,22 +109,23 @@ def procedure_for(session: Session) -> Procedure:
 
 
 class Asking:
-    """A bench that is asked.
+    """A bench that carries out requested measurements.
 
     Parameters
     ----------
     procedure : Procedure
-        Of `procedure_for`, on this bench.
+        From `procedure_for`, on this bench.
     bench : Bench
-        Stays open; the caller closes it.
+        The caller closes it.
     writer : Writer
-        An open session; it stays open.
+        An open session; the caller closes it.
     prompt : callable
         Tells the operator what to do and returns the answer.
     set_up : callable
-        Told each order before its sweeps, None after them; a simulated bench then does what the operator was asked to do, and puts it back.
+        Called with the request before its sweeps and with None after them; a simulated bench then does what the operator is asked to do, and
+        undoes it.
     tick : callable, optional
-        Called at every exchange, for whoever shows progress.
+        Called at every exchange, to show progress.
     connections : int
         Highest number of a connection in the session.
     """
@@ -146,18 +147,18 @@ class Asking:
         self._set_up = set_up
         self._tick = tick
         self._connections = connections
-        self._at_work: Execution | None = None
+        self._execution: Execution | None = None
 
     def measure(self, order: Order) -> None:
-        """Have the operator do it, and sweep; every sweep is stored at once.
+        """Have the operator set it up, and sweep; every sweep is stored at once.
 
         Raises
         ------
         NotDone
-            If the operator says no; nothing was measured.
+            If the operator answers "not done"; nothing was measured.
         """
         wanted = self._procedure(order)
-        execution = self._at_work
+        execution = self._execution
         fresh = execution is None or execution.procedure.sweep != wanted.sweep
         if fresh or execution is None:
             execution = Execution(wanted, self._bench, self._writer, _no_analysis, self._prompt, self._tick, Done(connections=self._connections))
@@ -165,7 +166,7 @@ class Asking:
         compensation: list[PlainStep] = [step for step in wanted.steps if isinstance(step, Compensate)]
         if fresh:
             self.leave_safe()
-            self._at_work = execution
+            self._execution = execution
             self._do(execution, [Identify(do="identify"), *compensation])
         elif order.id == COMPENSATION:
             self._do(execution, compensation)
@@ -177,20 +178,20 @@ class Asking:
             self._set_up(None)
 
     def leave_safe(self) -> None:
-        """Bring the instruments into their safe state and let them go.
+        """Bring the instruments into their safe state and close their links.
 
         Raises
         ------
         InstrumentError
-            If one could not be.
+            If an instrument could not be brought into its safe state.
         """
-        execution, self._at_work = self._at_work, None
+        execution, self._execution = self._execution, None
         unsafe = {} if execution is None else execution.leave_safe()
         if unsafe:
             raise InstrumentError("; ".join(f"{role} could not be brought into its safe state ({problem})" for role, problem in unsafe.items()))
 
     def _procedure(self, order: Order) -> Procedure:
-        """The usual sweep, or the widest; a compensation that is to be repeated is done with open and short where there was none."""
+        """The procedure of the session, or with the widest sweep; `repeat-compensation` adds open and short where it had no compensation."""
         source = self._base.source
         steps = list(source["steps"])
         if order.id == COMPENSATION and not any(step["do"] == "compensate" for step in steps):
@@ -199,7 +200,7 @@ class Asking:
         return parse_procedure({**source, "steps": steps, "sweep": table}, order.id)
 
     def _widest(self) -> JsonDict:
-        """The sweep of the procedure for wide ones, as far as this analyser goes."""
+        """The sweep of the procedure `wide_sweep`, within the range of this analyser."""
         table: JsonDict = dict(load_procedure("wide_sweep").source["sweep"])
         settings = driver_class(self._base.instruments["analyser"].driver).table()
         for key, farthest in (("start", max), ("stop", min)):
@@ -211,22 +212,22 @@ class Asking:
     @staticmethod
     def _do(execution: Execution, steps: list[PlainStep]) -> None:
         for step in steps:
-            execution.where = f"what was asked ({step.do})"
+            execution.where = f"a requested measurement ({step.do})"
             execution.measure(Planned(1, step))
 
 
-def asked_value(order: Order, told: SingleValue) -> SingleValue:
-    """The number that came, if it is the one that was asked for.
+def asked_value(order: Order, value: SingleValue) -> SingleValue:
+    """The value, if it is the one that was requested.
 
     Raises
     ------
     BadInput
-        For an answer to a question that was not asked.
+        If it is another one.
     """
-    if told.name != order.id:
-        raise BadInput(f"{told.name} was not asked for: give {order.id}, or say no")
-    return told
+    if value.name != order.id:
+        raise BadInput(f"{value.name} was not asked for: give {order.id}, or say no")
+    return value
 
 
 def _no_analysis(kind: str, store: Any, parameters: JsonDict) -> None:
-    """Nothing is analysed between two sweeps."""
+    """A requested measurement has no steps of analysis."""

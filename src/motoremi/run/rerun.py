@@ -1,4 +1,4 @@
-"""Runs a recorded session again from its own traffic, and holds what comes out against what was stored."""
+"""Runs a recorded session again from its own traffic, and compares the results with what was stored."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ _KEPT = ("title", "procedure", "operator", "backend", "simulated", "simulated_sh
 
 @dataclass(frozen=True)
 class Replayed:
-    """What a replay came to.
+    """Result of a replay.
 
     Parameters
     ----------
     path : Path
         The new session.
     compared : int
-        How many stored sweeps, spectra and standards were held against the new ones.
+        How many stored sweeps, spectra and standards were compared with the new ones.
     differing : tuple of str
-        Files of the recorded session that did not come out byte for byte.
+        Files of the recorded session that were not reproduced byte for byte.
     differences : tuple of ReplayDifference
-        What a lenient replay passed over.
+        Differences that a lenient replay ignored.
     ended : str
         "done", or how the recorded run ended.
     outcome : Outcome, optional
-        Of a run that came to its end.
+        Outcome of a run that was completed.
     """
 
     path: Path
@@ -54,7 +54,7 @@ class Replayed:
 
     @property
     def same(self) -> bool:
-        """Whether everything was asked and measured as it was recorded."""
+        """Whether all exchanges and all data are as recorded."""
         return not self.differing and not self.differences
 
     def to_dict(self) -> JsonDict:
@@ -73,26 +73,26 @@ class Replayed:
 def rerun(
     session: Session, folder: Path, analyse: Callable[[], Analyse], lenient: bool = False, listen: Callable[[JsonDict], None] | None = None
 ) -> Replayed:
-    """Run a session's procedure again with its recorded traffic answering, on a virtual clock.
+    """Run a session's procedure again with its recorded traffic in place of the instruments, on a virtual clock.
 
     Parameters
     ----------
     session : Session
     folder : Path
-        Of the new session.
+        Folder of the new session.
     analyse : callable
-        Makes what does the analysing steps.
+        Makes the function that does the steps of analysis.
     lenient : bool
-        Go on at a difference.
+        Continue after a difference.
     listen : callable, optional
-        Told every document.
+        Called with every document.
 
     Raises
     ------
     ReplayDifference
-        If the code asks something else than the record holds, and `lenient` is off.
+        If an exchange differs from the record, and `lenient` is off.
     InstrumentError
-        If the run ends otherwise than the recorded one did.
+        If the run ends in another way than the recorded one.
     BadInput
         If the session was imported.
     """
@@ -115,12 +115,12 @@ def rerun(
         except RecordedEnd:
             ended = recorded_stop or "killed"
         except MotoremiError as error:
-            # A failure that comes again is a faithful replay.
+            # A failure that occurred in the recorded run as well is a correct replay.
             if isinstance(error, ReplayDifference) or not recorded_stop.endswith(str(error)):
                 raise
             ended = recorded_stop
         else:
-            # A kill or Ctrl-C during a step that asks no instrument leaves no trace in the traffic: there is nothing to stop a replay by.
+            # A kill or Ctrl-C during a step without an exchange leaves no trace in the traffic, so the replay cannot stop there.
             if recorded_stop and not from_outside:
                 raise InstrumentError(f"the recorded run ended with {recorded_stop!r}, its replay came to its end")
     if len(before_investigations(session.documents)) < len(session.documents):
@@ -130,7 +130,7 @@ def rerun(
             rerun_asked(session.documents, bench, writer, session.path.name)
     bench.finish()
     again = load(folder)
-    return Replayed(folder, *_held_against(session, again), tuple(bench.differences), ended, outcome)
+    return Replayed(folder, *_compared(session, again), tuple(bench.differences), ended, outcome)
 
 
 def _as_writer(writer: SessionWriter) -> Writer:
@@ -138,7 +138,7 @@ def _as_writer(writer: SessionWriter) -> Writer:
 
 
 def _answering(answers: list[Answer]) -> Prompt:
-    """An operator who answers as it was recorded; None as on a bench where nobody is asked."""
+    """A prompt that gives the recorded answers; None when there are no more, as on a bench without an operator."""
     recorded = iter(answers)
 
     def prompt(text: str) -> Answer | None:
@@ -151,15 +151,15 @@ def _answering(answers: list[Answer]) -> Prompt:
 
 
 def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answer], datetime | None]]:
-    """Each run of the session: what was done before it, why it stopped (empty: it came to its end), whether by a kill or by Ctrl-C,
-    what the operator answered, and when the next one began.
+    """Each run of the session: what was done before it, why it stopped (empty if it was completed), whether that was a kill or Ctrl-C,
+    the operator's answers, and when the next run began.
     """
     documents = before_investigations(session.documents)
     starts = [i for i, d in enumerate(documents) if d["kind"] == "resume"]
     edges = [0, *starts, len(documents)]
     for first, end in itertools.pairwise(edges):
         own = itertools.takewhile(lambda d: d["kind"] != "reopen", documents[first:end])
-        # A run whose report failed has two: the measurement's and its own.
+        # A run whose report failed has two stop documents: of the measurement and of the run.
         stop = next(reversed([d for d in own if d["kind"] == "stop"]), None)
         reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
         answers = [d["answer"] for d in documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
@@ -168,15 +168,15 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answe
         yield (done_by(session, session.documents[:first]) if first else None), reason, from_outside, answers, until
 
 
-def _held_against(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:
-    """How many files were compared, and which of the recorded ones have no equal in the replay, in order."""
+def _compared(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:
+    """How many files were compared, and which recorded files have no equal in the replay, in order."""
     recorded = [d for d in session.documents if d["kind"] in MEASURED]
-    # A killed run may have read a sweep that it could not store any more; the replay stores it.
-    came = [d["sha256"] for d in again.documents if d["kind"] in MEASURED]
+    # A killed run may have read a sweep without storing it; the replay stores it.
+    reproduced = [d["sha256"] for d in again.documents if d["kind"] in MEASURED]
     differing, position = [], 0
     for document in recorded:
-        if document["sha256"] in came[position:]:
-            position = came.index(document["sha256"], position) + 1
+        if document["sha256"] in reproduced[position:]:
+            position = reproduced.index(document["sha256"], position) + 1
         else:
             differing.append(str(document["file"]))
     return len(recorded), tuple(differing)

@@ -1,4 +1,4 @@
-"""Runs the questions of a recorded investigation again: what was asked is asked again, and the recorded traffic answers."""
+"""Replays the requested measurements of a recorded investigation: each is requested again, and the recorded traffic answers."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def before_investigations(documents: Sequence[JsonDict]) -> tuple[JsonDict, ...]
 
 
 def rerun_asked(documents: Sequence[JsonDict], bench: ReplayBench, writer: SessionWriter, name: str) -> None:
-    """Ask everything again that the investigations of a session asked.
+    """Request everything again that the investigations of a session requested.
 
     Parameters
     ----------
     documents : sequence of dict
-        All of the recorded session.
+        All documents of the recorded session.
     bench : ReplayBench
     writer : SessionWriter
-        Of the new session; it stays open.
+        The new session; the caller closes it.
     name : str
-        Of the recorded session, for errors.
+        Name of the recorded session, for messages.
     """
     for begin, own, until in _investigations(documents):
         bench.begin_run(until)
@@ -48,7 +48,7 @@ def rerun_asked(documents: Sequence[JsonDict], bench: ReplayBench, writer: Sessi
             # The recorded run was stopped here; the next investigation of the session went on.
             pass
         except InstrumentError as error:
-            # A failure that comes again is a faithful replay.
+            # A failure that occurred in the recorded run as well is a correct replay.
             if isinstance(error, ReplayDifference) or not any(str(error) in str(document.get("reason", "")) for document in own):
                 raise
         with suppress(RecordedEnd):
@@ -66,13 +66,13 @@ def _ask_all(documents: Sequence[JsonDict], asking: Asking, writer: SessionWrite
                 asking.measure(order)
             except NotDone:
                 writer.emit("refused", id=order.id)
-        for told in itertools.takewhile(lambda later: later["kind"] != "asked", documents[place + 1 :]):
-            if told["kind"] == "value":
-                writer.add_value(SingleValue.restored(told))
+        for later in itertools.takewhile(lambda one: one["kind"] != "asked", documents[place + 1 :]):
+            if later["kind"] == "value":
+                writer.add_value(SingleValue.restored(later))
 
 
 def _investigations(documents: Sequence[JsonDict]) -> Iterator[tuple[JsonDict, Sequence[JsonDict], datetime | None]]:
-    """Each with its documents, and when the next one began."""
+    """First document, further documents and end time of each investigation; the time is when the next one began."""
     places = [place for place, document in enumerate(documents) if document["kind"] == BEGINS]
     for first, end in itertools.pairwise([*places, len(documents)]):
         until = datetime.fromisoformat(documents[end]["time"]) if end < len(documents) else None

@@ -1,4 +1,4 @@
-"""How far a session's run has come, and what has to be done again before it can go on."""
+"""Resuming a run: how far it has come, and which steps have to be repeated before it can continue."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from motoremi.schema.state_steps import SupplyStep, WaitFor
 
 @dataclass(frozen=True)
 class Done:
-    """What a session holds of its procedure.
+    """How far a session's procedure has been done.
 
     Parameters
     ----------
     steps : int
-        How many steps were finished, from the first on.
+        Number of finished steps, from the first.
     stored : int
-        Sweeps or spectra stored by the step after those.
+        Sweeps or spectra that the next, unfinished step has stored.
     connections : int
         Highest number given to a connection.
     maxima : mapping
         Number of a final measurement to the maxima that were chosen for it.
     identities : mapping
-        Role to who answered.
+        Identity of the instrument in each role.
     verdicts : tuple of dict
-        What the judging steps said.
+        Results of the judging steps.
     left_on : bool
-        Whether a supply was connected and never proved to be off: the run was killed.
+        Whether a supply was connected and not confirmed to be off, because the run was killed.
     """
 
     steps: int = 0
@@ -69,12 +69,12 @@ class Done:
                 left_on = not document["safe"]
             elif kind == "verdict":
                 verdicts[int(document["step"])] = document["result"]
-        said = tuple(verdicts[number] for number in sorted(verdicts) if number <= steps)
-        return cls(steps, stored, connections, maxima, identities, said, left_on)
+        kept = tuple(verdicts[number] for number in sorted(verdicts) if number <= steps)
+        return cls(steps, stored, connections, maxima, identities, kept, left_on)
 
 
 def needed_again(plan: tuple[Planned, ...], done: Done) -> set[int]:
-    """Numbers of finished steps that the rest of the plan stands on: who is connected, compensation, the operator's connection and its wait."""
+    """Numbers of finished steps that the rest of the plan depends on: identify, compensation, the operator's connection and its wait."""
     before, after = plan[: done.steps], [planned.step for planned in plan[done.steps :]]
     again: set[int] = set()
     if done.left_on or any(isinstance(step, MeasuringStep | SupplyStep | WaitFor) for step in after):
@@ -85,13 +85,13 @@ def needed_again(plan: tuple[Planned, ...], done: Done) -> set[int]:
     connected = [planned.number for planned in before if isinstance(planned.step, Connect)][-1:]
     until_next = after[: next((i for i, step in enumerate(after) if isinstance(step, Connect)), len(after))]
     if connected and any(isinstance(step, Sweep | Check | Scan | Final) for step in until_next):
-        # What was waited for there, such as a warm motor, has passed too.
+        # The state that was waited for there, such as a warm motor, is lost as well.
         again.update(connected, (planned.number for planned in before[connected[0] :] if isinstance(planned.step, Wait)))
     return again | _state_again(before, after)
 
 
 def _state_again(before: tuple[Planned, ...], after: list[PlainStep]) -> set[int]:
-    """The supply was switched off when the run ended: what set it last, if that was on, and what was waited for since then."""
+    """Steps to repeat because the supply was switched off at the end of the run: the last one that set it, and later waits."""
     last = [planned.number for planned in before if isinstance(planned.step, SupplyStep)][-1:]
     until_next = after[: next((i for i, step in enumerate(after) if isinstance(step, SupplyStep)), len(after))]
     if not any(isinstance(step, MeasuringStep | WaitFor) for step in until_next):

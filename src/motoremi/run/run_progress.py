@@ -1,4 +1,4 @@
-"""How far a run is, in seconds of the bench: from the rehearsed duration of each step."""
+"""Progress of a run in seconds, from the duration of each step in a dry run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motoremi.run.rehearsal import Rehearsed
 
 
 class RunProgress:
-    """Listens to a run and shows seconds done and seconds in all.
+    """Follows a run and shows elapsed and total seconds.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ class RunProgress:
     clock : Clock
         The bench's.
     show : callable
-        Takes what is being done, seconds done, seconds in all.
+        Called with the present step, elapsed seconds and total seconds.
     """
 
     def __init__(self, rehearsed: Sequence[Rehearsed], clock: Clock, show: Callable[[str, int, int], None]) -> None:
@@ -40,6 +40,6 @@ class RunProgress:
     def tick(self) -> None:
         """Time has passed."""
         before = sum(seconds for number, seconds in self._seconds.items() if number < self._step)
-        # A step that takes longer than rehearsed stands at its end until the next one begins.
+        # A step that takes longer than in the dry run counts as complete until the next one begins.
         within = min(self._clock.now() - self._from_s, self._seconds.get(self._step, 0.0))
         self._show(self._doing, int(before + within), int(self._total))

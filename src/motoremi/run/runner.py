@@ -31,7 +31,7 @@ class Outcome:
     steps : int
         How many were done.
     verdicts : tuple of dict
-        What the judging steps said, in order.
+        Results of the judging steps, in order.
     """
 
     steps: int
@@ -39,13 +39,13 @@ class Outcome:
 
     @property
     def verdict(self) -> str:
-        """ "fail" if a judging step said so, "pass" if none did and one said "pass", "done" if nothing was judged."""
-        said = {verdict.get("verdict") for verdict in self.verdicts}
-        return next((word for word in ("fail", "pass") if word in said), "done")
+        """ "fail" if a judging step failed, "pass" if none failed and at least one passed, "done" if nothing was judged."""
+        results = {verdict.get("verdict") for verdict in self.verdicts}
+        return next((word for word in ("fail", "pass") if word in results), "done")
 
     @property
     def passed(self) -> bool:
-        """Whether no judging step said "fail"."""
+        """Whether no judging step failed."""
         return self.verdict != "fail"
 
     def to_dict(self) -> JsonDict:
@@ -61,7 +61,7 @@ def make_bench(bench_file: BenchFile) -> Bench:
 
 
 def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
-    """What the session's first document says of a run: enough to run it again.
+    """Content of the session's first document: enough to run the procedure again.
 
     Raises
     ------
@@ -87,20 +87,20 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
 
 
 def _fingerprint(bench_file: BenchFile) -> JsonDict:
-    """Which simulated bench, without telling what it hides."""
+    """Identifies a simulated bench without revealing its hidden effects."""
     if bench_file.backend != "sim":
         return {}
     return {"simulated_sha256": hashlib.sha256(repr((bench_file.seed, bench_file.effects)).encode()).hexdigest()}
 
 
 def was_begun_on(session: Session, bench_file: BenchFile) -> bool:
-    """Whether this is the bench that a session was begun on, as far as it can be told."""
+    """Whether this is the bench on which a session was begun, as far as backend and simulated bench show it."""
     now = {"backend": bench_file.backend or "visa", **_fingerprint(bench_file)}
     return all(session.start.get(key) == value for key, value in now.items())
 
 
 def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]:
-    """What is left of a session's procedure.
+    """A session's procedure, and what is done of it already.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
     name = session.path.name
     if "procedure" not in session.start:
         raise BadInput(f"{name} was imported, not measured: there is nothing to resume")
-    # Done but not closed lacks only its manifest.
+    # A session that is done but was not closed lacks only its manifest.
     if session.status == "done" and not session.interrupted:
         raise BadInput(f"{name} is complete: there is nothing to resume")
     if not was_begun_on(session, bench_file):
@@ -121,7 +121,7 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
 
 
 def done_by(session: Session, documents: Sequence[JsonDict]) -> Done:
-    """What these documents of a session say was done.
+    """What has been done according to these documents of a session.
 
     Raises
     ------
@@ -158,9 +158,9 @@ def run(
     prompt : callable
         Tells the operator what to do and returns the answer: see `motoremi.run.answer`.
     tick : callable, optional
-        Called at every exchange, for whoever shows progress.
+        Called at every exchange, to show progress.
     done : Done, optional
-        What an earlier run of this session has finished; that is not done again, except for what the rest stands on.
+        What an earlier run of this session has finished; that is not repeated, except for steps that the rest depends on.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def run(
     """
     state = Execution(procedure, bench, writer, analyse, prompt, tick, done or Done())
     plan = procedure.plan
-    # What is reported at the end is a run that has ended: its instruments are safe, and the session says how it ended.
+    # Report steps at the end are done after the instruments are safe and the end of the measurement is stored, so that the report can state it.
     reports = tuple(itertools.takewhile(lambda planned: isinstance(planned.step, ReportStep), reversed(plan)))
     try:
         again: set[int] = set()
@@ -203,7 +203,7 @@ def run(
         try:
             writer.close("failed", f"{state.where}: {str(error) or type(error).__name__}")
         except StorageError as second:
-            # The first error is the one to act on.
+            # The first error is raised: it is the one that the user has to act on.
             error.add_note(f"the session could not be closed either: {second}")
         raise
     writer.close("done")

@@ -1,4 +1,4 @@
-"""What a compensated fixture leaves of a known standard, and whether that is little enough."""
+"""Judges the residual error of a compensated fixture by the measurement of a known standard."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from motoremi.schema.procedure_steps import Check
 
 
 def judge_standard(step: Check, sweep: ImpedanceSweep) -> JsonDict:
-    """Hold a standard's impedance against the step's limits.
+    """Compare a standard's impedance with the limits of the step.
 
-    A short may keep R + 2 pi f L of impedance, an open G + 2 pi f C of admittance, a load its tolerance: what compensation
-    leaves in a fixture is a small R, L, G and C (Keysight, Impedance Measurement Handbook, 6th ed., section 4).
+    Allowed are an impedance of R + 2 pi f L for a short, an admittance of G + 2 pi f C for an open, and the tolerance of a load: the
+    residual error of a compensated fixture is a small R, L, G and C (Keysight, Impedance Measurement Handbook, 6th ed., section 4).
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a run asks of a session."""
+"""The part of a session that a run uses."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from motoremi.data.sweep import ImpedanceSweep
 
 
 class Writer(Protocol):
-    """What a run asks of a session; `motoremi.data.session.SessionWriter` is one."""
+    """What a run uses of a session; `motoremi.data.session.SessionWriter` is one."""
 
     def emit(self, kind: str, **content: Any) -> JsonDict:
-        """Append one document and tell the listeners."""
+        """Append one document and pass it to the listeners."""
         ...
 
     def add_sweep(self, sweep: ImpedanceSweep) -> Path:
@@ -31,21 +31,21 @@ class Writer(Protocol):
         ...
 
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
-        """Store what was measured with a standard."""
+        """Store the sweep of a standard."""
         ...
 
     def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
-        """Store what the instrument itself holds of a standard."""
+        """Store the compensation data that the instrument measured with a standard."""
         ...
 
     def log_traffic(self, record: Mapping[str, Any]) -> None:
-        """Store one exchange."""
+        """Store one record of traffic."""
         ...
 
     def end(self) -> None:
-        """Write the stop document of a measurement that is done; only its report follows."""
+        """Write the stop document of a completed measurement; only its report follows."""
         ...
 
     def close(self, status: Literal["done", "failed", "interrupted"], reason: str = "") -> None:
-        """Write the stop document, unless the measurement has ended well and so has what followed, and the manifest."""
+        """Write the manifest, and before it the stop document, unless `end` has written it and nothing has failed since."""
         ...

@@ -1,1 +1,1 @@
-"""What a procedure and a bench file may say; checked before any instrument is connected."""
+"""Procedures and bench files: their keys and limits, checked before any instrument is connected."""

@@ -23,30 +23,33 @@ from motoremi.schema.toml_file import checked, parsed_toml, read_text
 class BenchFile(Strict):
     """What belongs to one laboratory rather than to the procedure."""
 
-    backend: str = Field(default="", description="what PyVISA takes, such as @py; empty: the system's VISA or PyVISA-py; sim: the simulated bench")
+    backend: str = Field(
+        default="",
+        description="PyVISA's name of the VISA library, such as @py; empty: the system's VISA, or PyVISA-py without one; sim: the simulated bench",
+    )
     resources: dict[Role, str] = Field(default_factory=dict, description="VISA resource of a role; overrides the procedure")
-    allow: frozenset[str] | None = Field(default=None, description="resources that may be opened at all; without it, every one")
+    allow: frozenset[str] | None = Field(default=None, description="the only resources that may be opened; without it, any")
     operator: str = Field(default="", max_length=200, description="who measures")
     motor: str = Field(default="", max_length=200, description="name of the motor under test, for the report")
     serial: str = Field(default="", max_length=200, description="its serial number")
     ambient: str = Field(default="", max_length=200, description="temperature and humidity as read, such as 23 degC, 45 %")
     instruments: dict[Role, InstrumentSpec] = Field(
-        default_factory=dict, description="instruments of this bench; they come beside the procedure's and replace those in the same role"
+        default_factory=dict, description="instruments of this bench, added to those of the procedure; one in the same role replaces it"
     )
     highest_voltage: Annotated[float, Quantity("V", 0.0, 1000.0)] | None = Field(
-        default=None, description="no supply step may set more on this bench"
+        default=None, description="largest voltage that a supply step may set on this bench"
     )
     highest_current: Annotated[float, Quantity("A", 0.0, 1000.0)] | None = Field(
-        default=None, description="no supply step may set a higher limit on this bench"
+        default=None, description="largest current limit that a supply step may set on this bench"
     )
     calibrated: dict[Role, date] = Field(default_factory=dict, description="date of the last calibration")
-    correction: tuple[Correction, ...] = Field(default=(), description="pads, cables, transducers, fixtures: [[correction]] tables")
-    seed: int = Field(default=1, ge=0, description="simulated bench: which motor")
-    effects: tuple[str, ...] = Field(default=(), description="simulated bench: what it hides")
+    correction: tuple[Correction, ...] = Field(default=(), description="attenuators, cables, transducers, fixtures: [[correction]] tables")
+    seed: int = Field(default=1, ge=0, description="simulated bench: number from which motor, errors and noise are drawn")
+    effects: tuple[str, ...] = Field(default=(), description="simulated bench: effects that its motor and analyser have")
 
     @property
     def corrections(self) -> Corrections:
-        """What stands between the motor and the instruments."""
+        """Corrections for what is between the motor and the instruments."""
         return Corrections(self.correction)
 
     def refuse_uncovered(self, procedure: Procedure) -> None:
@@ -57,7 +60,7 @@ class BenchFile(Strict):
                 self.corrections.refuse_outside(role, band.start, band.stop)
 
     def refuse_unless_allowed(self, procedure: Procedure) -> None:
-        """Raise `BadInput` if a resource, the bench's own or what the procedure names, is not on the allow-list."""
+        """Raise `BadInput` if a resource of the bench file or the procedure is not on the allow-list."""
         for role, spec in procedure.instruments.items():
             refuse_unless_allowed(role, self.resources.get(role, spec.resource), self.allow)
 
@@ -69,7 +72,7 @@ def load_bench_file(path: str | Path, confirm: Callable[[str], bool] | None = No
     ----------
     path : path-like
     confirm : callable, optional
-        Asked whether a correction with a negative value is meant; without it that is an error.
+        Asked whether a correction with a negative value is intended; without it, a negative value is an error.
     """
     if str(path) == "sim":
         return BenchFile(backend="sim")

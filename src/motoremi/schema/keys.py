@@ -1,10 +1,12 @@
-"""Every key of a procedure and of a bench file, with unit, limits, default and help: read off the schema itself."""
+"""Reference of all keys of a procedure and a bench file, with unit, limits, default and help, generated from the schema."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args, get_origin
+from datetime import date
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -30,6 +32,9 @@ TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
 )
 
 
+_NUMBERS: dict[Any, str] = {int: "whole number", float: "number"}
+
+
 @dataclass(frozen=True)
 class Key:
     """One key.
@@ -38,7 +43,7 @@ class Key:
     ----------
     name : str
     takes : str
-        What may be written: words, a number, or a quantity with its limits.
+        Allowed values: words, a number, or a quantity with its limits.
     default : str
         Empty if the key must be given.
     help : str
@@ -103,17 +108,19 @@ def _takes(field: FieldInfo) -> str:
     quantity = _quantity(field)
     if quantity is not None:
         return f"text with unit, {quantity.span()}"
-    words = _words(field.annotation)
-    if words:
-        return ", ".join(words)
+    kinds = [kind for kind in _alternatives(field.annotation) if kind is not NoneType]
+    number = next((_NUMBERS[kind] for kind in kinds if kind in _NUMBERS), "")
     limits = {key: value for entry in field.metadata for key, value in _limits(entry)}
     low, high = limits.get("ge", limits.get("gt")), limits.get("le")
-    number = _number(field.annotation)
     if number and low is not None and high is not None:
-        return f"{number}, {low} to {high}"
+        return f"{number}, {'above ' if 'gt' in limits else ''}{low} to {high}"
     if number and low is not None:
         return f"{number}, {'above' if 'gt' in limits else 'at least'} {low}"
-    return number or _plain(field.annotation)
+    return " or ".join(dict.fromkeys(_plain(kind) for kind in kinds))
+
+
+def _alternatives(annotation: Any) -> tuple[Any, ...]:
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
 def _limits(entry: Any) -> Iterator[tuple[str, Any]]:
@@ -128,24 +135,19 @@ def _quantity(field: FieldInfo) -> Quantity | None:
     return next((entry for entry in entries if isinstance(entry, Quantity)), None)
 
 
-def _words(annotation: Any) -> tuple[str, ...]:
-    if get_origin(annotation) is Literal:
-        return tuple(str(word) for word in get_args(annotation))
-    return ()
-
-
-def _number(annotation: Any) -> str:
-    kinds = {int: "whole number", float: "number"}
-    return next((kinds[part] for part in (annotation, *get_args(annotation)) if part in kinds), "")
-
-
-def _plain(annotation: Any) -> str:
-    if annotation is str:
-        return "text"
-    origin = get_origin(annotation)
+def _plain(kind: Any) -> str:
+    origin = get_origin(kind)
+    if origin is Literal:
+        return ", ".join(f'"{word}"' if "," in str(word) else str(word) for word in get_args(kind))
+    if kind in _NUMBERS:
+        return _NUMBERS[kind]
     if origin is dict:
         return "table by role"
-    return "list" if origin is not None else "text"
+    if origin is not None:
+        return "list"
+    if kind is date:
+        return "date"
+    return "table" if isinstance(kind, type) and issubclass(kind, BaseModel) else "text"
 
 
 def _default(field: FieldInfo) -> str:
@@ -155,5 +157,7 @@ def _default(field: FieldInfo) -> str:
         return ""
     if field.default in (None, "", ()):
         return "none"
+    if isinstance(field.default, tuple):
+        return ", ".join(map(str, field.default))
     quantity = _quantity(field)
     return show(float(field.default), quantity.unit) if quantity is not None else str(field.default)

@@ -25,12 +25,12 @@ from motoremi.schema.state_steps import SupplyStep, WaitFor
 from motoremi.schema.strict import Strict
 from motoremi.schema.toml_file import checked, parsed_toml, read_text
 
-# More than any bench does in a week; stops a procedure that would only fill memory.
+# More steps than a bench can do in a week; a larger number would only fill memory.
 MOST_STEPS = 10_000
 
 
-# Detectors behind a meter of 160 ms (two equal poles): after a second it shows all but 0.12 dB. CISPR 16-2-1 asks for a second as well
-# (unconfirmed: not read in the standard).
+# Detectors with a meter time constant of 160 ms (two equal poles), which is within 0.12 dB of the final value after one second. CISPR 16-2-1
+# requires one second as well (unconfirmed: not read in the standard).
 METERED, METER_DWELL_S = ("quasi-peak", "cispr-average", "rms-average"), 1.0
 
 
@@ -39,7 +39,7 @@ _NEEDS: tuple[tuple[Any, Role, str], ...] = ((Compensate | Sweep | Check, "analy
 
 @dataclass(frozen=True)
 class Planned:
-    """One step in the order in which all are done, with those of a repeat one by one.
+    """One step of the plan: all steps in the order in which they are done, those of a repeat listed once for each pass.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Procedure(Strict):
     title: str = Field(min_length=1, max_length=200, description="what it is, for the report")
     instruments: dict[Role, InstrumentSpec] = Field(description="by role: analyser, receiver, supply, voltmeter, ammeter, tachometer, thermometer")
     calibration_within: Annotated[float, Quantity("d", 1, 3650)] | None = Field(
-        default=None, description="no run with an instrument whose calibration is older, lies in the future or is not stated"
+        default=None, description="refuse to run with an instrument whose calibration is older, in the future or not stated"
     )
     sweep: SweepSpec | None = None
     spectrum: SpectrumSpec | None = None
@@ -80,7 +80,7 @@ class Procedure(Strict):
 
     @property
     def plan(self) -> tuple[Planned, ...]:
-        """Every step in the order in which it is done."""
+        """All steps in the order in which they are done."""
         return tuple(Planned(number, *entry) for number, entry in enumerate(self._unrolled(), start=1))
 
     def _unrolled(self) -> Iterator[tuple[PlainStep, int, int]]:
@@ -108,12 +108,12 @@ class Procedure(Strict):
                 if getattr(self, table) is None:
                     raise BadInput(f"the steps need the table [{table}]")
                 self._refuse_beyond_driver(role, table)
-        self._refuse_emission_that_cannot_be(once)
+        self._refuse_impossible_emission(once)
         self._refuse_lacking(measuring)
         return self
 
-    def _refuse_emission_that_cannot_be(self, steps: Sequence[PlainStep]) -> None:
-        """Limits are known, the receiver has the detectors, and a final measurement has a scan to start from."""
+    def _refuse_impossible_emission(self, steps: Sequence[PlainStep]) -> None:
+        """Refuse an unknown limit, a detector that the receiver lacks, and a final measurement without a scan before it."""
         scanned = False
         for step in steps:
             if isinstance(step, Final | JudgeStep):
@@ -132,7 +132,7 @@ class Procedure(Strict):
             raise BadInput(f"the {name} has no {detector} detector of CISPR 16-1-1; it has {', '.join(driver.detectors())}")
 
     def remarks(self) -> tuple[str, ...]:
-        """What makes the emission's levels wrong, or may miss some, though the receiver would measure like this."""
+        """Warnings: settings that the receiver accepts, but with which levels are wrong or lines are missed."""
         if self.spectrum is None:
             return ()
         found = []
@@ -140,20 +140,20 @@ class Procedure(Strict):
         if spec.step > spec.bandwidth / 2 * (1 + 1e-9):
             found.append(
                 f"[spectrum]: the step of {show(spec.step, 'Hz')} is coarser than half the bandwidth of {show(spec.bandwidth, 'Hz')}: "
-                "a line between two points reads low"
+                "a line between two points is measured too low"
             )
         for planned in self.plan:
             if isinstance(planned.step, Scan) and planned.step.detector in METERED:
                 dwell = planned.step.dwell or spec.dwell
                 if dwell < METER_DWELL_S:
                     found.append(
-                        f"step {planned.number}: {planned.step.detector} with a dwell of {show(dwell, 's')} reads low: "
+                        f"step {planned.number}: {planned.step.detector} with a dwell of {show(dwell, 's')} measures too low: "
                         f"its meter needs {METER_DWELL_S:g} s at each point"
                     )
         return tuple(found)
 
     def _refuse_lacking(self, measuring: Sequence[object]) -> None:
-        """Options and standards that the analyser does not have."""
+        """Refuse options and standards that the analyser does not have."""
         kind = driver_class(self.instruments["analyser"].driver) if "analyser" in self.instruments else None
         if self.sweep is None or kind is None or not issubclass(kind, ImpedanceAnalyser):
             return
@@ -177,7 +177,7 @@ class Procedure(Strict):
 
 
 def ready_procedures() -> list[str]:
-    """Names of the procedures that come along."""
+    """Names of the procedures that come with motoremi."""
     return sorted(entry.name.removesuffix(".toml") for entry in resources.files("motoremi.procedures").iterdir() if entry.name.endswith(".toml"))
 
 
@@ -187,7 +187,7 @@ def load_procedure(path: str | Path) -> Procedure:
     Raises
     ------
     BadInput
-        With file, step and key in one line for everything that is wrong.
+        In one line, with file, step and key of each error.
     """
     if not Path(path).exists() and str(path) in ready_procedures():
         shipped = resources.files("motoremi.procedures") / f"{path}.toml"
@@ -196,7 +196,7 @@ def load_procedure(path: str | Path) -> Procedure:
 
 
 def parse_procedure(data: Mapping[str, Any], where: str) -> Procedure:
-    """Check a procedure that has been read already; `where` names it in errors."""
+    """Check a procedure that has been read; `where` names it in errors."""
     procedure = checked(Procedure, data, where)
     procedure._source = dict(data)
     return procedure

@@ -16,17 +16,17 @@ from motoremi.schema.quantity_field import Quantity
 from motoremi.schema.state_steps import SupplyStep, WaitFor
 from motoremi.schema.strict import Strict
 
-Repeats = Annotated[int, Field(ge=1, le=100, description="how many, one after the other on the same connection")]
+Repeats = Annotated[int, Field(ge=1, le=100, description="number of measurements on the same connection")]
 
 
 class Identify(Strict):
-    """Connect to every instrument, check who answers, reset it and set it up. Must be the first step of a measurement."""
+    """Connect to every instrument, check its identity, reset it and set it up. Must be the first step of a measurement."""
 
     do: Literal["identify"]
 
 
 class Compensate(Strict):
-    """Measure the fixture with a standard and switch that compensation on; prompts for the standard."""
+    """Measure the fixture with a standard and switch that compensation on; the operator is asked to connect the standard."""
 
     do: Literal["compensate"]
     standard: Literal["open", "short", "load"] = Field(description="which standard")
@@ -40,25 +40,27 @@ class Compensate(Strict):
         return self
 
     def parameters(self) -> JsonDict:
-        """What the standard is only where it is told."""
+        """Value and inductance only for a load standard."""
         return self.model_dump(include={"standard", "nominal", "inductance"} if self.standard == "load" else {"standard"})
 
 
 class Connect(Strict):
-    """Prompt the operator, with a drawing. The measuring steps that follow use this connection; without it each makes its own."""
+    """Ask the operator to make a connection, with a drawing. The measuring steps that follow use it; without it each step makes its own."""
 
     do: Literal["connect"]
     what: ConnectionName = Field(description="what is connected")
-    note: str = Field(default="", max_length=500, description="what else the operator should know")
+    note: str = Field(default="", max_length=500, description="further text for the operator")
 
 
 class Sweep(Strict):
     """Measure the motor's impedance, several times without touching the connection."""
 
     do: Literal["sweep"]
-    termination: Termination = Field(description="short: between the terminals, far one joined to the frame; open: terminal to frame")
+    termination: Termination = Field(
+        description="short: between the terminals, the far one connected to the frame; open: from one terminal to the frame"
+    )
     repeat: Repeats = 1
-    condition: str | None = Field(default=None, description="what was set up for it: second-temperature=53degC")
+    condition: str | None = Field(default=None, description="condition that was set up for the sweep: second-temperature=53degC")
 
     @field_validator("condition")
     @classmethod
@@ -68,7 +70,7 @@ class Sweep(Strict):
 
 
 class Check(Strict):
-    """Measure a standard through the compensated fixture and judge what is left of the fixture: pass or fail."""
+    """Measure a standard through the compensated fixture and judge the residual error of the fixture: pass or fail."""
 
     do: Literal["check"]
     standard: Literal["open", "short", "load"] = Field(description="which standard")
@@ -96,50 +98,61 @@ class Scan(Strict):
 
     do: Literal["spectrum"]
     detector: Detector = Field(description="CISPR detector")
-    condition: Condition = Field(default="motor running", description="motor off measures the background; kept with the data")
+    condition: Condition = Field(default="motor running", description="motor off measures the background; stored with the data")
     line: Line | None = Field(default=None, description="phase of the LISN: switched by the operator, or by command (line_switch)")
-    operating: str = Field(default="", max_length=100, description="operating state of the motor, such as full load; prompts when it changes")
+    operating: str = Field(
+        default="", max_length=100, description="operating state of the motor, such as full load; the operator is asked when it changes"
+    )
     dwell: Annotated[float, Quantity("s", 50e-6, 100)] | None = Field(
-        default=None, description="measuring time of this scan; else that of [spectrum]"
+        default=None, description="measuring time at each step of this scan; without it, that of [spectrum]"
     )
     repeat: Repeats = 1
 
     def parameters(self) -> JsonDict:
-        """Keys that say something."""
+        """Keys with a value."""
         return self.model_dump(exclude={"do", *(key for key in ("line", "operating", "dwell") if not getattr(self, key))})
 
 
 class Final(Strict):
-    """Read the highest maxima of the scans before again, each with the detectors of the limit, on every line and in every state of those scans."""
+    """Measure the highest maxima of the earlier scans again with these detectors, on every line and in every operating state of those scans."""
 
     do: Literal["final"]
-    limit: str = Field(default="cispr32-b", max_length=300, description="limit that the maxima are held against; motoremi limits lists them")
+    limit: str = Field(default="cispr32-b", max_length=300, description="limit that the maxima are compared with; motoremi limits lists them")
     detectors: tuple[Detector, ...] = Field(default=("quasi-peak", "cispr-average"), min_length=1, description="detectors of the final readings")
-    dwell: Annotated[float, Quantity("s", 1.0, 100)] = Field(default=1.0, description="measuring time of each reading; longer for slow repetition")
-    margin: Annotated[float, Quantity("dB", 0, 200)] = Field(default=10.0, description="only maxima less than this below the limit, or above it")
-    maxima: int = Field(default=6, ge=1, le=100, description="at most so many, the nearest to the limit of every subrange first")
-    apart: Annotated[float, Quantity("Hz", 0, 30e6)] = Field(default=50e3, description="two maxima are at least so far apart")
-    subranges: int = Field(default=10, ge=1, le=100, description="parts of the span, equal on a logarithmic axis, that give maxima in turn")
+    dwell: Annotated[float, Quantity("s", 1.0, 100)] = Field(
+        default=1.0, description="measuring time of each reading; longer for slowly repeating disturbances"
+    )
+    margin: Annotated[float, Quantity("dB", 0, 200)] = Field(default=10.0, description="only maxima above the limit, or less than this below it")
+    maxima: int = Field(default=6, ge=1, le=100, description="largest number of maxima; the one nearest to the limit of each subrange first")
+    apart: Annotated[float, Quantity("Hz", 0, 30e6)] = Field(default=50e3, description="least distance between two maxima")
+    subranges: int = Field(
+        default=10, ge=1, le=100, description="number of parts of the span, equally wide on a logarithmic axis, that maxima are taken from in turn"
+    )
 
 
 class Wait(Strict):
-    """Let time pass, for example until the motor is warm."""
+    """Wait, for example until the motor is warm."""
 
     do: Literal["wait"]
     time: Annotated[float, Quantity("s", 0.0, 86400.0)] = Field(description="how long")
-    reason: str = Field(default="", max_length=200, description="what for; shown while waiting")
+    reason: str = Field(default="", max_length=200, description="reason, shown while waiting")
 
 
 class FitStep(Strict):
     """Fit the model."""
 
     do: Literal["fit"]
-    method: Literal["ant-colony", "paper"] = Field(default="ant-colony", description="paper is the algorithm as printed")
-    seed: int = Field(default=1, ge=0, description="the search is deterministic for a seed")
+    method: Literal["ant-colony", "paper"] = Field(
+        default="ant-colony", description="ant-colony: this project's search; paper: the algorithm as printed in the paper"
+    )
+    seed: int = Field(default=1, ge=0, description="start of the random numbers; the same seed gives the same result")
 
 
 class CompareStep(Strict):
-    """Judge the model against the measurement; without tolerances, against the measurement's own uncertainty."""
+    """Judge the model against the measurement: a point fails if its error is beyond a tolerance and beyond the measurement's uncertainty.
+
+    Without tolerances, those of the session's last comparison hold; at first that is an error of 10 %.
+    """
 
     do: Literal["compare"]
     error_percent: float | None = Field(default=None, gt=0, description="largest |Z_model/Z_measured - 1| at any point, in percent")
@@ -154,13 +167,13 @@ class DiagnoseStep(Strict):
 
 
 class NextStep(Strict):
-    """Tell which measurement would best separate the candidates that are left; after diagnose."""
+    """Name the measurement that would best separate the remaining candidates; after diagnose."""
 
     do: Literal["next"]
 
 
 class JudgeStep(Strict):
-    """Hold the corrected levels against a limit: the final values where there are any, else the scans."""
+    """Judge the corrected levels against a limit: the final values if there are any, else the scans."""
 
     do: Literal["judge"]
     limit: str = Field(default="cispr32-b", max_length=300, description="its name (motoremi limits), or the path of your own file")
@@ -179,11 +192,11 @@ PlainStep = Identify | Connect | Wait | SupplyStep | WaitFor | MeasuringStep | A
 
 
 class Repeat(Strict):
-    """Do the steps inside several times; a repeat inside a repeat is not allowed."""
+    """Repeat steps; a repeat inside a repeat is not allowed."""
 
     do: Literal["repeat"]
-    times: int = Field(ge=1, le=1000, description="how often")
-    steps: tuple[Annotated[PlainStep, Field(discriminator="do")], ...] = Field(min_length=1, description="what is repeated")
+    times: int = Field(ge=1, le=1000, description="number of passes")
+    steps: tuple[Annotated[PlainStep, Field(discriminator="do")], ...] = Field(min_length=1, description="steps of one pass")
 
 
 Step = Annotated[PlainStep | Repeat, Field(discriminator="do")]

@@ -32,12 +32,12 @@ class Quantity:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def read(self, value: object) -> float:
-        """Text with its unit to a number in SI units.
+        """Convert text with a unit to a number in SI units.
 
         Raises
         ------
         BadInput
-            If it is no such text or outside the limits.
+            If it is not such a text, or outside the limits.
         """
         if not isinstance(value, str):
             raise BadInput(f"write it as text with its unit, for example {show(self.low, self.unit)!r}")
@@ -47,5 +47,5 @@ class Quantity:
         return number
 
     def span(self) -> str:
-        """The limits, for a person."""
+        """The limits as text."""
         return f"{show(self.low, self.unit)} to {show(self.high, self.unit)}"

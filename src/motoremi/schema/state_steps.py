@@ -1,4 +1,4 @@
-"""The steps that concern the motor's state: feed it from the supply, and wait until it is as demanded."""
+"""The steps that concern the motor's state: set its supply, and wait until a quantity has settled."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ WORDS: dict[str, tuple[str, str, str]] = {
     "voltage": ("voltage_volt", "V", "V"),
     "current": ("current_ampere", "A", "A"),
 }
-# Units whose first letter would be read as a prefix.
+# Units whose first letter could be taken for an SI prefix.
 _WHOLE = ("rpm", "degC", "K")
 
 
 class SupplyStep(Strict):
-    """Set the motor's supply and switch its output; off at the end of every run, however it ends."""
+    """Set the motor's supply and switch its output; every run switches it off at its end, also after an error."""
 
     do: Literal["supply"]
-    output: Literal["on", "off"] = Field(default="on", description="what the output is after the step")
-    voltage: Annotated[float, Quantity("V", 0.0, 1000.0)] | None = Field(default=None, description="voltage, for an output that is on")
+    output: Literal["on", "off"] = Field(default="on", description="state of the output after the step")
+    voltage: Annotated[float, Quantity("V", 0.0, 1000.0)] | None = Field(default=None, description="voltage; required if the output is on")
     current_limit: Annotated[float, Quantity("A", 1e-3, 1000.0)] | None = Field(
-        default=None, description="the current that the supply never exceeds, for an output that is on"
+        default=None, description="current limit of the supply; required if the output is on"
     )
-    ramp: Annotated[float, Quantity("s", 0.0, 600.0)] = Field(default=0.0, description="how long the voltage takes to get there; 0: at once")
+    ramp: Annotated[float, Quantity("s", 0.0, 600.0)] = Field(default=0.0, description="time in which the voltage is reached; 0: at once")
 
     @model_validator(mode="after")
     def _on_with_both(self) -> Self:
@@ -48,22 +48,22 @@ class SupplyStep(Strict):
 
 @dataclass(frozen=True)
 class Demand:
-    """What the state has to be while something is measured.
+    """Limits that a quantity of the state has to stay within while something is measured.
 
     Parameters
     ----------
     key : str
-        Of the state.
+        Key of the quantity in the state.
     low, high : float
-        Both NaN for a state that never became what was waited for.
-    says : str
-        In words.
+        Both NaN if the wait ended without reaching the state, so that every value is outside.
+    text : str
+        The limits in words.
     """
 
     key: str
     low: float
     high: float
-    says: str
+    text: str
 
     def outside(self, value: float) -> bool:
         """Whether a reading is outside."""
@@ -71,15 +71,15 @@ class Demand:
 
 
 class WaitFor(Strict):
-    """Wait until a quantity of the motor's state is stable or at its target; what is measured later outside of that is marked."""
+    """Wait until a quantity of the motor's state is stable or at its target; what is measured later outside of these limits is marked."""
 
     do: Literal["wait-for"]
-    quantity: Literal["temperature", "speed", "voltage", "current"] = Field(description="what has to settle")
-    within: str = Field(max_length=40, description="how far readings may be apart, or from the target: 1 K, 30 rpm, 1 %")
+    quantity: Literal["temperature", "speed", "voltage", "current"] = Field(description="quantity that has to settle")
+    within: str = Field(max_length=40, description="largest difference between readings, or from the target: 1 K, 30 rpm, 1 %")
     target: str | None = Field(
-        default=None, max_length=40, description="what the quantity has to be: 60 degC, 3000 rpm; without it, it has to be stable"
+        default=None, max_length=40, description="value to be reached: 60 degC, 3000 rpm; without it, the quantity has to be stable"
     )
-    hold: Annotated[float, Quantity("s", 0.0, 86400.0)] = Field(description="for how long it has to stay within")
+    hold: Annotated[float, Quantity("s", 0.0, 86400.0)] = Field(description="time for which it has to stay within these limits")
     every: Annotated[float, Quantity("s", 0.1, 600.0)] = Field(default=5.0, description="time between two readings")
     longest: Annotated[float, Quantity("s", 1.0, 86400.0)] = Field(default=3600.0, description="longest wait")
     otherwise: Literal["stop", "ask"] = Field(
@@ -91,9 +91,9 @@ class WaitFor(Strict):
         if self.tolerance(1.0) <= 0:
             raise BadInput(f"within: {self.within!r} must be above 0")
         if self.quantity == "temperature" and self.within.rstrip().endswith("%"):
-            raise BadInput("within: a temperature is held within so many K, not percent")
+            raise BadInput("within: give the tolerance of a temperature in K, not percent")
         if self.target is None and self.hold == 0:
-            raise BadInput("hold: without a target it must be above 0, or any reading would do")
+            raise BadInput("hold: must be above 0 without a target, else a single reading would count as stable")
         if self.hold > self.longest:
             raise BadInput("longest: must not be below hold")
         if self.target is not None:
@@ -107,32 +107,32 @@ class WaitFor(Strict):
 
     @property
     def readings(self) -> int:
-        """How many readings in a row have to be within.
+        """How many readings in a row have to be within the limits.
 
-        Counted, not timed: a replay takes its time from a record, and must not take one reading more or less.
+        Readings are counted rather than timed, so that a replay takes exactly as many as the recorded run.
         """
         return math.ceil(self.hold / self.every) + 1
 
     @property
     def most_readings(self) -> int:
-        """How many are taken in all."""
+        """Largest number of readings."""
         return max(self.readings, math.ceil(self.longest / self.every) + 1)
 
     @property
-    def says(self) -> str:
-        """What is waited for, in words."""
+    def text(self) -> str:
+        """The condition in words."""
         what = f"{self.quantity} {'stable' if self.target is None else f'at {self.target}'} within {self.within}"
         return f"{what} for {self.hold:g} s" if self.hold else what
 
     def tolerance(self, about: float) -> float:
-        """How far a value may be off, in the quantity's unit; a percentage is of `about`."""
+        """Largest deviation in the quantity's unit; a percentage is of `about`."""
         text = self.within.strip()
         if text.endswith("%"):
             return parse(text[:-1].strip(), "1") / 100 * abs(about)
         return _number(text, WORDS[self.quantity][2])
 
     def met(self, values: Sequence[float]) -> Demand | None:
-        """What the last readings say: the demand that is in force from now on, None if they are not as demanded."""
+        """The limits that hold from now on if the last readings meet the condition; None if they do not."""
         last = np.array(values[-self.readings :])
         if last.size < self.readings:
             return None
@@ -141,18 +141,18 @@ class WaitFor(Strict):
         apart = float(np.ptp(last)) if self.target is None else float(np.max(np.abs(last - middle)))
         if apart > within:
             return None
-        # What is stable may still creep: what follows is held against where it stood when the wait ended, not against the middle of the wait.
+        # A stable value may still drift slowly, so the limits are around the last reading, not around the mean of the wait.
         about = float(last[-1]) if self.target is None else middle
         low, high = about - within, about + within
         return Demand(self.key, low, high, f"{show_state(self.key, low)} to {show_state(self.key, high)} was demanded")
 
     def unmet(self) -> Demand:
-        """The demand in force if the operator goes on all the same: nothing fulfils it."""
-        return Demand(self.key, math.nan, math.nan, f"never was {self.says}")
+        """The limits if the operator goes on without the condition: every value is outside."""
+        return Demand(self.key, math.nan, math.nan, f"never was {self.text}")
 
 
 def _number(text: str, unit: str) -> float:
-    """Text with its unit to a number."""
+    """Convert text with a unit to a number."""
     if unit in _WHOLE and not text.strip().endswith(unit):
         raise BadInput(f"{text!r}: write it with its unit, {unit}")
     return parse(text.strip().removesuffix(unit).strip() if unit in _WHOLE else text, unit)

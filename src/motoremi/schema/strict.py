@@ -8,10 +8,10 @@ from motoremi.arrays import JsonDict
 
 
 class Strict(BaseModel):
-    """A table whose keys are all known and that does not change."""
+    """A table that refuses unknown keys and cannot be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     def parameters(self) -> JsonDict:
-        """What a step does it with: its keys that matter."""
+        """The keys of a step that have a value, for the record."""
         return self.model_dump(exclude={"do"}, exclude_none=True)

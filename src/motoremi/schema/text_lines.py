@@ -1,4 +1,4 @@
-"""How a line of text from a tachometer or thermometer is read: a field or a pattern, a unit and a scale, as data."""
+"""How a line of text from a tachometer or thermometer is read: by a field or a pattern, with a unit and a scale."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from motoremi.errors import BadInput
 from motoremi.schema.strict import Strict
 
 LONGEST_LINE = 120
-# A pattern comes from a file that somebody else may have written: three repeats over a line of 120 characters end at once.
+# Limits the time of a match, since a pattern may come from an untrusted file: three repeats over 120 characters take no noticeable time.
 MOST_REPEATS = 3
 # Unit on the line -> quantity, factor and offset to the unit of that quantity.
 UNITS: dict[str, tuple[str, float, float]] = {
@@ -32,20 +32,20 @@ class Lines(Strict):
     """How the lines of a line reader are read."""
 
     example: str = Field(
-        min_length=1, max_length=LONGEST_LINE, description="a line as the instrument sends it; what is read from it is checked at once"
+        min_length=1, max_length=LONGEST_LINE, description="a line as the instrument sends it; field or pattern must find a number in it"
     )
     field: int | None = Field(default=None, ge=1, le=50, description="which field of the line is the number, from 1; or give a pattern")
-    separator: str = Field(default="", max_length=5, description="what separates fields; empty: blanks")
-    pattern: str | None = Field(default=None, max_length=200, description="regular expression of the whole line, with one group round the number")
-    unit: Literal["rpm", "Hz", "degC", "K", "degF", "V", "mV", "A", "mA"] = Field(description="unit of the number; Hz is turns in a second")
-    scale: float = Field(default=1.0, description="the number times this is in that unit: 0.5 for two pulses a turn")
-    ask: str = Field(default="", max_length=40, description="what is sent before each reading; empty: the instrument talks by itself")
+    separator: str = Field(default="", max_length=5, description="what separates fields; empty: spaces")
+    pattern: str | None = Field(default=None, max_length=200, description="regular expression of the whole line, with one group around the number")
+    unit: Literal["rpm", "Hz", "degC", "K", "degF", "V", "mV", "A", "mA"] = Field(description="unit of the number; Hz means revolutions per second")
+    scale: float = Field(default=1.0, description="factor from the number to that unit: 0.5 for two pulses per revolution")
+    ask: str = Field(default="", max_length=40, description="what is sent before each reading; empty: the instrument sends lines by itself")
     baud: Literal[300, 600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600] = Field(
-        default=9600, description="characters' bits a second"
+        default=9600, description="bits per second"
     )
-    data_bits: Literal[7, 8] = Field(default=8, description="bits of a character")
+    data_bits: Literal[7, 8] = Field(default=8, description="data bits per character")
     parity: Literal["none", "even", "odd"] = Field(default="none", description="parity bit")
-    line_end: Literal["LF", "CR"] = Field(default="LF", description="what ends a line; LF also for CR LF")
+    line_end: Literal["LF", "CR"] = Field(default="LF", description="end of a line; LF also for CR LF")
 
     @model_validator(mode="after")
     def _reads_its_example(self) -> Self:
@@ -63,7 +63,7 @@ class Lines(Strict):
 
     @property
     def quantity(self) -> str:
-        """What is read: a key of `motoremi.data.state.STATE_QUANTITIES`."""
+        """Quantity that is read: a key of `motoremi.data.state.STATE_QUANTITIES`."""
         return UNITS[self.unit][0]
 
     def value(self, line: str) -> float | None:
@@ -79,7 +79,7 @@ class Lines(Strict):
         return number * self.scale * factor + offset if math.isfinite(number) else None
 
     def written(self, line: str, value: float) -> str:
-        """A line of this kind that says another value, for the simulated instrument."""
+        """The same line with another value, for the simulated instrument."""
         _, factor, offset = UNITS[self.unit]
         start, end = self.span(line) or (0, 0)
         before = line[start:end].strip()
@@ -87,14 +87,14 @@ class Lines(Strict):
         return f"{line[:start]}{text.replace('.', ',') if ',' in before else text}{line[end:]}"
 
     def span(self, line: str) -> tuple[int, int] | None:
-        """Where the number stands in a line of this kind."""
+        """First and last position of the number in a line of this kind; None if it is not of this kind."""
         if len(line) > LONGEST_LINE:
             return None
         if self.pattern is not None:
             found = re.fullmatch(self.pattern, line)
             return found.span(1) if found and found[1] is not None else None
         fields = _fields(line, self.separator)
-        # A line that was cut has fewer.
+        # A truncated line has fewer fields.
         if self.field is None or len(fields) != len(_fields(self.example, self.separator)) or self.field > len(fields):
             return None
         return fields[self.field - 1]
@@ -117,8 +117,8 @@ def _refuse_bad_pattern(pattern: str) -> None:
     except re.error as error:
         raise BadInput(f"pattern: is no regular expression ({error})") from error
     if groups != 1:
-        raise BadInput(f"pattern: has {groups} groups; put one pair of parentheses, round the number")
-    # Neither what is escaped nor what stands in brackets repeats anything.
+        raise BadInput(f"pattern: has {groups} groups; put one pair of parentheses, around the number")
+    # Repeats are counted outside of escapes and character sets.
     bare = re.sub(r"\\.|\[(?:\\.|[^\]])*\]", "x", pattern)
     if re.search(r"\)[*+{]", bare) or len(re.findall(r"[*+]|\{\d*,\d*\}", bare)) > MOST_REPEATS:
         raise BadInput(f"pattern: repeat no group, and use at most {MOST_REPEATS} of * and +; a slow pattern would stop the run")

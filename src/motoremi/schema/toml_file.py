@@ -1,4 +1,4 @@
-"""TOML files against their schema: what is wrong is told in one line with file, step and key."""
+"""Reads TOML files and checks them against their schema; errors are one line with file, step and key."""
 
 from __future__ import annotations
 
