@@ -27,12 +27,12 @@ class Agilent4294A(BridgeAnalyser):
     ----------
     transport : Transport
     poll_s : float
-        Seconds between two looks at the event register.
+        Seconds between two readings of the event register.
 
     Attributes
     ----------
     binary : bool
-        64-bit blocks (FORM3) if True, ASCII (FORM4) if False, for adapters that spoil binary data.
+        64-bit blocks (FORM3) if True, ASCII (FORM4) if False, for GPIB adapters that corrupt binary data.
     """
 
     model = "4294A"
@@ -54,19 +54,19 @@ class Agilent4294A(BridgeAnalyser):
     adapter = choice(
         "E4TP",
         {"none": "OFF", "1m": "M1", "2m": "M2", "42942A": "APC7", "42941A": "PROBE"},
-        "Control which adapter is connected; its own set-up is done at the instrument.",
+        "Control which adapter is connected; its set-up data are measured at the instrument.",
     )
     sweep_averaging = switch("AVER", "Control whether sweeps are averaged.")
-    sweep_averages = count("AVERFACT", (1, 256), "Control of how many sweeps the mean is taken.")
+    sweep_averages = count("AVERFACT", (1, 256), "Control how many sweeps are averaged.")
     point_averaging = switch("PAVER", "Control whether readings at a point are averaged.")
-    point_averages = count("PAVERFACT", (1, 256), "Control of how many readings at each point the mean is taken.")
+    point_averages = count("PAVERFACT", (1, 256), "Control how many readings are averaged at each point.")
     bias_on = switch("DCO", "Control whether the bias is across the motor.")
     bias_volt = number("DCV", "V", (-40.0, 40.0), "Control the voltage of the bias.")
     bias_range = choice("DCRNG", {"1 mA": "M1", "10 mA": "M10", "100 mA": "M100"}, "Control the largest current of the bias.")
     load_ohm = number("DCOMLOADR", "", (1e-3, 1e6), "Control what resistance the load standard has, in ohm.")
     load_henry = number("DCOMLOADL", "", (-1e-3, 1e-3), "Control what inductance the load standard has, in henry.")
 
-    # Bits of the instrument event register (ESB?), which bit 2 of the status byte sums up.
+    # Bits of the instrument event register (ESB?), whose summary is bit 2 of the status byte.
     SWEEP_COMPLETE: ClassVar[int] = 1
     COMPENSATION_COMPLETE: ClassVar[int] = 256
     REQUEST_AT_COMPLETION: ClassVar[tuple[str, ...]] = ("*SRE 4",)
@@ -122,7 +122,7 @@ class Agilent4294A(BridgeAnalyser):
         self.tell(f"COMST{self.STANDARDS[standard]} ON")
 
     def read_compensation(self, standard: Standard) -> ImpedanceSweep:
-        """What the instrument measured with a standard: the open one comes as conductance and susceptance, the others as R and X."""
+        """What the instrument measured with a standard: it sends conductance and susceptance of the open standard, R and X of the others."""
         pairs = self._read_array(f"OUTPCOMC{'ABC'.index(self.STANDARDS[standard]) + 1}?")
         values: ComplexArray = pairs[::2] + 1j * pairs[1::2]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -149,7 +149,7 @@ class Agilent4294A(BridgeAnalyser):
         return "SING" if sweeps == 1 else f"NUMG {sweeps}"
 
     def _begin(self, command: str, event: int) -> None:
-        # *CLS clears the event register. After the trigger it could clear the very bit that is waited for.
+        # *CLS clears the event register. After the trigger it could clear the bit that is waited for.
         self.tell("*CLS", f"ESNB {event}")
         self.request_service()
         self.tell(command)

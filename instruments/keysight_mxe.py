@@ -34,7 +34,7 @@ class KeysightMXE(EmiReceiver):
     scan_time_s = number(":FSC:SCAN2:TIME", "s", (1e-3, 40e3), "Control the time of the whole scan.")
     attenuation_db = number(":FSC:SCAN2:INP:ATT", "dB", (0.0, 70.0), "Control the input attenuation.")
     preamplifier = switch(":FSC:SCAN2:POW:GAIN", "Control the preamplifier.")
-    # A reset leaves corrections as they are. A factor that the instrument applies by itself must not be applied again.
+    # A reset keeps corrections. A correction that the instrument applies itself must not be applied again.
     own_correction = switch(":CORR:CSET:ALL:STAT", "Control whether the instrument applies amplitude corrections by itself.")
     detector = choice(
         ":FSC:DET:TRAC1",
@@ -43,16 +43,16 @@ class KeysightMXE(EmiReceiver):
     )
 
     OTHER_ROWS: ClassVar[tuple[int, ...]] = (1, 3, 4, 5, 6, 7, 8, 9, 10)
-    # Integers are thousandths of a dB above 1 mW whatever unit is on the screen.
+    # Integers are thousandths of a dBm, whatever unit is displayed.
     DB_OF_ONE: ClassVar[float] = 1e-3
     DBUV_OF_0_DBM: ClassVar[float] = 106.98970004336019
     # Bit of the questionable integrity register: input overload.
     OVERLOAD: ClassVar[int] = 16
 
     def set_up(self, asked: ScanSettings) -> JsonDict:
-        """Set receiver mode and one row of the scan table up; see `ScanSettings`.
+        """Set up receiver mode and one row of the scan table; see `ScanSettings`.
 
-        The instrument takes a number of points: the step is `step_hz` or the little less that makes the last one fall on `stop_hz`.
+        The instrument takes a number of points, so the step is `step_hz`, or slightly less to make the last point fall on `stop_hz`.
         """
         self.refuse_step(asked)
         points = ceil((asked.stop_hz - asked.start_hz) / asked.step_hz - 1e-9) + 1
@@ -70,7 +70,7 @@ class KeysightMXE(EmiReceiver):
         return self.settings()
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once; an overload during the scan marks all its points, because the register does not say which.
+        """Scan once; an overload during the scan marks all its points, because the register does not show at which points it occurred.
 
         Raises
         ------
@@ -84,7 +84,9 @@ class KeysightMXE(EmiReceiver):
         with self.transport.patience(self.transfer_s(frequency_hz.size)):
             level_dbuv = self._levels()
         if level_dbuv.size != frequency_hz.size:
-            raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} points; was the scan stopped?")
+            raise InstrumentError(
+                f"{self}: received {level_dbuv.size} levels for a scan table of {frequency_hz.size} points; was the scan stopped?"
+            )
         metadata = {"receiver": self.name, "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)

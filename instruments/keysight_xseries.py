@@ -20,10 +20,10 @@ class KeysightXSeries(SweptAnalyser):
     points_possible = range(2, 1002)
     points_command = ":SWE:POIN"
     emi_option = "the option EMC"
-    # Averages are of the voltage, as CISPR 16-1-1 has it.
+    # The voltage is averaged, as CISPR 16-1-1 requires.
     mode_commands = (":INST:SEL SA", ":CONF:SAN", ":INIT:CONT OFF", ":FORM ASC", ":AVER:TYPE SCAL")
     gains = ("level_offset_db", "external_gain_db")
-    # Input overload, and too high a level for this measurement; the event tells of a rise, the condition of one that lasts.
+    # Bits for input overload and measurement over range; the event register latches a rise, the condition register holds the present state.
     overload_queries = (":STAT:QUES:INT:EVEN?", ":STAT:QUES:INT:COND?")
     overload_bits = 16 | 32
 

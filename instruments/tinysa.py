@@ -17,7 +17,7 @@ from motoremi.quantities import show
 
 
 def _below_usage(text: str) -> float:
-    """A bare command prints its usage, and the present value with its unit on the next line."""
+    """The present value: a command without arguments prints its usage, and the value with its unit on the next line."""
     return float(text.splitlines()[1].strip().rstrip("Hzs"))
 
 
@@ -25,8 +25,8 @@ class TinySa(ShellDriver, EmiReceiver):
     """The tinySA by the shell of its firmware (1.4 and newer); source: that firmware's `main.c` and `sa_cmd.c`.
 
     **Limits.** No quasi-peak or average detector of CISPR, no 6 dB filter of 9 kHz (10 kHz is the nearest), no preselector: strong
-    pulses of a motor drive the mixer, and the instrument does not tell. Put a transient limiter and 10 dB behind the LISN, and check a
-    level by adding 10 dB more: it must not change.
+    pulses of a motor overdrive the mixer, and the instrument does not report that. Put a transient limiter and a 10 dB attenuator behind the
+    LISN, and check a level by adding another 10 dB: it must not change.
     """
 
     vendor = "tinySA"
@@ -68,7 +68,7 @@ class TinySa(ShellDriver, EmiReceiver):
         self._dwell_s = 0.0
 
     def set_up(self, asked: ScanSettings) -> JsonDict:
-        """Set the scan up and return the settings as the instrument reports them; see `ScanSettings`.
+        """Set the scan up; see `ScanSettings`.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class TinySa(ShellDriver, EmiReceiver):
         return self.settings()
 
     def settings(self) -> JsonDict:
-        """What the instrument reports, and how the scan is put together here."""
+        """Settings as the instrument reports them, and step and dwell of the scan, which is made of several instrument scans."""
         return {**super().settings(), "step_hz": float(self._step_hz), "dwell_s": self._dwell_s, "own_correction": False}
 
     def scan(self, detector: str) -> Spectrum:
@@ -105,11 +105,11 @@ class TinySa(ShellDriver, EmiReceiver):
         BadInput
             For any detector but "peak".
         InstrumentError
-            If what comes is no scan of the frequencies asked for.
+            If the data are not a scan of the requested frequencies.
         """
         if detector != "peak":
             raise BadInput(f"{self}: has no {detector} detector of CISPR 16-1-1; use peak")
-        # The gain of an external amplifier, which the shell sets but does not tell, is taken off levels by the instrument.
+        # The instrument subtracts the gain of an external amplifier, which its shell can set but not read.
         self.tell("ext_gain 0")
         settings = self.settings()
         axis = np.arange(settings["start_hz"], settings["stop_hz"] + 0.5, self._step_hz)

@@ -129,7 +129,7 @@ def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path, nam
         return f"BAD: {type(trouble).__name__}: {trouble}"
     finally:
         bench.close()
-    if not layer.struck:
+    if not layer.occurred:
         return "not struck"
     # Without a supply of the bench it is the operator who feeds the motor.
     if (

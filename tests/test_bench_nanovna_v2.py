@@ -254,7 +254,7 @@ def test_lost_values_are_told(bench: SimulatedBench, analyser: NanoVnaV2, monkey
     device = device_of(bench)
     values = device._values
     monkeypatch.setattr(device, "_values", lambda count: values(count + 1)[:64] + values(count + 1)[96:][: (count - 2) * 32])
-    with pytest.raises(InstrumentError, match="is not whole; values were lost on the link, measure again"):
+    with pytest.raises(InstrumentError, match="is incomplete; values were lost on the link, measure again"):
         analyser.compensate("open")
 
 
@@ -264,7 +264,7 @@ def test_a_restart_before_the_values_are_read_is_told(bench: SimulatedBench, ana
     layer = FaultLayer(device_of(bench), "restart", 4)
     with pytest.raises(InstrumentError, match=r"points were set to .*, but the registers hold .*; did it restart"):
         analyser.scan()
-    assert layer.struck
+    assert layer.occurred
 
 
 def test_the_instrument_gets_its_screen_back(bench: SimulatedBench, analyser: NanoVnaV2) -> None:

@@ -204,7 +204,7 @@ def test_a_garbled_trace_is_refused(bench: SimulatedBench, monkeypatch: pytest.M
 def test_a_trace_of_other_length_is_refused(bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = ready(bench, "ssa3000x", step_hz=1e6)
     monkeypatch.setattr(driver, "_levels", lambda: np.zeros(3))
-    with pytest.raises(InstrumentError, match="3 levels came, a sweep has 751"):
+    with pytest.raises(InstrumentError, match="received 3 levels, but a sweep has 751"):
         driver.scan("peak")
 
 

@@ -224,8 +224,8 @@ def test_a_short_dwell_reads_low_on_meters_and_is_told_before_the_run(tmp_path: 
         *({"do": "spectrum", "detector": "peak", "dwell": dwell} for dwell in ("50 ms", "2 s")),
     ]
     procedure = parse_procedure(data, "test")
-    assert [remark for remark in procedure.remarks() if "reads low" in remark] == [
-        "step 2: quasi-peak with a dwell of 50 ms reads low: its meter needs 1 s at each point"
+    assert [remark for remark in procedure.remarks() if "measures too low" in remark] == [
+        "step 2: quasi-peak with a dwell of 50 ms measures too low: its meter needs 1 s at each point"
     ]
     spectra = done(tmp_path / "run", procedure)[0].spectra
     short, long, *peaks = (s.level_dbuv for s in spectra)

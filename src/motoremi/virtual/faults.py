@@ -1,6 +1,6 @@
-"""What goes wrong on benches, done to a virtual instrument: one fault, at one exchange, on the wire or inside the instrument.
+"""Faults of instruments and links, for tests: one fault, from one exchange on, in a simulated instrument.
 
-The layer sits where an instrument turns a message into an answer, so that drivers, transports and recordings above it are the real ones.
+A fault replaces the function that turns a message into an answer, so drivers, transports and recordings are those of a real run.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from motoremi.errors import BadInput
 from motoremi.virtual.simulated_device import SimulatedDevice, definite_block
 
-# A driver that asks this often has lost its way; without an end it would ask for ever on a virtual clock.
+# A driver that makes this many exchanges is in an endless loop, which on a virtual clock would never end.
 MOST_EXCHANGES = 20_000
 SHORT_DELAY_S, LONG_DELAY_S = 1.0, 30.0
 NOT_A_NUMBER, NOT_MEASURED = float("nan"), 9.9e37
@@ -22,12 +22,12 @@ BLOCK_TYPE = ">f8"
 DBM_BELOW_DBUV = 106.99
 
 
-class OutOfMind(RuntimeError):
-    """The driver asks without end."""
+class EndlessExchanges(RuntimeError):
+    """The driver does not stop sending messages."""
 
 
 class FaultLayer:
-    """Stands between a virtual instrument and its link, and does one thing wrong.
+    """Makes a simulated instrument do one thing wrong.
 
     Parameters
     ----------
@@ -35,12 +35,12 @@ class FaultLayer:
     kind : str
         One of `FAULTS`.
     at : int
-        The exchange, from 1, at which the fault may first strike; it strikes at the first one from there that it can be done to.
+        Number of the exchange, from 1, from which the fault may occur; it occurs at the first one that it can change.
 
     Attributes
     ----------
-    struck : bool
-        Whether it has.
+    occurred : bool
+        Whether it has occurred.
     """
 
     def __init__(self, device: SimulatedDevice, kind: str, at: int) -> None:
@@ -49,7 +49,7 @@ class FaultLayer:
         self.device = device
         self.kind = kind
         self.at = at
-        self.struck = False
+        self.occurred = False
         self.exchanges = 0
         self._healthy = device.respond
         self._act, self._lasting, _ = FAULTS[kind]
@@ -58,17 +58,17 @@ class FaultLayer:
     def _respond(self, query: bytes) -> bytes | None:
         self.exchanges += 1
         if self.exchanges > MOST_EXCHANGES:
-            raise OutOfMind(f"{MOST_EXCHANGES} exchanges, the last one {query!r}")
-        if self.exchanges < self.at or (self.struck and not self._lasting):
+            raise EndlessExchanges(f"{MOST_EXCHANGES} exchanges, the last one {query!r}")
+        if self.exchanges < self.at or (self.occurred and not self._lasting):
             return self._healthy(query)
         return self._act(self, query)
 
-    def strike(self) -> None:
-        """Note that it happens now."""
-        self.struck = True
+    def note(self) -> None:
+        """Note that the fault occurs in this exchange."""
+        self.occurred = True
 
     def answer(self, query: bytes) -> bytes | None:
-        """What the healthy instrument says."""
+        """The answer without the fault."""
         return self._healthy(query)
 
 
@@ -76,13 +76,13 @@ Act = Callable[[FaultLayer, bytes], bytes | None]
 
 
 def _changed(change: Callable[[bytes], bytes | None]) -> Act:
-    """A fault in the answer: the first answer that can be changed in this way."""
+    """A fault that changes an answer; `change` returns None for an answer that it cannot change."""
 
     def act(layer: FaultLayer, query: bytes) -> bytes | None:
         answer = layer.answer(query)
         if answer is None or (changed := change(answer)) is None or changed == answer:
             return answer
-        layer.strike()
+        layer.note()
         return changed
 
     return act
@@ -90,12 +90,12 @@ def _changed(change: Callable[[bytes], bytes | None]) -> Act:
 
 def _silent(layer: FaultLayer, query: bytes) -> bytes | None:
     if layer.answer(query) is not None:
-        layer.strike()
+        layer.note()
     return None
 
 
 def _dead(layer: FaultLayer, query: bytes) -> bytes | None:
-    layer.strike()
+    layer.note()
     return None
 
 
@@ -103,7 +103,7 @@ def _delayed(seconds: float) -> Act:
     def act(layer: FaultLayer, query: bytes) -> bytes | None:
         answer = layer.answer(query)
         if answer is not None:
-            layer.strike()
+            layer.note()
             layer.device.answer_due_s = layer.device.clock.now() + seconds
         return answer
 
@@ -111,12 +111,12 @@ def _delayed(seconds: float) -> Act:
 
 
 def _dropped(layer: FaultLayer, query: bytes) -> NoReturn:
-    layer.strike()
+    layer.note()
     raise ConnectionResetError("connection reset by peer")
 
 
 def _error_entry(layer: FaultLayer, query: bytes) -> bytes | None:
-    layer.strike()
+    layer.note()
     answer = layer.answer(query)
     layer.device.note_error("execution_error")
     return answer
@@ -126,7 +126,7 @@ def _wrong_identity(layer: FaultLayer, query: bytes) -> bytes | None:
     answer = layer.answer(query)
     if query.strip().upper() != b"*IDN?":
         return answer
-    layer.strike()
+    layer.note()
     return b"ACME,\x1b[31m9000,0,1.0"
 
 
@@ -134,28 +134,28 @@ def _overload(layer: FaultLayer, query: bytes) -> bytes | None:
     answer = layer.answer(query)
     if b"QUES:POW" not in query.upper():
         return answer
-    layer.strike()
+    layer.note()
     return b"1"
 
 
 def _restarted(layer: FaultLayer, query: bytes) -> bytes | None:
-    layer.strike()
+    layer.note()
     layer.device.power_on()
     return layer.answer(query)
 
 
 def _dbm(layer: FaultLayer, query: bytes) -> bytes | None:
-    """Somebody switched the receiver to dBm, or the analyser to kHz."""
+    """Levels in dBm and frequencies in kHz, as if somebody had changed the units at the instrument."""
     answer = layer.answer(query)
     if b"UNIT" in query.upper() and query.endswith(b"?"):
         return b"DBM"
     if answer is None:
         return answer
     if b"TRAC" in query.upper() and (levels := _numbers(answer)) is not None and levels.size > 1:
-        layer.strike()
+        layer.note()
         return ",".join(f"{level - DBM_BELOW_DBUV:.3f}" for level in levels).encode()
     if b"STAR" in query.upper() or b"STOP" in query.upper():
-        layer.strike()
+        layer.note()
         return repr(float(answer) / 1e3).encode()
     return answer
 
@@ -223,7 +223,7 @@ def _unit_suffix(answer: bytes) -> bytes | None:
     return answer + b" HZ" if values is not None and values.size == 1 and answer[:1] != b"#" else None
 
 
-# Kind -> what it does, whether it goes on, and what it is in words.
+# Kind -> function, whether it persists, and description.
 FAULTS: dict[str, tuple[Act, bool, str]] = {
     "silence": (_silent, False, "one answer does not come"),
     "dead": (_dead, True, "no answer any more"),

@@ -25,14 +25,14 @@ _LOG = logging.getLogger(__name__)
 
 
 class Server(ABC):
-    """One instrument at one address, one client at a time, as a real one.
+    """Serves one instrument at one address, to one client at a time.
 
     Use it as a context manager, which serves from a thread, or call `serve_forever`.
 
     Parameters
     ----------
     device : SimulatedDevice
-        It is bound to the server's resource.
+        Its `resource_name` is set to the server's resource.
     resource : str
         VISA name under which clients reach it.
     """
@@ -49,7 +49,7 @@ class Server(ABC):
         """Answer clients until `close`."""
 
     def close(self) -> None:
-        """Stop serving; harmless when repeated."""
+        """Stop serving; calling it again has no effect."""
         with suppress(OSError):
             self._stop_write.send(b"x")
         if self._thread.is_alive():
@@ -66,7 +66,7 @@ class Server(ABC):
 
     @contextmanager
     def _survived(self) -> Iterator[None]:
-        """A fault of the simulation in one message is told in one line and ends that conversation, not the server."""
+        """Log an error of the simulation in one line, and go on serving."""
         try:
             yield
         except ConnectionError:
@@ -76,13 +76,13 @@ class Server(ABC):
             self._device.device_clear()
 
     def _readable(self, source: int) -> bool:
-        """Wait for data from there; False when it is time to stop."""
+        """Wait for data; False if the server is to stop."""
         stop = self._stop_read.fileno()
         ready, _, _ = select.select([source, stop], [], [])
         return stop not in ready
 
     def _send(self, target: int, write: Callable[[bytes], int], data: bytes) -> None:
-        """Send as fast as the client reads; give up when it is time to stop."""
+        """Send as fast as the client reads; give up if the server is to stop."""
         stop = self._stop_read.fileno()
         while data:
             ready, writable, _ = select.select([stop], [target], [])
@@ -100,14 +100,14 @@ class SocketServer(Server):
     ----------
     device : SimulatedDevice
     port : int
-        0 takes any free one.
+        0 for any free one.
 
     Raises
     ------
     BadInput
-        If the port is no port.
+        If the number is not a port.
     InstrumentError
-        If it is taken.
+        If the port is in use.
     """
 
     def __init__(self, device: SimulatedDevice, port: int = 0) -> None:
@@ -125,7 +125,7 @@ class SocketServer(Server):
         """Answer one client after the other."""
         while self._readable(self._listener.fileno()):
             client, _ = self._listener.accept()
-            # What a client that went away has left unread is not for the next one.
+            # Answers that the last client has not read must not reach the next one.
             self._device.device_clear()
             self._client = client
             with client, suppress(ConnectionError), self._survived():
@@ -135,7 +135,7 @@ class SocketServer(Server):
                     self._send(client.fileno(), client.send, converse(self._device, data))
 
     def drop_client(self) -> None:
-        """Cut the link, as a pulled network cable or a restarted switch does."""
+        """Cut the connection, as a pulled network cable or a restarted switch does."""
         if self._client is not None:
             with suppress(OSError):
                 self._client.shutdown(socket.SHUT_RDWR)
@@ -152,7 +152,7 @@ class TerminalServer(Server):
     Raises
     ------
     BadInput
-        Where the operating system has none.
+        If the operating system has none.
     """
 
     def __init__(self, device: SimulatedDevice) -> None:
@@ -162,14 +162,14 @@ class TerminalServer(Server):
         except ImportError as error:
             raise BadInput("this operating system has no pseudo-terminals; use --tcp") from error
         self._master, self._slave = pty.openpty()
-        # Bytes as they are: no echo by the terminal, no translation of line ends.
+        # Raw mode: the terminal neither echoes nor translates line ends.
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.path = os.ttyname(self._slave)
         super().__init__(device, f"ASRL{self.path}::INSTR")
 
     def serve_forever(self) -> None:
-        """Answer whoever opens the port; the port stays open in between."""
+        """Answer any program that opens the port; the port stays open in between."""
         while self._readable(self._master):
             data = os.read(self._master, _CHUNK)
             with self._survived():
@@ -184,7 +184,7 @@ class TerminalServer(Server):
 
 
 def converse(device: SimulatedDevice, data: bytes) -> bytes:
-    """Give an instrument bytes that may hold several messages or a part of one, and take all that it answers."""
+    """Pass bytes to an instrument, which may be several messages or a part of one, and return all its answers."""
     answer = bytearray()
     for piece in data.splitlines(keepends=True) if _NEWLINE in data else [data]:
         device.write(piece)

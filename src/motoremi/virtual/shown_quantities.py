@@ -1,4 +1,4 @@
-"""The pairs of quantities that the 4294A shows, from the complex impedance z and the angular frequency w."""
+"""Quantities that analysers display, from the complex impedance z and the angular frequency w, and the pairs of the 4294A's traces."""
 
 from __future__ import annotations
 

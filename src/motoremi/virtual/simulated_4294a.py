@@ -39,7 +39,7 @@ class Simulated4294A(SimulatedBridge):
         self._format = "FORM4"
         self._events = 0
         self._event_at_end = SWEEP_COMPLETE
-        # The table that is being edited, and the segment in it.
+        # The list of segments that is being edited, and the segment that is being entered.
         self._edited: list[Segment] = []
         self._segment: dict[str, float] | None = None
         self._adapter_data: set[str] = set()
@@ -88,11 +88,11 @@ class Simulated4294A(SimulatedBridge):
         return summary | (64 if summary & int(self.value("service_mask")) else 0)
 
     def ended(self) -> None:
-        """Note the end of a sweep, or of all sweeps of a group, or of a compensation."""
+        """Set the event bit of a completed sweep, group of sweeps, or compensation."""
         self._events |= self._event_at_end
 
     def fold_word(self, word: str) -> str:
-        """One spelling for each word; programs write FIXED for FIXE."""
+        """One spelling for each word; programs send FIXED for FIXE."""
         return {"FIXED": "FIXE"}.get(word.upper(), word.upper())
 
     def _trigger(self, sweeps: int) -> None:
@@ -119,7 +119,7 @@ class Simulated4294A(SimulatedBridge):
         return b"1" if self.is_enabled(standard) else b"0"
 
     def _assign(self, name: str, argument: str) -> None:
-        """Set a property; within a segment start, stop and points are those of the segment, and a bias must not need too much current."""
+        """Set a setting; while a segment is edited, start, stop and points are the segment's. A bias that exceeds the current range is refused."""
         if self._segment is not None and name in ("start", "stop", "points"):
             text = number_text(argument)
             low, high = self.limits(name)
@@ -200,7 +200,7 @@ class Simulated4294A(SimulatedBridge):
         self._adapter_data.clear()
 
     def _trace(self) -> FloatArray:
-        """Two values a point; the second one matters for complex traces only."""
+        """Two values for each point; the second one is 0 unless the trace is complex."""
         impedance = self.impedance_ohm()
         if not impedance.any():
             return np.zeros(2 * impedance.size)

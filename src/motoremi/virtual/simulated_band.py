@@ -1,4 +1,4 @@
-"""Centre and span of a sweep, for the simulated instruments that take them beside start and stop."""
+"""Centre and span of a sweep, for simulated instruments that have them in addition to start and stop."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from motoremi.virtual.simulated_device import SimulatedDevice, number_text
 
 
 def about(middle: float, half: float, low: float, high: float) -> tuple[float, float]:
-    """First and last frequency around a new centre: the span shrinks where it does not fit."""
+    """First and last frequency for a new centre; the span is reduced if it does not fit."""
     middle = min(max(middle, low), high)
     half = min(half, middle - low, high - middle)
     return middle - half, middle + half
 
 
 def as_wide_as(middle: float, half: float, low: float, high: float) -> tuple[float, float]:
-    """First and last frequency of a new span: the centre gives way where it does not fit."""
+    """First and last frequency for a new span; the centre is moved if it does not fit."""
     half = min(half, (high - low) / 2)
     middle = min(max(middle, low + half), high - half)
     return middle - half, middle + half
@@ -31,7 +31,7 @@ def band_commands(device: SimulatedDevice, center: str, span: str, start: str, s
     center, span : str
         Headers.
     start, stop : str
-        Names of the settings of the profile that they move.
+        Names of the profile's settings that they change.
     """
 
     def edges() -> tuple[float, float]:

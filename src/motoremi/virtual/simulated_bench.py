@@ -1,4 +1,4 @@
-"""The embedded bench: simulated instruments, a simulated motor and a simulated operator, behind genuine PyVISA resources."""
+"""The simulated bench: simulated instruments, motor and operator; drivers reach the instruments through PyVISA."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS, virtual_in
 from motoremi.virtual.visa_library import BenchLibrary
 
 OPEN_STANDARD_OHM = 1e12
-# What the motor runs on where no supply of the bench feeds it.
+# Voltage and current limit of the operator's own supply, used if the bench has no supply.
 OPERATORS_SUPPLY = (12.0, 5.0)
 STANDARDS_OHM = {"short-standard": 0.0, "load-standard": 100.0}
-# The stand is not symmetric: the return line reads a little less.
+# Difference of the level on the other line, because the test stand is not symmetric.
 OTHER_LINE_DB = -1.5
 _library_numbers = itertools.count(1)
 
@@ -52,7 +52,7 @@ class SimulatedBench:
         Virtual unless given, so that a sweep of a minute takes no time.
     """
 
-    # What stands there until a procedure asks for something else.
+    # Instruments that the bench has until a procedure names others.
     INSTRUMENTS: ClassVar[Mapping[str, str]] = {"analyser": "4294a", "receiver": "esr"}
 
     def __init__(self, seed: int, effects: Sequence[str] = (), clock: Clock | None = None) -> None:
@@ -80,7 +80,7 @@ class SimulatedBench:
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
         """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
-        # A driver that has no simulated instrument finds what stands there, and says that it is the wrong one.
+        # A driver without a simulated instrument is connected to the present one, and refuses its identity.
         if driver != self._on_bench.get(role) and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].resource_as(role):
             self._place(role, driver)
         if role not in self.resources:
@@ -90,7 +90,7 @@ class SimulatedBench:
         return attach(transport, role, driver, sink, options)
 
     def _place(self, role: str, name: str) -> None:
-        """Put the simulated instrument of that name on the bench."""
+        """Add the simulated instrument of that name to the bench."""
         instrument = virtual_instrument(name)
         resource = instrument.resource_as(role)
         if resource is None:
@@ -107,39 +107,39 @@ class SimulatedBench:
         """Connect a standard, the motor in one of its terminations, or the LISN; every connection has its own residuals."""
         if what not in CONNECTIONS:
             raise BadInput(f"unknown connection {what!r}: use one of {', '.join(CONNECTIONS)}")
-        # What compensation leaves shows when a standard is connected again: the first time it is the reference itself.
+        # The first connection of a standard is the reference of the compensation; residual errors show from the second one on.
         self._is_reference = what not in self._standards
         self._standards.add(what)
         self._connected = what
         self._connection += 1
         if what in AT_THE_LISN.values() and "supply" not in self._on_bench:
-            # The operator's own supply and switch.
+            # The operator switches the supply.
             self.stand.drive(*OPERATORS_SUPPLY) if what == "lisn-motor-on" else self.stand.release()
         return self._connection
 
     def arrange(self, condition: Condition | None, terminations: Sequence[Termination], turn: int = 0) -> None:
-        """Have the operator set something up for the sweeps that follow; None: put everything back.
+        """Have the operator set up a condition for the following sweeps; None: undo it.
 
         Parameters
         ----------
         condition : Condition or None
         terminations : sequence of str
-            Which sweeps will follow.
+            Terminations of the following sweeps.
         turn : int
-            How often the same was asked before.
+            How often the same condition was requested before.
         """
         self._arrangement = Arrangement(self._specimen, condition, tuple(terminations), turn)
 
     def single_value(self, name: str, turn: int = 0) -> SingleValue:
-        """What the operator reads off another meter."""
+        """A value that the operator reads from another meter."""
         return Arrangement(self._specimen, turn=turn).single_value(name)
 
     def at_work(self, role: str) -> ConnectionName:
-        """What an instrument of that role is connected to while it measures the motor."""
+        """The connection with which an instrument of that role measures the motor."""
         return "open" if role == "analyser" else "lisn-motor-on"
 
     def truth(self) -> JsonDict:
-        """What is hidden on this bench."""
+        """The true motor, hidden effects and errors of this bench."""
         return {"seed": self.seed, "hidden": list(self.effects), **self.motor.truth(), **self._analyser.truth()}
 
     def close(self) -> None:
@@ -147,7 +147,7 @@ class SimulatedBench:
         self.resource_manager.close()
 
     def impedance_ohm(self, frequency_hz: FloatArray, bandwidth_factor: int, averages: int = 1) -> ComplexArray:
-        """What the analyser would read without fixture, in ohm; the mean of so many readings."""
+        """What the analyser would read without fixture, in ohm; the mean of `averages` readings."""
         connected_ohm = self.connected_ohm(frequency_hz)
         analyser: SimulatedAnalyser = self._arrangement.analyser(self._analyser)
         if self._connected in ("short", "open"):
@@ -158,7 +158,7 @@ class SimulatedBench:
         return analyser.measure(like, frequency_hz, connected_ohm, self._connection, bandwidth_factor, averages)
 
     def connected_ohm(self, frequency_hz: FloatArray) -> ComplexArray:
-        """What is connected, as it truly is, in ohm."""
+        """True impedance of what is connected, in ohm."""
         if self._connected in ("short", "open"):
             return self._arrangement.impedance(self._connected, frequency_hz)
         if self._arrangement.on_the_fixture:
@@ -166,11 +166,11 @@ class SimulatedBench:
         return np.full(frequency_hz.shape, STANDARDS_OHM.get(self._connected, OPEN_STANDARD_OHM), dtype=np.complex128)
 
     def at_line(self, line: str) -> None:
-        """Switch the LISN to another line; a new connection is to the first."""
+        """Switch the LISN to another line."""
         self._line = line
 
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
-        """What arrives at the receiver, in dBuV; nothing unless the LISN is connected."""
+        """Level at the receiver's input, in dBuV; far below its noise unless the LISN is connected."""
         if self._connected == "lisn-motor-on":
             return self._other_line_db() + emission.spectrum(self.motor, frequency_hz, detector, self.seed)
         if self._connected == "lisn-motor-off":

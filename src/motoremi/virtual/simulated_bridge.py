@@ -1,4 +1,4 @@
-"""What the simulated impedance analysers share: sweeps, triggering, and the compensation of a fixture."""
+"""Base class of the simulated impedance analysers: sweeps, triggering, and compensation of a fixture."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from motoremi.virtual.simulated_device import SimulatedDevice
 
 SWEEP_OVERHEAD_S = 0.04
 OVERFLOW_OHM = 9.9e37
-# An ordinary fixture: 30 mOhm and 15 nH in series, 4 pF and 10 nS across. Compensation has to take them out.
+# A typical fixture: 30 mOhm and 15 nH in series, 4 pF and 10 nS in parallel. Compensation has to remove them.
 FIXTURE_OHM, FIXTURE_HENRY, FIXTURE_FARAD, FIXTURE_SIEMENS = 0.03, 15e-9, 4e-12, 1e-8
-# What is low enough to tell the direct current through a device: conductance is what a capacitor has none of.
+# Frequency at which the conductance gives the direct current through a device: low enough that capacitors conduct next to nothing.
 NEARLY_DIRECT_HZ = 40.0
 
 
@@ -33,14 +33,14 @@ class SimulatedBridge(SimulatedDevice):
     """An analyser with a fixture, connected to a test stand.
 
     The profile names its settings `start`, `stop`, `points`, `spacing` (LIN, LOG or the word for a list), `bandwidth_factor`,
-    `point_averaging`, `point_averages`, `sweep_averaging`, `sweep_averages`, `bias`, `bias_volt`, and what its standards are:
+    `point_averaging`, `point_averages`, `sweep_averaging`, `sweep_averages`, `bias`, `bias_volt`, and the values of its standards
     `open_siemens`, `open_farad`, `short_ohm`, `short_henry`, `load_ohm`, `load_henry`.
     """
 
-    # What `spacing` is for a list sweep.
+    # Value of `spacing` for a list sweep.
     LIST: ClassVar[str]
 
-    # Order of magnitude; makers give no figures.
+    # Estimates of the right order of magnitude; makers give no figures.
     SECONDS_PER_POINT: ClassVar[tuple[float, ...]] = (0.003, 0.006, 0.012, 0.06, 0.2)
 
     def power_on(self) -> None:
@@ -52,7 +52,7 @@ class SimulatedBridge(SimulatedDevice):
         self._measured_until_s = 0.0
         self._continuous = True
         self._segments: tuple[Segment, ...] = ()
-        # How many sweeps have gone into the average.
+        # Number of sweeps in the average.
         self._averaged = 0
         self._standards: dict[str, ComplexArray] = {}
         self._standard_axes: dict[str, FloatArray] = {}
@@ -76,21 +76,21 @@ class SimulatedBridge(SimulatedDevice):
         return SWEEP_OVERHEAD_S + self.axis().size * per_point_s
 
     def begin(self, sweeps: int = 1) -> None:
-        """Start whatever takes as long as that many sweeps."""
+        """Start a measurement that takes as long as that many sweeps."""
         self._ends_s = self.clock.now() + sweeps * self.duration_s()
 
     def ended(self) -> None:
         """Called once when it has ended."""
 
     def sweep(self, sweeps: int = 1) -> None:
-        """Start one sweep or several; if sweeps are averaged, each counts."""
+        """Start one sweep or several; each counts for the average of sweeps."""
         self._continuous = False
         self._averaged += sweeps
         self._measure()
         self.begin(sweeps)
 
     def restart_average(self) -> None:
-        """Forget the sweeps that were averaged."""
+        """Restart the average of sweeps."""
         self._averaged = 0
 
     def bias_current_a(self) -> float:
@@ -106,31 +106,31 @@ class SimulatedBridge(SimulatedDevice):
         return self._continuous
 
     def set_continuous(self, on: bool) -> None:
-        """Sweep again and again, or hold."""
+        """Sweep continuously, or hold."""
         self._continuous = on
         if not on:
             self._ends_s = None
 
     def impedance_ohm(self) -> ComplexArray:
-        """What the last sweep measured; an analyser that sweeps continuously has always just measured."""
+        """Data of the last sweep; if the analyser sweeps continuously, of a sweep with the present settings."""
         old = self.clock.now() - self._measured_until_s > self.duration_s()
         if self.sweeps_continuously() and (self._measured is None or self._measured_with != self._sweep_settings() or old):
             self._measure()
         return np.zeros(self.axis().size, dtype=np.complex128) if self._measured is None else self._measured
 
     def measure_standard(self, standard: str) -> None:
-        """Read what is left with a standard connected, and switch its compensation on."""
+        """Measure a standard, and switch its compensation on."""
         self.keep_standard(standard, self._raw(self._point_averages()))
         self._enabled[standard] = True
         self.begin()
 
     def keep_standard(self, standard: str, raw_ohm: ComplexArray) -> None:
-        """Hold what the bridge saw with a standard connected, at the frequencies of the sweep."""
+        """Store the uncorrected measurement of a standard, at the frequencies of the sweep."""
         self._standards[standard] = raw_ohm
         self._standard_axes[standard] = self.axis()
 
     def kept_standard(self, standard: str) -> tuple[FloatArray, ComplexArray] | None:
-        """Frequencies in hertz and what the bridge saw there, in ohm."""
+        """Frequencies in hertz and the uncorrected measurement of a standard, in ohm; None if it was not measured."""
         return (self._standard_axes[standard], self._standards[standard]) if standard in self._standards else None
 
     def is_enabled(self, standard: str) -> bool:
@@ -146,7 +146,7 @@ class SimulatedBridge(SimulatedDevice):
         self._enabled[standard] = on
 
     def _assign(self, name: str, argument: str) -> None:
-        """Set a property; of start and stop, the one that is set pushes the other along, and a list sweep needs its list."""
+        """Set a setting; start above stop moves the other one too, and a list sweep needs a list."""
         if name == "spacing" and self.fold_word(argument) == self.LIST and not self._segments:
             self.note_error("no_list")
             return
@@ -155,7 +155,7 @@ class SimulatedBridge(SimulatedDevice):
             self.set_value("stop" if name == "start" else "start", float(self.value(name)))
 
     def take_list(self, segments: Sequence[Segment]) -> None:
-        """Take the table of a list sweep, unless it is empty, too long or not ascending."""
+        """Set the list of segments; an error if it is empty, too long or not ascending."""
         edges = [hertz for one in segments for hertz in (one.start_hz, one.stop_hz)]
         ascending = all(first < last for first, last in pairwise(edges))
         fits = all(one.points >= 2 for one in segments) and sum(one.points for one in segments) <= self.limits("points")[1]
@@ -185,14 +185,14 @@ class SimulatedBridge(SimulatedDevice):
         return int(self.value("point_averages")) if self.value("point_averaging") == "1" else 1
 
     def _averages(self) -> int:
-        """Of how many readings each point is the mean."""
+        """Number of readings that are averaged at each point."""
         if self.value("sweep_averaging") != "1":
             return self._point_averages()
         most = int(self.value("sweep_averages"))
         return self._point_averages() * (most if self.sweeps_continuously() else max(1, min(self._averaged, most)))
 
     def _measure(self) -> None:
-        # Standards that were one and the same thing leave nothing to divide by; instruments show 9.9E37 then.
+        # With identical standards the correction divides by zero; instruments show 9.9E37 then.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             impedance = self._between_open_and_short(self._raw(self._averages()))
             load = self._standard("load", impedance.size)
@@ -204,7 +204,7 @@ class SimulatedBridge(SimulatedDevice):
         self._measured_until_s = self.clock.now()
 
     def _raw(self, averages: int) -> ComplexArray:
-        """What the bridge sees: the device under test behind the fixture."""
+        """Uncorrected measurement: the device under test behind the fixture."""
         frequency_hz = self.axis()
         s = 2j * np.pi * frequency_hz
         device = self.wiring.impedance_ohm(frequency_hz, int(self.value("bandwidth_factor")), averages)
@@ -212,7 +212,7 @@ class SimulatedBridge(SimulatedDevice):
         return raw
 
     def _between_open_and_short(self, impedance: ComplexArray) -> ComplexArray:
-        """Take the fixture out: in series what the short leaves of its own value, across it what the open leaves of its own."""
+        """Remove the fixture's series impedance, measured with the short standard, and parallel admittance, measured with the open standard."""
         short, open_ = self._standard("short", impedance.size), self._standard("open", impedance.size)
         s = 2j * np.pi * self.axis()
         series = 0.0 if short is None else short - self.value("short_ohm") - s * self.value("short_henry")
@@ -224,12 +224,12 @@ class SimulatedBridge(SimulatedDevice):
         return corrected
 
     def _standard(self, name: str, points: int) -> ComplexArray | None:
-        """What was read with a standard connected, if that compensation is on and has a value for each point."""
+        """Uncorrected measurement of a standard, if its compensation is on and has a value for each point; else None."""
         standard = self._standards.get(name)
         return standard if self._enabled[name] and standard is not None and standard.size == points else None
 
 
 def pairs(values: ComplexArray | FloatArray) -> FloatArray:
-    """Real and imaginary parts by turns."""
+    """Real and imaginary parts in alternation."""
     interleaved: FloatArray = np.column_stack([np.real(values), np.imag(values)]).ravel()
     return interleaved

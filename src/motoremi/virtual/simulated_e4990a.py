@@ -15,7 +15,7 @@ from motoremi.virtual.simulated_device import definite_block
 from motoremi.virtual.simulated_scpi import SimulatedScpi
 
 PARAMETER_COUNT = 4
-# Before the table of a segment sweep: version 7, start and stop, and six columns that are left out; then the number of segments.
+# Head of the table of a segment sweep: version 7, start and stop as edges, and six columns that are absent; the number of segments follows.
 SEGMENT_HEAD = (7, 0, 0, 0, 0, 0, 0, 0)
 MOST_BIAS_A = 0.1
 STANDARDS = {"OPEN": "open", "SHOR": "short", "LOAD": "load"}
@@ -45,7 +45,7 @@ PARAMETERS = {
 class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
     """An E4990A with a fixture, connected to a test stand.
 
-    Headers and words are those that public programs send to it; `:SENS1:SEGM:DATA` is taken in the one form that they send.
+    Headers and words are those that public programs send; `:SENS1:SEGM:DATA` is accepted only in the form that they send.
     """
 
     # `SENS:APER:TIME` is `SENS:APER`, `TRIG:SEQ:AVER` is `TRIG:AVER`.
@@ -94,7 +94,7 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
         return table
 
     def sweeps_continuously(self) -> bool:
-        """With the internal trigger, if initiated again and again."""
+        """With the internal trigger and continuous initiation."""
         return bool(self.value("continuous") == "1" and self.value("trigger") == "INT")
 
     def _trigger(self, source: str) -> None:
@@ -119,12 +119,12 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
         return ",".join([*map(str, SEGMENT_HEAD), str(len(rows)), *rows]).encode()
 
     def _monitored(self, value: float) -> bytes:
-        """A reading of the bias monitor; nothing flows beyond what the source gives."""
+        """A reading of the bias monitor; the source limits the current."""
         seen = min(max(value, -MOST_BIAS_A), MOST_BIAS_A) if abs(value) == np.inf else value
         return _three_digit_exponent(seen if self.value("bias_monitor") == "1" else 0.0).encode()
 
     def _print_standard(self, standard: str, part: Callable[[tuple[FloatArray, ComplexArray]], FloatArray], _: str) -> bytes:
-        """What was measured with a standard; a single zero before that, which no program takes for a sweep."""
+        """Measurement of a standard; a single zero if there is none, which no program takes for a sweep."""
         kept = self.kept_standard(standard)
         return self._array(np.zeros(1) if kept is None else part(kept))
 
@@ -145,7 +145,7 @@ class SimulatedE4990A(SimulatedBridge, SimulatedScpi):
         self._selected = parameter
 
     def _formatted(self) -> FloatArray:
-        """Two values a point of the selected parameter; the second one is 0 unless the parameter is complex."""
+        """Two values for each point of the selected parameter; the second one is 0 unless the parameter is complex."""
         impedance = self.impedance_ohm()
         if not impedance.any():
             return np.zeros(2 * impedance.size)

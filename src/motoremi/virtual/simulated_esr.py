@@ -40,7 +40,7 @@ class SimulatedESR(SimulatedReceiver):
             "INP:LISN:PHAS": self._switch_line,
             "INP:LISN:PHAS?": lambda _: self._line.encode(),
             **band_commands(self, "FREQ:CENT", "FREQ:SPAN", "analyser_start", "analyser_stop"),
-            # Back to the front panel, on a socket.
+            # Returns the instrument to local operation, on a socket.
             "&GTL": lambda _: None,
         }
 
@@ -53,7 +53,7 @@ class SimulatedESR(SimulatedReceiver):
         )
 
     def _sweep_analyser(self) -> None:
-        """A sweep of the spectrum analyser; as a receiver, one reading of the bargraph, which nobody asked to see."""
+        """A sweep in analyser mode. In receiver mode, one reading of the bargraph, which is not simulated."""
         if self.value("mode") == "SAN":
             frequency_hz = np.linspace(self.value("analyser_start"), self.value("analyser_stop"), self.value("analyser_points"))
             self.measure(frequency_hz, "POS", float(self.value("analyser_attenuation")), False, float(self.value("analyser_sweep_time")))

@@ -13,8 +13,8 @@ from motoremi.simulate.vna import RAW, SimulatedVna
 from motoremi.virtual.simulated_device import SimulatedDevice
 from motoremi.virtual.simulated_nanovna import behind_clips
 
-# As the Programming Guide writes them: the capitals alone will do, and a node of capitals alone has no short form. `ACTIVE` of a trace's
-# de-embedding has one, which is left out because it is also that of `ACTivate`.
+# Nodes as the Programming Guide writes them: the capitals are the short form, and a node in capitals only has none. The short form of `ACTIVE`
+# of a trace's de-embedding is left out, because it is also that of `ACTivate`.
 _NODES = (
     "DEVice CONNect DISConnect MODE INFo FWREVision HWREVision LIMits MINFrequency MAXFrequency MINIFBW MAXIFBW MAXPoints STAtus UNLOcked "
     "ADCOVERload UNLEVel VNA SWEEP FREQuency START STOP SWEEPTYPE ACQuisition RUN IFBW POINTS AVG AVGLEVel FINished SINGLE STIMulus LVL TRACe LIST "
@@ -43,7 +43,7 @@ class SimulatedLibreVna(SimulatedDevice):
         self._run("")
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """What the program computes."""
+        """What the LibreVNA-GUI computes."""
         return {
             "DEVice:CONNect": lambda _: None,
             "VNA:ACQuisition:RUN": self._run,
@@ -67,7 +67,7 @@ class SimulatedLibreVna(SimulatedDevice):
         }
 
     def fold(self, header: str) -> str:
-        """Nodes as the guide writes them; what it does not know stays as it is."""
+        """Nodes as the guide writes them; unknown nodes in capitals."""
         nodes = header.removeprefix(":").removesuffix("?").split(":")
         return ":".join(_SPELLED.get(node.upper(), node.upper()) for node in nodes) + ("?" if header.endswith("?") else "")
 
@@ -94,12 +94,12 @@ class SimulatedLibreVna(SimulatedDevice):
             self.note_error("command_error")
             return
         before, self._single = self._single, argument.upper() in TRUE
-        # Said again while a sweep runs it starts none.
+        # If a single sweep is running, the command does not start another one.
         if self._single and (not before or self._begun_s is None):
             self._run("")
 
     def _assign(self, name: str, argument: str) -> None:
-        """Settings are brought within their limits without a word, and start a new sweep if one is running."""
+        """Set a setting; a value beyond its limits is changed to the limit without an error. A running sweep starts again."""
         specs = self._data["properties"][name]["specs"]
         if specs["type"] != "str":
             try:
@@ -126,7 +126,7 @@ class SimulatedLibreVna(SimulatedDevice):
         return axis
 
     def _measured(self) -> ComplexArray:
-        """S11 of the last complete sweep; a program that sweeps continuously has always just measured."""
+        """S11 of the last complete sweep; if the program sweeps continuously, of a sweep with the present settings."""
         if self._s11 is None or (not self._single and self._begun_s is not None):
             corrects = self._calibration.startswith(("OSL", "SOLT", "TRL"))
             axis, vna = self._axis(), self._calibrated if corrects else self._raw
@@ -156,7 +156,7 @@ class SimulatedLibreVna(SimulatedDevice):
         self._calibration = known[argument.upper()]
 
     def _reset(self, argument: str) -> None:
-        """The calibration goes, too."""
+        """A reset also deletes the calibration."""
         super()._reset(argument)
         self._calibration = "None"
         self._single = False

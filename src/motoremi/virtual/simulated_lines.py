@@ -8,7 +8,7 @@ from typing import Any
 from motoremi.schema.text_lines import Lines
 from motoremi.virtual.simulated_device import MESSAGE_S, SimulatedDevice
 
-# What it says if nobody tells it otherwise.
+# Lines that it sends unless a procedure gives other examples.
 PLAIN = (
     Lines(example="n=3000.0 T=23.0", pattern=r"n=([\d.]+) T=[\d.]+", unit="rpm"),
     Lines(example="n=3000.0 T=23.0", pattern=r"n=[\d.]+ T=([\d.]+)", unit="degC"),
@@ -17,13 +17,13 @@ EVERY_S = 0.25
 
 
 class SimulatedLineReader(SimulatedDevice):
-    """It writes the motor's state into lines like the example that it is given."""
+    """It sends the motor's state in lines like the examples of the procedure."""
 
     profile = "line_reader.yaml"
     # Set by `use`; power-on does not change them.
     _lines: tuple[Lines, ...] = PLAIN
     _talks = False
-    _said = 0
+    _sent = 0
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
         """Send lines like these examples."""
@@ -31,7 +31,7 @@ class SimulatedLineReader(SimulatedDevice):
         self._talks = not self._lines[0].ask
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """It knows none: any line asks it."""
+        """None: any line is a request for a reading."""
         return {}
 
     def busy_until(self) -> float:
@@ -39,7 +39,7 @@ class SimulatedLineReader(SimulatedDevice):
         return self.clock.now()
 
     def take_answers(self) -> bytes:
-        """All that waits to be read; one that talks by itself has always just begun the next line."""
+        """All that waits to be read; an instrument that sends by itself always has a next line."""
         waiting = super().take_answers()
         if self._talks and not waiting:
             self.clock.sleep(EVERY_S)
@@ -57,8 +57,8 @@ class SimulatedLineReader(SimulatedDevice):
 
     def _line(self) -> bytes:
         examples = list(dict.fromkeys(lines.example for lines in self._lines))
-        line = example = examples[self._said % len(examples)]
-        self._said += 1
+        line = example = examples[self._sent % len(examples)]
+        self._sent += 1
         for lines in self._lines:
             if lines.example == example:
                 line = lines.written(line, getattr(self.wiring.stand, lines.quantity))

@@ -1,4 +1,4 @@
-"""The simulated 34461A: a multimeter on the motor's terminals, in its lead, or with a sensor on its frame."""
+"""The simulated 34461A: a multimeter for voltage or current of the motor, or the temperature of its frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FUNCTIONS = {"VOLT:DC": "VOLT", "VOLT": "VOLT", "CURR:DC": "CURR", "CURR": "CURR
 
 
 class Simulated34461A(SimulatedScpi):
-    """A multimeter that is connected to the right thing for whatever it is told to measure."""
+    """A multimeter that is connected correctly for every function that is selected."""
 
     profile = "keysight_34461a.yaml"
 
@@ -38,7 +38,7 @@ class Simulated34461A(SimulatedScpi):
         return made
 
     def busy_until(self) -> float:
-        """It answers when it has measured."""
+        """It is never busy: a query is answered after the measurement."""
         return self.clock.now()
 
     def _reset(self, argument: str) -> None:

@@ -49,7 +49,7 @@ class SimulatedMxe(SimulatedReceiver):
         order = "<" if self.value("byte_order") == "SWAP" else ">"
         match self.value("format"):
             case "INT,32":
-                # Thousandths of a dB above 1 mW, whatever unit is displayed.
+                # Thousandths of a dBm, whatever unit is displayed.
                 return definite_block(np.round(self.levels("DBM") * 1e3), f"{order}i4")
             case "REAL,32":
                 return definite_block(self.levels("DBUV"), f"{order}f4")

@@ -15,9 +15,9 @@ from motoremi.virtual.simulated_shell import SimulatedShell, integer_axis, lines
 # Bits of the mask of `scan`.
 FREQUENCY, S11, S21, BINARY = 1, 2, 4, 128
 MOST_BANDWIDTH_HZ = 4000
-# Time for one point: the samples of one bandwidth period for each port, and settling.
+# Time for one point: one bandwidth period of samples for each port, and settling.
 PORTS, SETTLING_S = 2, 1e-3
-# A short adapter with clips, behind the connector at which the instrument was calibrated.
+# A short adapter with clips at the connector at which the instrument was calibrated.
 CLIP_OHM, CLIP_HENRY, CLIP_FARAD = 0.02, 8e-9, 2e-12
 _EDGES = ("start", "stop", "center", "span", "cw")
 
@@ -36,7 +36,7 @@ class SimulatedNanoVna(SimulatedShell):
         self._reflection = self._measure()
 
     def shell_commands(self) -> dict[str, Callable[[list[str]], str | bytes]]:
-        """What the shell knows."""
+        """The commands of the shell."""
         quiet: Callable[[list[str]], str] = lambda _: ""  # noqa: E731
         known: dict[str, Callable[[list[str]], str | bytes]] = {
             "version": lambda _: lines(self.texts["version"]),
@@ -67,7 +67,7 @@ class SimulatedNanoVna(SimulatedShell):
         for edge, text in zip(("start", "stop"), arguments, strict=False):
             if whole(text):
                 self._set_edge(edge, text)
-        # A number of points that the firmware cannot do is ignored.
+        # The firmware ignores a number of points that it cannot measure.
         if len(arguments) == 3 and 2 <= whole(arguments[2]) <= self._most_points():
             self._assign("points", str(whole(arguments[2])))
         return ""
@@ -127,7 +127,7 @@ class SimulatedNanoVna(SimulatedShell):
         return packed
 
     def _measure(self) -> ComplexArray:
-        """S11 behind the clips, in the 32 bits that the firmware computes with."""
+        """S11 with the clips, in the 32-bit numbers of the firmware."""
         frequency_hz = np.array(self._axis, dtype=np.float64)
         bandwidth_hz = MOST_BANDWIDTH_HZ / (int(self.value("bandwidth")) + 1)
         seen = behind_clips(self.wiring, frequency_hz)
@@ -158,7 +158,7 @@ class SimulatedNanoVna(SimulatedShell):
         return ""
 
     def _cal(self, arguments: list[str]) -> str:
-        """Its state; the steps of a calibration itself are done on the screen."""
+        """State of the calibration, and switching it on or off; the calibration itself is done on the screen."""
         if not arguments:
             return lines("load open short thru Es Er Et cal'ed" if self._calibrated else "")
         match arguments[0]:
@@ -172,7 +172,7 @@ class SimulatedNanoVna(SimulatedShell):
 
 
 def behind_clips(wiring: Wiring, frequency_hz: FloatArray) -> ComplexArray:
-    """Impedance in ohm at the connector of an analyser whose clips hold what is connected."""
+    """Impedance in ohm at the connector, with clips between it and what is connected."""
     s = 2j * np.pi * frequency_hz
     device = wiring.connected_ohm(frequency_hz)
     seen: ComplexArray = CLIP_OHM + s * CLIP_HENRY + device / (1 + device * s * CLIP_FARAD)

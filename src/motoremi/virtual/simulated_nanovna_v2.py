@@ -1,4 +1,4 @@
-"""The simulated NanoVNA V2: a memory of registers, and a queue of raw waves that one sweep after the other fills."""
+"""The simulated NanoVNA V2: registers, and a queue of raw waves that continuous sweeps fill."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ REGISTERS = {
 NOTHING, INDICATE, READ_FIFO, WRITE_FIFO, QUEUE = 0x00, 0x0D, 0x18, 0x28, 0x30
 READ = {0x10: 1, 0x11: 2, 0x12: 4, 0x13: 8}
 WRITE = {0x20: 1, 0x21: 2, 0x22: 4, 0x23: 8}
-# Full scale of the waves: the firmware sends S11 and S21 against a forward wave of this size.
+# Amplitude of the forward wave; the firmware sends the other waves relative to it.
 FULL_SCALE = 1 << 30
 SECONDS_PER_POINT = 0.0125
-# What the noise of a single value corresponds to: 3e-4 of S11, an estimate.
+# Bandwidth with which the noise of a single value is 3e-4 of S11, an estimate.
 NOISE_BANDWIDTH_HZ = 9e3
-# The firmware measures its internal reference in the first two sweeps after a change; until then S11 is off by about this, an estimate.
+# The firmware measures its internal reference in the first two sweeps after a change. The error of S11 until then is an estimate.
 EARLY_SWEEPS, EARLY_ERROR = 2, 0.02
 
 
@@ -54,16 +54,16 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         self._registers = bytearray(256)
         for name, (address, size) in REGISTERS.items():
             self._registers[address : address + size] = int(self.value(name)).to_bytes(size, "little")
-        # How many values have been measured since the sweep was changed.
+        # Number of values measured since the sweep was changed.
         self._measured = 0
         self._busy_until_s = 0.0
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """No text here."""
+        """None: the protocol is binary."""
         return {}
 
     def busy_until(self) -> float:
-        """When the values that were asked for are measured."""
+        """When the requested values are measured."""
         return self._busy_until_s
 
     def status_byte(self) -> int:
@@ -71,7 +71,7 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         return 0
 
     def write(self, data: bytes) -> None:
-        """Take bytes one by one; a command is as long as its first byte says."""
+        """Receive bytes one by one; the first byte of a command gives its length."""
         for byte in data:
             self._command.append(byte)
             if len(self._command) < self._length():
@@ -91,7 +91,7 @@ class SimulatedNanoVnaV2(SimulatedDevice):
             return 2
         if first == WRITE_FIFO and len(self._command) > 2:
             return 3 + self._command[2]
-        # What the firmware does not know it takes for a command of three bytes.
+        # The firmware treats an unknown command as one of three bytes.
         return 2 + WRITE.get(first, 1)
 
     def answer(self, message: bytes) -> bytes | None:
@@ -117,7 +117,7 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         if address in (REGISTERS["start"][0], REGISTERS["step"][0], REGISTERS["points"][0], REGISTERS["values_per_frequency"][0]):
             self._measured = 0
         elif address == QUEUE:
-            # The sweep goes on while the queue is emptied.
+            # The sweep continues while the queue is emptied.
             self._measured += 7
 
     def _values(self, count: int) -> bytes:
@@ -133,7 +133,7 @@ class SimulatedNanoVnaV2(SimulatedDevice):
 
 
 def _record(gamma: complex, point: int) -> bytes:
-    """Forward wave, S11 and S21 against it, number of the point, and a checksum as the firmware makes it."""
+    """Forward wave, S11 and S21 relative to it, number of the point, and the firmware's checksum."""
     limit = 2**31 - 1
     parts = [min(max(int(part * FULL_SCALE), -limit), limit) for part in (gamma.real, gamma.imag)]
     record = struct.pack("<6iH5x", FULL_SCALE, 0, *parts, 0, 0, point)

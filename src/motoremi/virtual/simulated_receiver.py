@@ -1,4 +1,4 @@
-"""What the simulated receivers share: a scan of what arrives, overload, units and transfer formats."""
+"""Base class of the simulated receivers: scans, overload, units and transfer formats."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ PREAMPLIFIER_DB = 20.0
 RF_OVERLOAD = 1
 BAND_B_HZ: FloatArray = 150e3 + 4.5e3 * np.arange(6634, dtype=np.float64)
 BAND_B_END_HZ = 30e6
-# A scan of so few points is read off the whole band as well: working the stand out takes as long for five points as for all.
+# Scans with at most this many points are interpolated from one scan of the whole band, because simulating five points takes as long as all.
 SHORT_SCAN = 8
-# And a scan of so fine a step, much finer than the filter of 9 kHz.
+# Scans with a finer step than this, far finer than the 9 kHz filter, are interpolated too.
 FINE_STEP_HZ = 1e3
-# More than any receiver stores for one trace, and more than a client should be able to ask of this machine.
+# Limit that protects this computer's memory; more than any receiver stores for one trace.
 MOST_POINTS = 1_000_000
 NOTHING_DBUV = -200.0
-# What an instrument's own correction adds while it is on: an attenuator in front of it, made up for.
+# Correction that the instrument adds by itself while it is switched on, as for an attenuator at its input.
 OWN_CORRECTION_DB = 10.0
 DBUV_OF_0_DBM = 106.98970004336019
 
@@ -56,7 +56,7 @@ class SimulatedReceiver(SimulatedScpi):
     def measure(
         self, frequency_hz: FloatArray, detector: str, attenuation_db: float, preamplifier: bool, duration_s: float, dwell_s: float | None = None
     ) -> None:
-        """Start a scan; `detector` is the instrument's word. A sweep dwells on a frequency as long as its filter takes to pass over it."""
+        """Start a scan; `detector` is the instrument's word, `dwell_s` the time at each frequency (of a sweep: within its filter)."""
         upwards = frequency_hz.size == 1 or (frequency_hz.size > 1 and frequency_hz[-1] > frequency_hz[0])
         if not upwards or frequency_hz.size > MOST_POINTS:
             self.note_error("execution_error")
@@ -82,7 +82,7 @@ class SimulatedReceiver(SimulatedScpi):
         return self._levels_dbuv + self.correction_db() - (DBUV_OF_0_DBM if unit == "DBM" else 0.0)
 
     def correction_db(self) -> float:
-        """What the instrument adds to its levels by itself."""
+        """Correction in dB that the instrument applies by itself."""
         return OWN_CORRECTION_DB if self.value("own_correction") == "ON" else 0.0
 
     def read_overload(self) -> bytes:
@@ -95,7 +95,7 @@ class SimulatedReceiver(SimulatedScpi):
         self._overload_event = 0
 
     def _reset(self, argument: str) -> None:
-        # As on the X-series, whose corrections and external gain outlive a reset; and so does what is installed.
+        # A reset keeps corrections and external gain, as on the X-series, and installed options.
         kept = {name: self.value(name) for name in ("own_correction", "external_gain", "emi_option") if self.has(name)}
         super()._reset(argument)
         for name, value in kept.items():
@@ -103,9 +103,9 @@ class SimulatedReceiver(SimulatedScpi):
 
 
 def settling_db(detector: str, dwell_s: float) -> float:
-    """How far a meter has come in its dwell, in dB: two equal poles of 160 ms (CISPR 16-1-1, band B) that start from zero.
+    """Error in dB of a meter that has not settled within the dwell: two equal poles of 160 ms (CISPR 16-1-1, band B), starting from zero.
 
-    Peak and the linear average have no meter.
+    Peak and the linear average have no meter time constant.
     """
     if detector in ("peak", "average"):
         return 0.0
@@ -114,9 +114,9 @@ def settling_db(detector: str, dwell_s: float) -> float:
 
 
 def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
-    """Level at the input in dBuV: what the stand says within band B, read off one scan of that band for any other frequencies.
+    """Level at the input in dBuV: simulated at the points of a scan within band B, else interpolated from one scan of that band.
 
-    The simulated stand has nothing outside of the band.
+    Outside of the band there is no signal.
     """
     if frequency_hz.size <= SHORT_SCAN or frequency_hz[1] - frequency_hz[0] < FINE_STEP_HZ:
         return read_off_the_band(wiring, frequency_hz, detector)
@@ -127,7 +127,7 @@ def arriving_dbuv(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> Fl
 
 
 def read_off_the_band(wiring: Wiring, frequency_hz: FloatArray, detector: str) -> FloatArray:
-    """Level at any frequencies from one scan of band B, which takes the stand seconds to work out, but only once."""
+    """Level at any frequencies, interpolated from one scan of band B, whose simulation takes seconds and is done once."""
     level = np.interp(frequency_hz, BAND_B_HZ, wiring.level_dbuv(BAND_B_HZ, detector))
     # The last step of the band ends a little before 30 MHz.
     inside = (BAND_B_HZ[0] <= frequency_hz) & (frequency_hz <= BAND_B_END_HZ)
@@ -135,7 +135,7 @@ def read_off_the_band(wiring: Wiring, frequency_hz: FloatArray, detector: str) -
 
 
 def steps(start_hz: float, stop_hz: float, step_hz: float) -> FloatArray:
-    """Frequencies of a scan table, none if there are too many; the small addition keeps a last step that rounding would lose."""
+    """Frequencies of a scan table; none if there are too many. The small addition keeps a last step that rounding would lose."""
     if step_hz * MOST_POINTS < stop_hz - start_hz:
         return np.zeros(0)
     axis: FloatArray = start_hz + step_hz * np.arange(int((stop_hz - start_hz) / step_hz + 1e-6) + 1, dtype=np.float64)

@@ -13,14 +13,14 @@ MEASURING = 16
 
 
 class SimulatedScpi(SimulatedDevice):
-    """An instrument that takes long and short forms, any case, numeric suffixes, and leaves out what SCPI lets one leave out."""
+    """An instrument that accepts long and short forms in any case, numeric suffixes, and headers without optional nodes."""
 
     LEARN_PREFIX = ":"
     # `INIT:IMM` is `INIT`, `TRAC:DATA?` is `TRAC?`, `DISP:WIND:TRAC` is `DISP:TRAC`.
     IMPLIED_NODES = frozenset({"IMM", "NEXT", "DATA", "RES", "EVEN", "LEV", "AMPL", "STAT", "WIND"})
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """What every SCPI instrument answers (SCPI-99, volume 2, chapters 20 and 21)."""
+        """Commands of every SCPI instrument (SCPI-99, volume 2, chapters 20 and 21)."""
         return {
             "SYST:VERS?": lambda _: SCPI_VERSION,
             "SYST:ERR:ALL?": lambda _: self._all_errors(),
@@ -31,7 +31,7 @@ class SimulatedScpi(SimulatedDevice):
         }
 
     def _all_errors(self) -> bytes:
-        """The whole error queue at once, which empties it."""
+        """All entries of the error queue, which is then empty."""
         entries = [self.errors.pop()]
         while self.errors.entries:
             entries.append(self.errors.pop())
@@ -50,7 +50,7 @@ class SimulatedScpi(SimulatedDevice):
         return short_form(word.upper())
 
     def status_byte(self) -> int:
-        """Bit 2 tells of an entry in the error queue, bit 6 requests service."""
+        """Bit 2: the error queue is not empty; bit 6: service is requested."""
         summary = super().status_byte() | (4 if self.errors.entries else 0)
         return summary | (64 if summary & int(self.value("service_mask")) else 0)
 

@@ -11,14 +11,14 @@ PROMPT = b"ch> "
 NEWLINE = "\r\n"
 _BACKSPACES = (0x08, 0x7F)
 _CR, _FIRST_PRINTABLE = 0x0D, 0x20
-# What the firmware's command line holds; more is neither stored nor echoed.
+# Length of the firmware's command line; further characters are neither stored nor echoed.
 LINE_LENGTH = 47
 
 
 class SimulatedShell(SimulatedDevice):
     """An instrument that echoes every character, runs a line at each CR, and prompts.
 
-    Subclasses list their commands in `shell_commands()`: name to a function of the arguments that returns what is printed.
+    Subclasses list their commands in `shell_commands()`: name to a function of the arguments that returns the printed text.
     """
 
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
@@ -32,11 +32,11 @@ class SimulatedShell(SimulatedDevice):
         self._busy_until_s = 0.0
 
     def shell_commands(self) -> dict[str, Callable[[list[str]], str | bytes]]:
-        """What the shell knows, by name."""
+        """The commands of the shell, by name."""
         raise NotImplementedError
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """No IEEE 488.2 here."""
+        """None of IEEE 488.2."""
         return {}
 
     def busy_until(self) -> float:
@@ -44,7 +44,7 @@ class SimulatedShell(SimulatedDevice):
         return self._busy_until_s
 
     def write(self, data: bytes) -> None:
-        """Take characters one by one."""
+        """Receive characters one by one."""
         for byte in data:
             if byte == _CR:
                 self._say(NEWLINE.encode())
@@ -68,7 +68,7 @@ class SimulatedShell(SimulatedDevice):
         return 0
 
     def take_time(self, seconds: float) -> None:
-        """Answer only when that much time has passed: the shell measures in the foreground."""
+        """Let that much time pass before the answer, because the shell measures in the foreground."""
         self._busy_until_s = self.clock.now() + seconds
         self.clock.sleep(seconds)
 
@@ -99,7 +99,7 @@ def lines(*texts: str) -> str:
 
 
 def whole(text: str) -> int:
-    """A whole number as the firmware reads it: 0x, 0o and 0b prefixes, and whatever follows the digits ignored."""
+    """A whole number as the firmware reads it: with prefix 0x, 0o or 0b; characters after the digits are ignored."""
     bases = {"0x": 16, "0o": 8, "0b": 2}
     base = bases.get(text[:2].lower(), 10)
     digits = text[2:] if base != 10 else text.removeprefix("+")

@@ -1,4 +1,4 @@
-"""The simulated supplies: one output feeds the motor on the stand, the others feed nothing."""
+"""The simulated supplies: one output feeds the motor, nothing is connected to the others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class SimulatedSupply(SimulatedScpi):
     """A supply; the output that is switched on last, or set last while on, feeds the motor."""
 
     ratings: ClassVar[Sequence[tuple[float, float]]]
-    # How it writes a voltage or a current.
+    # Format of a voltage or a current in an answer.
     number: ClassVar[str]
 
     def power_on(self) -> None:
@@ -24,7 +24,7 @@ class SimulatedSupply(SimulatedScpi):
         self._all_off()
 
     def busy_until(self) -> float:
-        """It does everything at once."""
+        """It is never busy."""
         return self.clock.now()
 
     def fold(self, header: str) -> str:
@@ -36,9 +36,9 @@ class SimulatedSupply(SimulatedScpi):
         """What the supply computes."""
         made: dict[str, Callable[[str], bytes | None]] = {
             "VOLT": lambda text: self._set(self._volt, text, 0),
-            "VOLT?": lambda text: self._told(self._volt, text),
+            "VOLT?": lambda text: self._shown_setting(self._volt, text),
             "CURR": lambda text: self._set(self._ampere, text, 1),
-            "CURR?": lambda text: self._told(self._ampere, text),
+            "CURR?": lambda text: self._shown_setting(self._ampere, text),
             "MEAS:VOLT?": lambda text: self._measured("voltage_volt", text),
             "MEAS:VOLT:DC?": lambda text: self._measured("voltage_volt", text),
             "MEAS:CURR?": lambda text: self._measured("current_ampere", text),
@@ -53,11 +53,11 @@ class SimulatedSupply(SimulatedScpi):
         raise NotImplementedError
 
     def addressed(self, text: str) -> tuple[int, str]:
-        """Which output an argument is for, and what else it says; output 0 is none of this supply."""
+        """Number of the output that an argument is for, and the rest of the argument; 0 if there is no such output."""
         raise NotImplementedError
 
     def feed(self, output: int) -> None:
-        """Let the motor have what this output delivers now."""
+        """Connect the motor to this output if it is on; disconnect it if the output has been switched off."""
         if self.is_on(output):
             self._feeding = output
             self.wiring.stand.drive(self._volt[output - 1], self._ampere[output - 1])
@@ -104,7 +104,7 @@ class SimulatedSupply(SimulatedScpi):
         values[number - 1] = value
         self.feed(number)
 
-    def _told(self, values: list[float], text: str) -> bytes | None:
+    def _shown_setting(self, values: list[float], text: str) -> bytes | None:
         found = self.output(text)
         return None if found is None else self.number.format(values[found[0] - 1]).encode()
 
@@ -132,7 +132,7 @@ class SimulatedE36313A(SimulatedSupply):
     number = "{:+.8E}"
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """What this family calls an output."""
+        """Commands that address an output in this family."""
         return {
             **super().commands(),
             "OUTP": self._switch,
@@ -184,7 +184,7 @@ class SimulatedHmp4040(SimulatedSupply):
     number = "{:.3f}"
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
-        """What this family calls an output."""
+        """Commands that address an output in this family."""
         return {
             **super().commands(),
             "INST:NSEL": self._select,

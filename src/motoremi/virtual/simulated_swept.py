@@ -10,7 +10,7 @@ import numpy as np
 from motoremi.arrays import FloatArray
 from motoremi.virtual.simulated_receiver import SimulatedReceiver, read_off_the_band
 
-# The words by which these instruments call the 6 dB EMI filter, and the detectors that need it.
+# Words of these instruments for the 6 dB EMI filter, and for the detectors that need it.
 EMI_WORDS = frozenset({"ON", "1", "EMI", "CISP"})
 WEIGHTING_WORDS = frozenset({"QPE", "QUAS", "EAV", "RAV"})
 EMI_FILTERS_HZ = (200.0, 9e3, 120e3, 1e6)
@@ -46,7 +46,7 @@ class SimulatedSwept(SimulatedReceiver):
         return "FORM" + folded[9:] if folded.startswith("FORM:TRAC") else folded
 
     def arriving(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
-        """Partial sweeps are read off one scan of the band."""
+        """Level at the input, interpolated from one scan of the band."""
         return read_off_the_band(self.wiring, frequency_hz, detector)
 
     def correction_db(self) -> float:
@@ -105,7 +105,7 @@ class SimulatedDSA800(SimulatedSwept):
 
 
 class SimulatedRSA(SimulatedSwept):
-    """An RSA5065N, which sweeps only after it was told to leave the real-time mode."""
+    """An RSA5065N, which sweeps only after it has been switched from real-time to swept mode."""
 
     profile = "rigol_rsa.yaml"
 
@@ -136,5 +136,5 @@ class SimulatedXSeries(SimulatedSwept):
         return super().commands() | registers
 
     def correction_db(self) -> float:
-        """The gain of an external preamplifier is taken off."""
+        """Correction without the gain of an external preamplifier."""
         return super().correction_db() - float(self.value("external_gain"))

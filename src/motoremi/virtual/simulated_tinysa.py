@@ -14,7 +14,7 @@ from motoremi.virtual.simulated_receiver import DBUV_OF_0_DBM, MOST_POINTS, read
 from motoremi.virtual.simulated_shell import SimulatedShell, integer_axis, lines, whole
 
 FREQUENCY, ACTUAL, STORED, TEMPORARY = 1, 2, 4, 8
-# The filters of the receiver chip that the firmware offers, and levels in 10 kHz: its own noise, and where its mixer gives up.
+# Filters of the receiver chip that the firmware offers, and levels in 10 kHz: the instrument's noise, and the limit of its mixer.
 FILTERS_KHZ = (3.0, 10.0, 30.0, 100.0, 300.0, 600.0)
 NOISE_DBM, MOST_DBM = -105.0, 10.0
 # The chip reads levels in steps of half a dB.
@@ -38,7 +38,7 @@ class SimulatedTinySa(SimulatedShell):
         self._measured: FloatArray | None = None
 
     def shell_commands(self) -> dict[str, Callable[[list[str]], str | bytes]]:
-        """What the shell knows."""
+        """The commands of the shell."""
         known: dict[str, Callable[[list[str]], str | bytes]] = {
             "version": lambda _: lines(self.texts["version"]),
             "info": lambda _: lines(self.texts["board"], "2019-2024 Copyright @Erik Kaashoek", "Licensed under GPL."),
@@ -82,7 +82,7 @@ class SimulatedTinySa(SimulatedShell):
             self.set_value("start", min(start, highest))
         if stop is not None:
             self.set_value("stop", min(stop, highest))
-        # The edge that was set last pushes the other one along.
+        # If start lies above stop, the one that was set last moves the other.
         if self.value("start") > self.value("stop"):
             pushed, by = ("start", "stop") if stop is not None else ("stop", "start")
             self.set_value(pushed, self.value(by))
@@ -97,7 +97,7 @@ class SimulatedTinySa(SimulatedShell):
         return self._set_edges(int(first), int(last))
 
     def _take_edges(self) -> None:
-        """The next sweep of the background has these edges."""
+        """Use these edges in the next background sweep."""
         self._axis = integer_axis(self.value("start"), self.value("stop"), self.value("points"))
         self._measured = None
 
@@ -132,7 +132,7 @@ class SimulatedTinySa(SimulatedShell):
         if start > stop or not 0 < points <= MOST_POINTS:
             return lines("frequency range is invalid")
         self._take_sweep_time(points)
-        # The step is the span over the points here, not over the intervals.
+        # For this command the step is the span divided by the number of points, not of intervals.
         levels_dbm = self._measure(start + (stop - start) / points * np.arange(points, dtype=np.float64))
         counts = np.round((levels_dbm + self.value("zero_level")) * 32).astype(int)
         return b"{" + b"".join(b"x" + struct.pack("<H", count) for count in counts) + b"}"
@@ -184,7 +184,7 @@ class SimulatedTinySa(SimulatedShell):
         if len(arguments) == 1 and (gain_db := _number(arguments[0])) is not None:
             self.set_within("external_gain", gain_db)
             return ""
-        # It tells its range, but not what is set.
+        # The shell prints the range, but not the present value.
         return lines("usage: ext_gain -100.0..+100.0")
 
     def _trace(self, arguments: list[str]) -> str:
@@ -202,13 +202,13 @@ class SimulatedTinySa(SimulatedShell):
         self.take_time(max(float(self.value("sweep_time")), points * SECONDS_PER_POINT))
 
     def _levels_dbm(self) -> FloatArray:
-        """What the last sweep measured; one has always run, in the background."""
+        """Levels of the last sweep, which may have run in the background."""
         if self._measured is None:
             self._measured = self._measure(np.array(self._axis, dtype=np.float64))
         return self._measured
 
     def _measure(self, frequency_hz: FloatArray) -> FloatArray:
-        """Levels in dBm: what arrives, the analyser's own noise, and its mixer's limit."""
+        """Levels in dBm: the signal and the analyser's noise, limited by its mixer."""
         arriving = read_off_the_band(self.wiring, frequency_hz, "peak") - DBUV_OF_0_DBM
         attenuation = float(self.value("attenuation"))
         noise = NOISE_DBM + attenuation + 10 * np.log10(self._filter_khz() / 10.0)

@@ -1,4 +1,4 @@
-"""Virtual instruments by name: which simulator stands in for which driver, and where it sits on the simulated bench."""
+"""The simulated instruments: class, role and VISA resource on the simulated bench, by the name of the driver that each is for."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class VirtualInstrument:
     resource : str
         Its VISA name on the simulated bench.
     role : str
-        What it is in a procedure.
+        Its role in a procedure.
     others : mapping of str to str
-        Further roles that such an instrument can play, and where it then sits.
+        Further roles of such an instrument, and its resource in each.
     """
 
     simulator: str
@@ -34,11 +34,11 @@ class VirtualInstrument:
     others: Mapping[Role, str] = field(default_factory=dict)
 
     def resource_as(self, role: str) -> str | None:
-        """Where it sits in that role; None if it cannot play it."""
+        """Its resource in that role; None if it cannot have the role."""
         return self.resource if role == self.role else next((name for other, name in self.others.items() if other == role), None)
 
     def make(self, wiring: Wiring, clock: Clock) -> SimulatedDevice:
-        """Switch one on."""
+        """Make one, as after power-on."""
         module, _, attribute = self.simulator.partition(":")
         device = getattr(import_module(f"{__package__}.{module}"), attribute)(wiring, clock)
         if not isinstance(device, SimulatedDevice):
@@ -46,7 +46,7 @@ class VirtualInstrument:
         return device
 
 
-# By the name of the driver that each one answers to.
+# By the name of the driver.
 VIRTUAL_INSTRUMENTS: dict[str, VirtualInstrument] = {
     "4294a": VirtualInstrument("simulated_4294a:Simulated4294A", "GPIB0::17::INSTR", "analyser"),
     "e4990a": VirtualInstrument("simulated_e4990a:SimulatedE4990A", "GPIB0::18::INSTR", "analyser"),

@@ -1,4 +1,4 @@
-"""A VISA library whose instruments are simulated: PyVISA-sim's, with the parts of VISA that it lacks and deadlines on the instruments' clock."""
+"""VISA library of the simulated bench: PyVISA-sim's, with functions of VISA that it lacks, and timeouts on the instruments' clock."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class BenchLibrary(SimVisaLibrary):
     def _init(self) -> None:
         self.sessions = {}
         self.devices = Devices()
-        # Session -> how many of its instrument's service requests have been waited for.
-        self._heard: dict[VISASession, int] = {}
+        # Session -> number of its instrument's service requests that a client has already received.
+        self._seen: dict[VISASession, int] = {}
 
     def add(self, resource_name: str, device: SimulatedDevice) -> None:
         """Connect an instrument under that name."""
@@ -44,7 +44,7 @@ class BenchLibrary(SimVisaLibrary):
         return opened, status
 
     def read(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
-        """Read from an instrument; a deadline passes on its own clock, so that silence costs no real time on a virtual one."""
+        """Read from an instrument; the timeout is on the instrument's clock, so that it takes no real time if that clock is virtual."""
         link, device = self.sessions[session], self._device(session)
         if link.parsed.interface_type_const == constants.InterfaceType.asrl:
             return self._read_line(session, count)
@@ -63,7 +63,7 @@ class BenchLibrary(SimVisaLibrary):
         return part, constants.StatusCode.success
 
     def _read_line(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
-        """Read from a serial line up to the character that ends an answer, or so many bytes where none does."""
+        """Read from a serial line up to the termination character, or `count` bytes if none is enabled."""
         link, device = self.sessions[session], self._device(session)
         waiting = device.take_answers()
         if link.get_attribute(constants.ResourceAttribute.termchar_enabled)[0]:
@@ -86,7 +86,7 @@ class BenchLibrary(SimVisaLibrary):
         return constants.StatusCode.success
 
     def flush(self, session: VISASession, mask: constants.BufferOperation) -> constants.StatusCode:
-        """Drop what is on a serial line."""
+        """Discard the buffers of a serial line."""
         self._device(session).device_clear()
         return constants.StatusCode.success
 
@@ -97,41 +97,41 @@ class BenchLibrary(SimVisaLibrary):
     def enable_event(
         self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism, context: None = None
     ) -> constants.StatusCode:
-        """Queue service requests from now on; there are no others, and serial lines have none."""
+        """Queue service requests from now on; other events do not exist, and only GPIB has service requests."""
         link = self.sessions[session]
         if event_type != constants.EventType.service_request or link.parsed.interface_type_const != constants.InterfaceType.gpib:
             raise pyvisa.VisaIOError(constants.StatusCode.error_invalid_event)
-        self._heard.setdefault(session, self._device(session).service_requests)
+        self._seen.setdefault(session, self._device(session).service_requests)
         return constants.StatusCode.success
 
     def wait_on_event(
         self, session: VISASession, in_event_type: constants.EventType, timeout: int
     ) -> tuple[constants.EventType, VISAEventContext, constants.StatusCode]:
         """Wait for the next service request; on a virtual clock that takes no time."""
-        if session not in self._heard:
+        if session not in self._seen:
             raise pyvisa.VisaIOError(constants.StatusCode.error_not_enabled)
         device = self._device(session)
         deadline_s = device.clock.now() + timeout / 1000
         device.notice_request()
-        while device.service_requests == self._heard[session]:
+        while device.service_requests == self._seen[session]:
             now_s = device.clock.now()
             if now_s >= deadline_s:
                 raise pyvisa.VisaIOError(constants.StatusCode.error_timeout)
             ends_s = device.busy_until()
             device.clock.sleep((ends_s if now_s < ends_s < deadline_s else deadline_s) - now_s)
             device.notice_request()
-        self._heard[session] += 1
+        self._seen[session] += 1
         return in_event_type, VISAEventContext(0), constants.StatusCode.success
 
     def discard_events(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
-        """Forget the service requests that wait."""
-        if session in self._heard:
-            self._heard[session] = self._device(session).service_requests
+        """Discard the queued service requests."""
+        if session in self._seen:
+            self._seen[session] = self._device(session).service_requests
         return constants.StatusCode.success
 
     def disable_event(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
-        """Queue them no more."""
-        self._heard.pop(session, None)
+        """Stop queuing service requests."""
+        self._seen.pop(session, None)
         return constants.StatusCode.success
 
     def _device(self, session: VISASession) -> SimulatedDevice:
