@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from motoremi.data.conditions import SingleValue
     from motoremi.data.session import Session
     from motoremi.run.answer import Answer
-    from motoremi.run.requested import Asking, Order
+    from motoremi.run.requested import MeasurementRequest, RequestedMeasurements
     from motoremi.schema.bench_file import BenchFile
     from motoremi.workflow_investigate import Investigation, Step, Thought
 
@@ -64,7 +64,7 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
     from motoremi.interrupts import stopped_by_signals
     from motoremi.run.calibration_check import refuse_unless_calibrated
     from motoremi.run.on_bench import on_bench
-    from motoremi.run.requested import Asking, procedure_for
+    from motoremi.run.requested import RequestedMeasurements, procedure_for
     from motoremi.run.resume import Done
     from motoremi.run.runner import make_bench
     from motoremi.workflow_investigate import investigate
@@ -84,14 +84,14 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
             writer.emit(
                 "investigate", procedure=procedure.source, connections=connections, budget_minutes=minutes, odds=odds, without=list(without)
             )
-            hands = _Hands(made, quiet, bars.paused)
-            asking = Asking(procedure, made, writer, hands.prompt, hands.set_up, connections=connections)
-            hands.asking = asking
+            operator = _Operator(made, quiet, bars.paused)
+            requests = RequestedMeasurements(procedure, made, writer, operator.prompt, operator.set_up, connections=connections)
+            operator.requests = requests
             shown: Callable[[Thought, Step | None], None] = (lambda thought, step: None) if quiet else show_step
             try:
-                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), hands, minutes, shown, without)
+                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), operator, minutes, shown, without)
             finally:
-                asking.leave_safe()
+                requests.leave_safe()
     finally:
         made.close()
 
@@ -145,13 +145,13 @@ def _uncorrected(session: Session) -> tuple[str, ...]:
 
 
 @dataclass
-class _Hands:
+class _Operator:
     """The operator of a bench: a person at the terminal, or the simulation."""
 
     made: Bench
     quiet: bool
     paused: Callable[[], AbstractContextManager[None]]
-    asking: Asking | None = None
+    requests: RequestedMeasurements | None = None
     started_s: float = 0.0
 
     @property
@@ -160,13 +160,13 @@ class _Hands:
 
         return isinstance(self.made, SimulatedBench)
 
-    def sweep(self, order: Order) -> None:
-        """Have it set up, and measure."""
-        assert self.asking is not None
+    def sweep(self, order: MeasurementRequest) -> None:
+        """Have the condition set up, and measure."""
+        assert self.requests is not None
         self.started_s = time.monotonic()
-        self.asking.measure(order)
+        self.requests.measure(order)
 
-    def value(self, order: Order) -> SingleValue:
+    def value(self, order: MeasurementRequest) -> SingleValue:
         """The number that another meter shows."""
         from motoremi.virtual.simulated_bench import SimulatedBench
 
@@ -177,11 +177,11 @@ class _Hands:
             return typed_value(order)
 
     def minutes(self, estimated: float) -> float:
-        """By the clock; on a simulated bench, where nobody warms a motor, as estimated."""
+        """Elapsed minutes; on a simulated bench the estimate, because nothing takes real time there."""
         return estimated if self.simulated else (time.monotonic() - self.started_s) / 60
 
     def prompt(self, text: str) -> Answer | None:
-        """Tell the operator what to do."""
+        """Show the operator an instruction and return the answer."""
         from motoremi.cli.bench import ask_operator
 
         if self.simulated:
@@ -189,20 +189,20 @@ class _Hands:
         with self.paused():
             return ask_operator(text)
 
-    def set_up(self, order: Order | None) -> None:
-        """On a simulated bench, do what the operator was asked to do; None: put it back."""
+    def set_up(self, order: MeasurementRequest | None) -> None:
+        """On a simulated bench, do what the operator is asked to do; None: undo it."""
         from motoremi.virtual.simulated_bench import SimulatedBench
 
         if isinstance(self.made, SimulatedBench):
             self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
 
 
-def typed_value(order: Order) -> SingleValue:
-    """Ask for a number until it is one; `n` says that it cannot be had."""
+def typed_value(order: MeasurementRequest) -> SingleValue:
+    """Ask for a value until it can be read; `n` means that there is none."""
     from motoremi.data.conditions import VALUES, parse_value
     from motoremi.data.text import clean_text
     from motoremi.run.answer import TYPED, NotDone
-    from motoremi.run.requested import asked_value
+    from motoremi.run.requested import requested_value
 
     setting = VALUES[order.id].setting
     sys.stderr.write(f"\n{clean_text(order.instruction)}\n")
@@ -210,7 +210,7 @@ def typed_value(order: Order) -> SingleValue:
         sys.stderr.write(f"{order.id}, for example {setting.example}; n not done, s stop: ")
         sys.stderr.flush()
         if not (typed := sys.stdin.readline()):
-            raise BadInput("nobody answers the question: standard input has ended; run from a terminal")
+            raise BadInput("the question was not answered: standard input has ended; run from a terminal")
         text = typed.strip()
         said = TYPED.get(text.casefold()) if text else None
         if said == "stop":
@@ -218,7 +218,7 @@ def typed_value(order: Order) -> SingleValue:
         if said == "not done":
             raise NotDone(f"the operator has no value for {order.id}")
         try:
-            return asked_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
+            return requested_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
         except BadInput as error:
             sys.stderr.write(f"{error}\n")
 

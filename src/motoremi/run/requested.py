@@ -27,7 +27,7 @@ _USUAL = "impedance_only"
 
 
 @dataclass(frozen=True)
-class Order:
+class MeasurementRequest:
     """One requested measurement.
 
     Parameters
@@ -70,7 +70,7 @@ class Order:
         }
 
     @classmethod
-    def restored(cls, written: JsonDict) -> Order:
+    def restored(cls, written: JsonDict) -> MeasurementRequest:
         """From what `to_dict` wrote.
 
         Raises
@@ -108,7 +108,7 @@ def procedure_for(session: Session) -> Procedure:
     return parse_procedure(made, name)
 
 
-class Asking:
+class RequestedMeasurements:
     """A bench that carries out requested measurements.
 
     Parameters
@@ -136,7 +136,7 @@ class Asking:
         bench: Bench,
         writer: Writer,
         prompt: Prompt,
-        set_up: Callable[[Order | None], None] = lambda order: None,
+        set_up: Callable[[MeasurementRequest | None], None] = lambda request: None,
         tick: Callable[[], None] = lambda: None,
         connections: int = 0,
     ) -> None:
@@ -149,7 +149,7 @@ class Asking:
         self._connections = connections
         self._execution: Execution | None = None
 
-    def measure(self, order: Order) -> None:
+    def measure(self, request: MeasurementRequest) -> None:
         """Have the operator set it up, and sweep; every sweep is stored at once.
 
         Raises
@@ -157,23 +157,23 @@ class Asking:
         NotDone
             If the operator answers "not done"; nothing was measured.
         """
-        wanted = self._procedure(order)
+        wanted = self._procedure(request)
         execution = self._execution
         fresh = execution is None or execution.procedure.sweep != wanted.sweep
         if fresh or execution is None:
             execution = Execution(wanted, self._bench, self._writer, _no_analysis, self._prompt, self._tick, Done(connections=self._connections))
-        execution.ask(order.instruction)
+        execution.ask(request.instruction)
         compensation: list[PlainStep] = [step for step in wanted.steps if isinstance(step, Compensate)]
         if fresh:
             self.leave_safe()
             self._execution = execution
             self._do(execution, [Identify(do="identify"), *compensation])
-        elif order.id == COMPENSATION:
+        elif request.id == COMPENSATION:
             self._do(execution, compensation)
-        condition = None if order.condition is None else order.condition.text
-        self._set_up(order)
+        condition = None if request.condition is None else request.condition.text
+        self._set_up(request)
         try:
-            self._do(execution, [Sweep(do="sweep", termination=name, repeat=order.repeats, condition=condition) for name in order.terminations])
+            self._do(execution, [Sweep(do="sweep", termination=name, repeat=request.repeats, condition=condition) for name in request.terminations])
         finally:
             self._set_up(None)
 
@@ -190,14 +190,14 @@ class Asking:
         if unsafe:
             raise InstrumentError("; ".join(f"{role} could not be brought into its safe state ({problem})" for role, problem in unsafe.items()))
 
-    def _procedure(self, order: Order) -> Procedure:
+    def _procedure(self, request: MeasurementRequest) -> Procedure:
         """The procedure of the session, or with the widest sweep; `repeat-compensation` adds open and short where it had no compensation."""
         source = self._base.source
         steps = list(source["steps"])
-        if order.id == COMPENSATION and not any(step["do"] == "compensate" for step in steps):
+        if request.id == COMPENSATION and not any(step["do"] == "compensate" for step in steps):
             steps[1:1] = [{"do": "compensate", "standard": standard} for standard in ("open", "short")]
-        table = self._widest() if order.id == WIDE else source["sweep"]
-        return parse_procedure({**source, "steps": steps, "sweep": table}, order.id)
+        table = self._widest() if request.id == WIDE else source["sweep"]
+        return parse_procedure({**source, "steps": steps, "sweep": table}, request.id)
 
     def _widest(self) -> JsonDict:
         """The sweep of the procedure `wide_sweep`, within the range of this analyser."""
@@ -216,7 +216,7 @@ class Asking:
             execution.measure(Planned(1, step))
 
 
-def asked_value(order: Order, value: SingleValue) -> SingleValue:
+def requested_value(request: MeasurementRequest, value: SingleValue) -> SingleValue:
     """The value, if it is the one that was requested.
 
     Raises
@@ -224,8 +224,8 @@ def asked_value(order: Order, value: SingleValue) -> SingleValue:
     BadInput
         If it is another one.
     """
-    if value.name != order.id:
-        raise BadInput(f"{value.name} was not asked for: give {order.id}, or say no")
+    if value.name != request.id:
+        raise BadInput(f"{value.name} was not asked for: give {request.id}, or n if it cannot be had")
     return value
 
 

@@ -15,7 +15,7 @@ from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
 from motoremi.run.answer import ANSWERS, Answer, Prompt
 from motoremi.run.execution import Analyse
-from motoremi.run.rerun_requested import before_investigations, rerun_asked
+from motoremi.run.rerun_requested import before_investigations, rerun_requested
 from motoremi.run.resume import Done
 from motoremi.run.runner import Outcome, done_by, run
 from motoremi.run.writer import Writer
@@ -127,7 +127,7 @@ def rerun(
         with reopen(folder) as writer:
             if listen is not None:
                 writer.subscribe(listen)
-            rerun_asked(session.documents, bench, writer, session.path.name)
+            rerun_requested(session.documents, bench, writer, session.path.name)
     bench.finish()
     again = load(folder)
     return Replayed(folder, *_compared(session, again), tuple(bench.differences), ended, outcome)

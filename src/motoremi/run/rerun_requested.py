@@ -14,7 +14,7 @@ from motoremi.data.conditions import SingleValue
 from motoremi.data.recording import SessionWriter
 from motoremi.errors import InstrumentError
 from motoremi.run.answer import ANSWERS, Answer, NotDone, Prompt
-from motoremi.run.requested import Asking, Order
+from motoremi.run.requested import MeasurementRequest, RequestedMeasurements
 from motoremi.schema.procedure import parse_procedure
 
 BEGINS = "investigate"
@@ -25,7 +25,7 @@ def before_investigations(documents: Sequence[JsonDict]) -> tuple[JsonDict, ...]
     return tuple(itertools.takewhile(lambda document: document["kind"] != BEGINS, documents))
 
 
-def rerun_asked(documents: Sequence[JsonDict], bench: ReplayBench, writer: SessionWriter, name: str) -> None:
+def rerun_requested(documents: Sequence[JsonDict], bench: ReplayBench, writer: SessionWriter, name: str) -> None:
     """Request everything again that the investigations of a session requested.
 
     Parameters
@@ -41,9 +41,11 @@ def rerun_asked(documents: Sequence[JsonDict], bench: ReplayBench, writer: Sessi
     for begin, own, until in _investigations(documents):
         bench.begin_run(until)
         writer.emit(BEGINS, **{key: begin[key] for key in ("procedure", "connections", "budget_minutes", "odds", "without")})
-        asking = Asking(parse_procedure(begin["procedure"], name), bench, writer, _answering(own), connections=int(begin["connections"]))
+        requests = RequestedMeasurements(
+            parse_procedure(begin["procedure"], name), bench, writer, _answering(own), connections=int(begin["connections"])
+        )
         try:
-            _ask_all(own, asking, writer)
+            _request_all(own, requests, writer)
         except RecordedEnd:
             # The recorded run was stopped here; the next investigation of the session went on.
             pass
@@ -52,20 +54,20 @@ def rerun_asked(documents: Sequence[JsonDict], bench: ReplayBench, writer: Sessi
             if isinstance(error, ReplayDifference) or not any(str(error) in str(document.get("reason", "")) for document in own):
                 raise
         with suppress(RecordedEnd):
-            asking.leave_safe()
+            requests.leave_safe()
 
 
-def _ask_all(documents: Sequence[JsonDict], asking: Asking, writer: SessionWriter) -> None:
+def _request_all(documents: Sequence[JsonDict], requests: RequestedMeasurements, writer: SessionWriter) -> None:
     for place, document in enumerate(documents):
         if document["kind"] != "asked":
             continue
-        order = Order.restored(document["order"])
+        request = MeasurementRequest.restored(document["order"])
         writer.emit("asked", **{key: document[key] for key in ("id", "minutes", "why", "order")})
-        if not order.is_value:
+        if not request.is_value:
             try:
-                asking.measure(order)
+                requests.measure(request)
             except NotDone:
-                writer.emit("refused", id=order.id)
+                writer.emit("refused", id=request.id)
         for later in itertools.takewhile(lambda one: one["kind"] != "asked", documents[place + 1 :]):
             if later["kind"] == "value":
                 writer.add_value(SingleValue.restored(later))
