@@ -20,8 +20,8 @@ from motoremi.errors import BadInput
 class Agilent4294A(BridgeAnalyser):
     """The 4294A by its own mnemonics; sources: Programming Manual, chapters on adapters, fixture compensation, data transfer, status.
 
-    Unconfirmed on the 4294A: the words of E4TP beyond OFF, M1 and M2, of sweep averaging and of the list sweep (those of the 4395A), and that
-    the bias range is a limit of the current beyond error 137 when the bias is switched on.
+    Unconfirmed on the 4294A: the words of E4TP other than OFF, M1 and M2, those of sweep averaging and of the list sweep (taken from the 4395A),
+    and whether the bias range limits the current except by error 137 when the bias is switched on.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from motoremi.quantities import show
 
 
 class KeysightE4990A(BridgeAnalyser):
-    """The E4990A by SCPI; source: commands that public programs for this instrument send. Not tried on hardware by us.
+    """The E4990A by SCPI; source: commands that public programs for this instrument send. Not tested with the instrument.
 
     The driver cannot set the current range of a bias, so the limit of its current is checked against what the instrument measured during the
     sweep. Unconfirmed: what the selection of a fixture changes in the data.

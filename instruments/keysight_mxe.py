@@ -17,8 +17,8 @@ from motoremi.errors import InstrumentError
 class KeysightMXE(EmiReceiver):
     """Keysight N9038A/B MXE and N9048B PXE EMI receivers, in the EMI receiver mode.
 
-    By row 2 of the frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries. Not tried on
-    hardware by us. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that tells of an overload.
+    By row 2 of the frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries. Not tested
+    with the instrument. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that reports an overload.
     """
 
     name: ClassVar[str] = "mxe"

@@ -11,7 +11,7 @@ class KeysightXSeries(SweptAnalyser):
 
     Sources: X-Series spectrum analyser mode reference (pages 248 to 256: bandwidth), N9030A reference (page 1347: detectors), status
     registers of the X-Series (page 2498: bits of the integrity register), public programs for corrections. Unconfirmed: the header of the
-    EMC standard. More than 1001 points would be possible, but not in the longest sweep time with the dwell of quasi-peak.
+    EMC standard. The instrument can sweep more than 1001 points, but not within its longest sweep time at the dwell of quasi-peak.
     """
 
     name = "xseries"

@@ -18,11 +18,11 @@ from motoremi.quantities import show
 class LibreVna(ReflectionAnalyser):
     """The LibreVNA-GUI (1.6 and newer) on TCP port 19542; sources: its SCPI Programming Guide, and its `vna.cpp` and `scpi.cpp`.
 
-    **Calibration.** The program applies its own, made there with open, short and load at port 1; without one that corrects S11 a sweep
-    is refused. Beyond the frequencies of the calibration the program uses its last point, and no command reports that: calibrate over the
+    **Calibration.** The program applies its own calibration, made there with open, short and load at port 1; a sweep without one that corrects
+    S11 is refused. Beyond the frequencies of the calibration the program uses its last point, and no command reports that: calibrate over the
     whole sweep. `compensate` measures the fixture behind the port, which is corrected here.
 
-    **Limits.** Those of `NanoVna`. The level stays as it was when the calibration was made. Numbers of a trace come with six digits.
+    **Limits.** Those of `NanoVna`. The driver does not change the level, for which the calibration was made. A trace has numbers of six digits.
 
     Attributes
     ----------
@@ -99,14 +99,14 @@ class LibreVna(ReflectionAnalyser):
         return {**super().metadata(), **reported}
 
     def read_axis(self) -> FloatArray:
-        """Frequencies of the sweep in hertz; the instrument sets whole ones."""
+        """Frequencies of the sweep in hertz; the instrument rounds them down to whole hertz."""
         if self._axis is None:
             spaced = np.geomspace if self.spacing == "log" else np.linspace
             self._axis = np.floor(spaced(self.start_hz, self.stop_hz, self.points) + 1e-3)
         return self._axis
 
     def scan_mean(self, scans: int) -> ComplexArray:
-        """Mean of S11 over so many sweeps."""
+        """Mean of S11 over a number of sweeps."""
         for query, wanted in self.EXPECTED.items():
             if (found := self.ask(query)) != wanted:
                 raise InstrumentError(f"{self}: {query!r} is answered {found!r}, expected {wanted!r}; undo that in the LibreVNA-GUI")

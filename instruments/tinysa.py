@@ -55,7 +55,7 @@ class TinySa(ShellDriver, EmiReceiver):
     )
 
     DBUV_OF_0_DBM: ClassVar[float] = 106.98970004336019
-    # Most points of one `scan` on the smaller of the two models.
+    # Largest number of points of one `scan` on the smaller of the two models.
     SCAN_POINTS: ClassVar[int] = 290
     # Longest `sweeptime`.
     LONGEST_SCAN_S: ClassVar[float] = 60.0
@@ -98,7 +98,7 @@ class TinySa(ShellDriver, EmiReceiver):
         return {**super().settings(), "step_hz": float(self._step_hz), "dwell_s": self._dwell_s, "own_correction": False}
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once, piece by piece.
+        """Scan once, in several instrument scans.
 
         Raises
         ------

@@ -129,13 +129,13 @@ class SweptAnalyser(EmiReceiver):
         return self.settings()
 
     def settings(self) -> JsonDict:
-        """What the instrument reports, and how the scan is put together here."""
+        """Settings as the instrument reports them, and the partial sweeps of the scan."""
         reported = super().settings()
         dwell_s = float(reported["sweep_time_s"]) / self._steps
         return {**reported, "dwell_s": dwell_s, "points": self._points, "partial_sweeps": self._parts}
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once, part by part; an overload marks all points of its part, because the register does not say which.
+        """Scan once, in partial sweeps; an overload marks all points of its partial sweep, because the register does not show at which it occurred.
 
         Raises
         ------

@@ -67,12 +67,12 @@ class RecordingTransport(Transport):
         self._timeout_s = seconds
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline."""
+        """Replace the newline at the end of messages."""
         super().end_messages_with(sent, received)
         self._inner.end_messages_with(sent, received)
 
     def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:
-        """Set a serial line up."""
+        """Set up a serial line."""
         self._inner.talk_at(baud, data_bits, parity)
 
     def send(self, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Runs a procedure: measuring steps on a bench, analysing steps by whoever calls, and a safe state at the end."""
+"""Runs a procedure: measuring steps on a bench, steps of analysis by a function of the caller, and the safe state at the end."""
 
 from __future__ import annotations
 
@@ -150,9 +150,9 @@ def run(
     ----------
     procedure : Procedure
     bench : Bench
-        Stays open; the caller closes it.
+        The caller closes it.
     writer : Writer
-        An open session. It is closed here, with the reason, however the run ends.
+        An open session. It is closed at the end of the run, also of one that failed, with the reason.
     analyse : callable
         Does the steps fit, compare, diagnose, next and report.
     prompt : callable

@@ -1,4 +1,4 @@
-"""The schema of a bench file: what belongs to one laboratory rather than to a procedure."""
+"""The schema of a bench file: settings of one laboratory, in contrast to those of a procedure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from motoremi.schema.toml_file import checked, parsed_toml, read_text
 
 
 class BenchFile(Strict):
-    """What belongs to one laboratory rather than to the procedure."""
+    """Settings of one laboratory: resources, people, calibration dates, limits, corrections."""
 
     backend: str = Field(
         default="",

@@ -32,7 +32,7 @@ def _known_driver(name: str) -> str:
 
 
 class InstrumentSpec(Strict):
-    """Which driver plays a role, and where; roles with the same driver and resource are one instrument."""
+    """Driver and resource of the instrument in a role; roles with the same driver and resource are one instrument."""
 
     driver: Annotated[str, BeforeValidator(_known_driver)] = Field(description="name of the driver; motoremi instruments lists them")
     resource: str = Field(min_length=1, description="VISA resource; a bench file overrides it")

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 
 from motoremi.arrays import FloatArray
+from motoremi.bench.sweep_options import Segment
 from motoremi.virtual.shown_quantities import PAIRS, QUANTITIES
 from motoremi.virtual.simulated_band import band_commands
-from motoremi.virtual.simulated_bridge import Segment, SimulatedBridge, pairs
+from motoremi.virtual.simulated_bridge import SimulatedBridge, pairs
 from motoremi.virtual.simulated_device import definite_block, number_text
 
 SWEEP_COMPLETE = 1

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.bench.sweep_options import Segment
 from motoremi.virtual.simulated_device import SimulatedDevice
 
 SWEEP_OVERHEAD_S = 0.04
@@ -18,15 +18,6 @@ OVERFLOW_OHM = 9.9e37
 FIXTURE_OHM, FIXTURE_HENRY, FIXTURE_FARAD, FIXTURE_SIEMENS = 0.03, 15e-9, 4e-12, 1e-8
 # Frequency at which the conductance gives the direct current through a device: low enough that capacitors conduct next to nothing.
 NEARLY_DIRECT_HZ = 40.0
-
-
-@dataclass(frozen=True)
-class Segment:
-    """One part of a list sweep, spaced linearly."""
-
-    start_hz: float
-    stop_hz: float
-    points: int
 
 
 class SimulatedBridge(SimulatedDevice):

@@ -1,4 +1,4 @@
-"""What all simulated instruments share: settings from a profile, IEEE 488.2 status and errors, messages in and answers out.
+"""Base class of all simulated instruments: settings from a profile, IEEE 488.2 status and errors, messages and answers.
 
 A profile is read with PyVISA-sim, whose `Property` also checks the values of settings; its VISA library calls `write` here.
 PyVISA-sim's own `Device` is not used: it compares commands byte for byte, and what it answers cannot be computed through its public interface.
@@ -85,7 +85,7 @@ class ErrorQueue:
             self.entries.append(self._texts[error])
 
     def pop(self) -> bytes:
-        """Oldest entry, which is removed."""
+        """Remove the oldest entry and return it."""
         return (self.entries.pop(0) if self.entries else self._texts["default"]).encode()
 
 
@@ -175,7 +175,7 @@ class SimulatedDevice:
         self.device_clear()
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
-        """Take what a procedure says about each role that this instrument plays."""
+        """Take the options that a procedure gives for each role of this instrument."""
 
     def commands(self) -> dict[str, Callable[[str], bytes | None]]:
         """What this instrument computes, by header."""
