@@ -60,7 +60,7 @@ kills: install
 
 # How fast simulation and replay are, and what recording costs.
 speed: install
-	$(BIN)/python -m benchmarks.recording
+	$(BIN)/python -m benchmarks.bench_speed
 
 # How quick the workbench is in a browser (needs chromium).
 page: install

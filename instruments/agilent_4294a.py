@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard
+from motoremi.bench.analyser import Standard, SweepSettings
 from motoremi.bench.bridge import BridgeAnalyser
 from motoremi.bench.driver import choice, count, number, switch
 from motoremi.bench.sweep_options import Bias, Segment
@@ -20,19 +20,19 @@ from motoremi.errors import BadInput
 class Agilent4294A(BridgeAnalyser):
     """The 4294A by its own mnemonics; sources: Programming Manual, chapters on adapters, fixture compensation, data transfer, status.
 
-    Unconfirmed on the 4294A: the words of E4TP beyond OFF, M1 and M2, of sweep averaging and of the list sweep (those of the 4395A), and that
-    the bias range is a limit of the current beyond error 137 when the bias is switched on.
+    Unconfirmed on the 4294A: the words of E4TP other than OFF, M1 and M2, those of sweep averaging and of the list sweep (taken from the 4395A),
+    and whether the bias range limits the current except by error 137 when the bias is switched on.
 
     Parameters
     ----------
     transport : Transport
     poll_s : float
-        Seconds between two looks at the event register.
+        Seconds between two readings of the event register.
 
     Attributes
     ----------
     binary : bool
-        64-bit blocks (FORM3) if True, ASCII (FORM4) if False, for adapters that spoil binary data.
+        64-bit blocks (FORM3) if True, ASCII (FORM4) if False, for GPIB adapters that corrupt binary data.
     """
 
     model = "4294A"
@@ -54,19 +54,19 @@ class Agilent4294A(BridgeAnalyser):
     adapter = choice(
         "E4TP",
         {"none": "OFF", "1m": "M1", "2m": "M2", "42942A": "APC7", "42941A": "PROBE"},
-        "Control which adapter is connected; its own set-up is done at the instrument.",
+        "Control which adapter is connected; its set-up data are measured at the instrument.",
     )
     sweep_averaging = switch("AVER", "Control whether sweeps are averaged.")
-    sweep_averages = count("AVERFACT", (1, 256), "Control of how many sweeps the mean is taken.")
+    sweep_averages = count("AVERFACT", (1, 256), "Control how many sweeps are averaged.")
     point_averaging = switch("PAVER", "Control whether readings at a point are averaged.")
-    point_averages = count("PAVERFACT", (1, 256), "Control of how many readings at each point the mean is taken.")
+    point_averages = count("PAVERFACT", (1, 256), "Control how many readings are averaged at each point.")
     bias_on = switch("DCO", "Control whether the bias is across the motor.")
     bias_volt = number("DCV", "V", (-40.0, 40.0), "Control the voltage of the bias.")
     bias_range = choice("DCRNG", {"1 mA": "M1", "10 mA": "M10", "100 mA": "M100"}, "Control the largest current of the bias.")
     load_ohm = number("DCOMLOADR", "", (1e-3, 1e6), "Control what resistance the load standard has, in ohm.")
     load_henry = number("DCOMLOADL", "", (-1e-3, 1e-3), "Control what inductance the load standard has, in henry.")
 
-    # Bits of the instrument event register (ESB?), which bit 2 of the status byte sums up.
+    # Bits of the instrument event register (ESB?), whose summary is bit 2 of the status byte.
     SWEEP_COMPLETE: ClassVar[int] = 1
     COMPENSATION_COMPLETE: ClassVar[int] = 256
     REQUEST_AT_COMPLETION: ClassVar[tuple[str, ...]] = ("*SRE 4",)
@@ -84,26 +84,18 @@ class Agilent4294A(BridgeAnalyser):
         super().reset()
         self.tell("HOLD", "TRGS INT")
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`."""
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`."""
         self._complete = False
         self.measurement = "resistance-reactance"
         self.tell("SWPP FREQ")
-        self.spacing = spacing
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
-        self.points = points
+        self.spacing = asked.spacing
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
+        self.points = asked.points
         self.tell("POWMOD VOLT")
-        self.oscillator_volt = oscillator_volt
-        self.bandwidth_factor = bandwidth_factor
+        self.oscillator_volt = asked.oscillator_volt
+        self.bandwidth_factor = asked.bandwidth_factor
         return self.settings()
 
     def enter_list(self, segments: tuple[Segment, ...]) -> None:
@@ -130,7 +122,7 @@ class Agilent4294A(BridgeAnalyser):
         self.tell(f"COMST{self.STANDARDS[standard]} ON")
 
     def read_compensation(self, standard: Standard) -> ImpedanceSweep:
-        """What the instrument measured with a standard: the open one comes as conductance and susceptance, the others as R and X."""
+        """What the instrument measured with a standard: it sends conductance and susceptance of the open standard, R and X of the others."""
         pairs = self._read_array(f"OUTPCOMC{'ABC'.index(self.STANDARDS[standard]) + 1}?")
         values: ComplexArray = pairs[::2] + 1j * pairs[1::2]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,7 +149,7 @@ class Agilent4294A(BridgeAnalyser):
         return "SING" if sweeps == 1 else f"NUMG {sweeps}"
 
     def _begin(self, command: str, event: int) -> None:
-        # *CLS clears the event register. After the trigger it could clear the very bit that is waited for.
+        # *CLS clears the event register. After the trigger it could clear the bit that is waited for.
         self.tell("*CLS", f"ESNB {event}")
         self.request_service()
         self.tell(command)

@@ -14,7 +14,7 @@ class Keysight34461A(Meter):
     """A Truevolt multimeter as voltmeter, ammeter or thermometer.
 
     Sources: command quick reference of the Truevolt guide (`MEASure` with `VOLTage:DC`, `CURRent:DC`, `TEMPerature` and its sensors); 9.9E37
-    for an overload by the 34410A guide, whose language it speaks. Temperatures come in degC, which is the default of `UNIT:TEMP`.
+    for an overload by the guide of the 34410A, which has the same commands. Temperatures come in degC, which is the default of `UNIT:TEMP`.
     Unconfirmed: the number of digits of a reading (an exponent is expected), and which sensors need a 34465A or 34470A (thermocouples do by
     the quick reference).
     """
@@ -31,10 +31,10 @@ class Keysight34461A(Meter):
         self._probe = "FRTD"
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
-        """Take the temperature sensor."""
+        """Take the type of the temperature sensor."""
         self._probe = str(options.get("thermometer", {}).get("probe") or self._probe)
 
     def read_quantity(self, quantity: str) -> float:
-        """Measure once with automatic range; each query says what is measured, so that a multimeter that restarted measures nothing else."""
+        """Measure once with automatic range; each query names the quantity, so that a restarted multimeter cannot measure another one."""
         query = {"voltage_volt": "MEAS:VOLT:DC?", "current_ampere": "MEAS:CURR:DC?", "temperature_degc": f"MEAS:TEMP? {self._probe}"}
         return self.ask_number(query[quantity])

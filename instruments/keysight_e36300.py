@@ -8,8 +8,8 @@ from motoremi.bench.supply import Supply
 class KeysightE36300(Supply):
     """An output of the E36300 family by its channel list.
 
-    Sources: the headers `VOLT`, `CURR`, `OUTP`, `MEAS:VOLT?`, `MEAS:CURR?` with `(@n)` as in PyMeasure's KeysightE36312A, which the simulator
-    is tried with; outputs as in the data sheet 5992-2124EN. `STAT:QUES:INST:ISUMn:COND?` with 1 for constant current, 2 for constant voltage
+    Sources: the headers `VOLT`, `CURR`, `OUTP`, `MEAS:VOLT?`, `MEAS:CURR?` with `(@n)` as in PyMeasure's KeysightE36312A, with which the
+    simulator is tested; outputs as in the data sheet 5992-2124EN. `STAT:QUES:INST:ISUMn:COND?` with 1 for constant current, 2 for constant voltage
     and 3 for a failure is what the E364xA guide (page 120) prints and what sigrok reads from an E36300. Unconfirmed: the guide of the E36300
     itself, and that `OUTP?` answers 0 after a protection has tripped.
     """

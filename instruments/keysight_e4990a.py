@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard
+from motoremi.bench.analyser import Standard, SweepSettings
 from motoremi.bench.bridge import BridgeAnalyser
 from motoremi.bench.driver import choice, count, number, switch
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
@@ -16,16 +16,16 @@ from motoremi.quantities import show
 
 
 class KeysightE4990A(BridgeAnalyser):
-    """The E4990A by SCPI; source: commands that public programs for this instrument send. Not tried on hardware by us.
+    """The E4990A by SCPI; source: commands that public programs for this instrument send. Not tested with the instrument.
 
-    Unconfirmed: the range of a bias cannot be told to it here, so the limit of its current is judged from what the instrument measured
-    during the sweep; and what a fixture word does to the data beyond being recorded.
+    The driver cannot set the current range of a bias, so the limit of its current is checked against what the instrument measured during the
+    sweep. Unconfirmed: what the selection of a fixture changes in the data.
 
     Parameters
     ----------
     transport : Transport
     poll_s : float
-        Seconds between two looks at the event register.
+        Seconds between two readings of the event register.
     """
 
     model = r"E4990A"
@@ -43,7 +43,7 @@ class KeysightE4990A(BridgeAnalyser):
     adapter = choice(
         ":SENS1:ADAP:TYPE",
         {"none": "NONE", "1m": "E4M1", "2m": "E4M2", "42942A": "E4A7", "42941A": "E4PR"},
-        "Control which adapter is connected; its own set-up is done at the instrument.",
+        "Control which adapter is connected; its set-up data are measured at the instrument.",
     )
     fixture = choice(
         ":SENS1:FIXT:SEL",
@@ -51,10 +51,10 @@ class KeysightE4990A(BridgeAnalyser):
         "Control which fixture is selected.",
     )
     sweep_averaging = switch(":CALC1:AVER", "Control whether sweeps are averaged.")
-    sweep_averages = count(":CALC1:AVER:COUN", (1, 999), "Control of how many sweeps the mean is taken.")
-    averaging_trigger = switch(":TRIG:SEQ:AVER", "Control whether one trigger starts all sweeps of the mean.")
+    sweep_averages = count(":CALC1:AVER:COUN", (1, 999), "Control how many sweeps are averaged.")
+    averaging_trigger = switch(":TRIG:SEQ:AVER", "Control whether one trigger starts all sweeps of an average.")
     point_averaging = switch(":SENS1:AVER:STAT", "Control whether readings at a point are averaged.")
-    point_averages = count(":SENS1:AVER:COUN", (1, 999), "Control of how many readings at each point the mean is taken.")
+    point_averages = count(":SENS1:AVER:COUN", (1, 999), "Control how many readings are averaged at each point.")
     bias_on = switch(":SOUR1:BIAS:STAT", "Control whether the bias is across the motor.")
     bias_volt = number(":SOUR1:BIAS:VOLT", "V", (-40.0, 40.0), "Control the voltage of the bias.")
     bias_monitor = switch(":SENS1:DC:MEAS:ENAB", "Control whether voltage and current of the bias are measured.")
@@ -66,44 +66,36 @@ class KeysightE4990A(BridgeAnalyser):
     STANDARDS: ClassVar[dict[Standard, str]] = {"open": "OPEN", "short": "SHOR", "load": "LOAD"}
 
     def reset(self) -> None:
-        """Bring the analyser into a known, idle state: it sweeps only when told over the bus."""
+        """Bring the analyser into a known, idle state: it sweeps only after a trigger over the bus."""
         super().reset()
         self.tell(":TRIG:SOUR BUS", ":INIT1:CONT ON")
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`."""
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`."""
         self._complete = False
         self.tell(":CALC1:PAR:COUN 2", ":CALC1:PAR1:DEF R", ":CALC1:PAR2:DEF X", ":FORM:DATA REAL", ":FORM:BORD NORM")
-        self.spacing = spacing
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
-        self.points = points
+        self.spacing = asked.spacing
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
+        self.points = asked.points
         self.tell(":SOUR1:MODE VOLT")
-        self.oscillator_volt = oscillator_volt
-        self.bandwidth_factor = bandwidth_factor
+        self.oscillator_volt = asked.oscillator_volt
+        self.bandwidth_factor = asked.bandwidth_factor
         return self.settings()
 
     def prepare(self, options: SweepOptions) -> JsonDict:
-        """Set up what comes on top of `configure`; see `ImpedanceAnalyser.prepare`."""
+        """Set the options of a sweep; see `ImpedanceAnalyser.prepare`."""
         self.fixture = options.fixture
         self.averaging_trigger = options.sweep_averages > 1
         return super().prepare(options)
 
     def enter_list(self, segments: tuple[Segment, ...]) -> None:
-        """Enter the table of a list sweep: start, stop and points of each segment, all else as in the sweep."""
+        """Enter the table of a list sweep: start, stop and points of each segment; other settings are those of the sweep."""
         rows = [f"{one.start_hz:.12g},{one.stop_hz:.12g},{one.points}" for one in segments]
         self.tell(f":SENS1:SEGM:DATA 7,0,0,0,0,0,0,0,{','.join([str(len(rows)), *rows])}")
 
     def limit_bias(self, bias: Bias) -> None:
-        """Have the instrument measure what the bias is."""
+        """Switch on the instrument's measurement of the bias."""
         self.tell(":SOUR1:BIAS:MODE VOLT")
         self.bias_monitor = True
         self.tell(":SENS1:DC:MEAS:CLE")
@@ -119,7 +111,7 @@ class KeysightE4990A(BridgeAnalyser):
         return {"measured_volt": volt, "measured_ampere": ampere}
 
     def metadata(self) -> JsonDict:
-        """Which compensations the instrument says are on, its load standard and the bias."""
+        """Which compensations are on as reported by the instrument, its load standard and the bias."""
         on = {f"{standard}_compensation": self._is_compensated(standard) for standard in self.STANDARDS}
         return {**on, **super().metadata()}
 

@@ -9,17 +9,16 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import choice, count, number, switch
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.data.spectrum import Spectrum
-from motoremi.errors import BadInput, InstrumentError
-from motoremi.quantities import show
+from motoremi.errors import InstrumentError
 
 
 class KeysightMXE(EmiReceiver):
     """Keysight N9038A/B MXE and N9048B PXE EMI receivers, in the EMI receiver mode.
 
-    By row 2 of the frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries. Not tried on
-    hardware by us. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that tells of an overload.
+    By row 2 of the frequency scan table; source: commands of a public program, and the X-Series EMI manual's trace queries. Not tested
+    with the instrument. Unconfirmed: that `TIME` is the time of the whole scan, the detector's header, and the bit that reports an overload.
     """
 
     name: ClassVar[str] = "mxe"
@@ -35,7 +34,7 @@ class KeysightMXE(EmiReceiver):
     scan_time_s = number(":FSC:SCAN2:TIME", "s", (1e-3, 40e3), "Control the time of the whole scan.")
     attenuation_db = number(":FSC:SCAN2:INP:ATT", "dB", (0.0, 70.0), "Control the input attenuation.")
     preamplifier = switch(":FSC:SCAN2:POW:GAIN", "Control the preamplifier.")
-    # A reset leaves corrections as they are. A factor that the instrument applies by itself must not be applied again.
+    # A reset keeps corrections. A correction that the instrument applies itself must not be applied again.
     own_correction = switch(":CORR:CSET:ALL:STAT", "Control whether the instrument applies amplitude corrections by itself.")
     detector = choice(
         ":FSC:DET:TRAC1",
@@ -44,43 +43,34 @@ class KeysightMXE(EmiReceiver):
     )
 
     OTHER_ROWS: ClassVar[tuple[int, ...]] = (1, 3, 4, 5, 6, 7, 8, 9, 10)
-    # Integers are thousandths of a dB above 1 mW whatever unit is on the screen.
+    # Integers are thousandths of a dBm, whatever unit is displayed.
     DB_OF_ONE: ClassVar[float] = 1e-3
     DBUV_OF_0_DBM: ClassVar[float] = 106.98970004336019
     # Bit of the questionable integrity register: input overload.
     OVERLOAD: ClassVar[int] = 16
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set receiver mode and one row of the scan table up; see `EmiReceiver.configure`.
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set up receiver mode and one row of the scan table; see `ScanSettings`.
 
-        The instrument takes a number of points: the step is `step_hz` or the little less that makes the last one fall on `stop_hz`.
+        The instrument takes a number of points, so the step is `step_hz`, or slightly less to make the last point fall on `stop_hz`.
         """
-        if not 0 < step_hz <= stop_hz - start_hz:
-            raise BadInput(f"{self}: step_hz = {show(step_hz, 'Hz')} is outside the range 0 Hz to {show(stop_hz - start_hz, 'Hz')}")
-        points = ceil((stop_hz - start_hz) / step_hz - 1e-9) + 1
+        self.refuse_step(asked)
+        points = ceil((asked.stop_hz - asked.start_hz) / asked.step_hz - 1e-9) + 1
         self.tell(":INST:SEL EMI", ":CONF:FSC", ":CAL:AUTO OFF", ":FSC:SEQ SCAN", ":INIT2:CONT OFF")
         self.tell(*(f":FSC:SCAN{row}:STAT OFF" for row in self.OTHER_ROWS), ":FSC:SCAN2:STAT ON")
         self.own_correction = False
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
         self.points = points
-        self.resolution_bandwidth_hz = resolution_bandwidth_hz
-        self.scan_time_s = dwell_s * points
-        self.attenuation_db = attenuation_db
+        self.resolution_bandwidth_hz = asked.resolution_bandwidth_hz
+        self.scan_time_s = asked.dwell_s * points
+        self.attenuation_db = asked.attenuation_db
         self.preamplifier = False
         self.tell(":TRAC1:FSC:TYPE WRIT", ":TRAC1:FSC:UPD ON", ":FORM:DATA INT,32", ":FORM:BORD SWAP")
         return self.settings()
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once; an overload during the scan marks all its points, because the register does not say which.
+        """Scan once; an overload during the scan marks all its points, because the register does not show at which points it occurred.
 
         Raises
         ------
@@ -94,7 +84,9 @@ class KeysightMXE(EmiReceiver):
         with self.transport.patience(self.transfer_s(frequency_hz.size)):
             level_dbuv = self._levels()
         if level_dbuv.size != frequency_hz.size:
-            raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} points; was the scan stopped?")
+            raise InstrumentError(
+                f"{self}: received {level_dbuv.size} levels for a scan table of {frequency_hz.size} points; was the scan stopped?"
+            )
         metadata = {"receiver": self.name, "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)

@@ -11,7 +11,7 @@ class KeysightXSeries(SweptAnalyser):
 
     Sources: X-Series spectrum analyser mode reference (pages 248 to 256: bandwidth), N9030A reference (page 1347: detectors), status
     registers of the X-Series (page 2498: bits of the integrity register), public programs for corrections. Unconfirmed: the header of the
-    EMC standard. More than 1001 points would be possible, but not in the longest sweep time with the dwell of quasi-peak.
+    EMC standard. The instrument can sweep more than 1001 points, but not within its longest sweep time at the dwell of quasi-peak.
     """
 
     name = "xseries"
@@ -20,10 +20,10 @@ class KeysightXSeries(SweptAnalyser):
     points_possible = range(2, 1002)
     points_command = ":SWE:POIN"
     emi_option = "the option EMC"
-    # Averages are of the voltage, as CISPR 16-1-1 has it.
+    # The voltage is averaged, as CISPR 16-1-1 requires.
     mode_commands = (":INST:SEL SA", ":CONF:SAN", ":INIT:CONT OFF", ":FORM ASC", ":AVER:TYPE SCAL")
     gains = ("level_offset_db", "external_gain_db")
-    # Input overload, and too high a level for this measurement; the event tells of a rise, the condition of one that lasts.
+    # Bits for input overload and measurement over range; the event register latches a rise, the condition register holds the present state.
     overload_queries = (":STAT:QUES:INT:EVEN?", ":STAT:QUES:INT:COND?")
     overload_bits = 16 | 32
 

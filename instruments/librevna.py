@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing
+from motoremi.bench.analyser import SweepSettings
 from motoremi.bench.driver import Identity, Setting, choice, count, number
 from motoremi.bench.reflection import ReflectionAnalyser
 from motoremi.bench.transport import Transport
@@ -18,18 +18,18 @@ from motoremi.quantities import show
 class LibreVna(ReflectionAnalyser):
     """The LibreVNA-GUI (1.6 and newer) on TCP port 19542; sources: its SCPI Programming Guide, and its `vna.cpp` and `scpi.cpp`.
 
-    **Calibration.** The program applies its own, made there with open, short and load at port 1; without one that corrects S11 a sweep
-    is refused. Beyond the frequencies of the calibration the program goes on with its last point and cannot be asked about it: calibrate
-    over the whole sweep. `compensate` measures the fixture behind the port, which is taken out here.
+    **Calibration.** The program applies its own calibration, made there with open, short and load at port 1; a sweep without one that corrects
+    S11 is refused. Beyond the frequencies of the calibration the program uses its last point, and no command reports that: calibrate over the
+    whole sweep. `compensate` measures the fixture behind the port, which is corrected here.
 
-    **Limits.** Those of `NanoVna`. The level stays as it was when the calibration was made. Numbers of a trace come with six digits.
+    **Limits.** Those of `NanoVna`. The driver does not change the level, for which the calibration was made. A trace has numbers of six digits.
 
     Attributes
     ----------
     CORRECTS_S11 : tuple of str
-        Types of calibration that do; `ThroughNormalization` does not.
+        Types of calibration that correct S11; `ThroughNormalization` does not.
     EXPECTED : mapping of str to str
-        What else must be so for the trace S11 to hold the last sweep of S11.
+        Queries and the answers with which the trace S11 holds the last sweep of S11.
     """
 
     model = r"LibreVNA-GUI"
@@ -62,59 +62,51 @@ class LibreVna(ReflectionAnalyser):
         self._axis: FloatArray | None = None
 
     def identify(self) -> Identity:
-        """Read who is there; a program without an instrument is refused."""
+        """Read the identity; a program without an instrument is refused."""
         identity = super().identify()
         if identity.serial.lower() == "not connected":
             raise InstrumentError(f"{self.transport.resource_name}: the LibreVNA-GUI is not connected to a LibreVNA; connect it there")
         return identity
 
     def reset(self) -> None:
-        """Bring the program into a known state. It has a `*RST`, which would delete the calibration."""
+        """Bring the program into a known state, without `*RST`, which would delete the calibration."""
         self.transport.write("*CLS")
         self.tell(":DEV:MODE VNA", ":VNA:SWEEP FREQUENCY", ":VNA:ACQ:SINGLE TRUE", ":VNA:ACQ:STOP")
-        self.told.clear()
+        self.sent_settings.clear()
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`. `oscillator_volt` has no effect: a calibration belongs to its level."""
-        self.refuse_outside("bandwidth_factor", bandwidth_factor, (1, len(self.BANDWIDTHS_HZ)))
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`. `oscillator_volt` has no effect: a calibration belongs to its level."""
+        self.refuse_outside("bandwidth_factor", asked.bandwidth_factor, (1, len(self.BANDWIDTHS_HZ)))
         self._measured = self._axis = None
-        self.start_hz, self.stop_hz, self.points, self.spacing = round(start_hz), round(stop_hz), points, spacing
-        self.bandwidth_hz, self.averages = self.BANDWIDTHS_HZ[bandwidth_factor - 1], 1
+        self.start_hz, self.stop_hz, self.points, self.spacing = round(asked.start_hz), round(asked.stop_hz), asked.points, asked.spacing
+        self.bandwidth_hz, self.averages = self.BANDWIDTHS_HZ[asked.bandwidth_factor - 1], 1
         settings = self.settings()
         kind, _, ports = str(settings["calibration"]).partition("_")
         if kind not in self.CORRECTS_S11 or "1" not in ports:
             raise InstrumentError(
                 f"{self}: no calibration of port 1 is active ({settings['calibration']}); calibrate in the LibreVNA-GUI (open, short, load at "
-                f"port 1) for {show(start_hz, 'Hz')} to {show(stop_hz, 'Hz')}"
+                f"port 1) for {show(asked.start_hz, 'Hz')} to {show(asked.stop_hz, 'Hz')}"
             )
         return settings
 
     def settings(self) -> JsonDict:
-        """What the program reports, and which calibration it applies."""
+        """Settings as the program reports them, and which calibration it applies."""
         return {**super().settings(), "calibration": self.ask(":VNA:CAL:ACTIVE?")}
 
     def metadata(self) -> JsonDict:
-        """What else the program says of the trace."""
-        told = {"deembedding": self._is_true(":VNA:TRAC:DEEMB:ACTIVE? S11"), "level_reached": not self._is_true(":DEV:STA:UNLEV?")}
-        return {**super().metadata(), **told}
+        """De-embedding of the trace, and whether the level was reached, as the program reports them."""
+        reported = {"deembedding": self._is_true(":VNA:TRAC:DEEMB:ACTIVE? S11"), "level_reached": not self._is_true(":DEV:STA:UNLEV?")}
+        return {**super().metadata(), **reported}
 
     def read_axis(self) -> FloatArray:
-        """Frequencies of the sweep in hertz; the instrument sets whole ones."""
+        """Frequencies of the sweep in hertz; the instrument rounds them down to whole hertz."""
         if self._axis is None:
             spaced = np.geomspace if self.spacing == "log" else np.linspace
             self._axis = np.floor(spaced(self.start_hz, self.stop_hz, self.points) + 1e-3)
         return self._axis
 
     def scan_mean(self, scans: int) -> ComplexArray:
-        """Mean of S11 over so many sweeps."""
+        """Mean of S11 over a number of sweeps."""
         for query, wanted in self.EXPECTED.items():
             if (found := self.ask(query)) != wanted:
                 raise InstrumentError(f"{self}: {query!r} is answered {found!r}, expected {wanted!r}; undo that in the LibreVNA-GUI")
@@ -122,7 +114,7 @@ class LibreVna(ReflectionAnalyser):
 
     def scan(self) -> ComplexArray:
         """S11 of one sweep, as calibrated by the program."""
-        # Starts anew whatever is running; the program then reports FALSE until the new sweep is complete.
+        # Restarts a running sweep; the program then reports FALSE until the new sweep is complete.
         self.tell(":VNA:ACQ:RUN")
         longest_s = 10.0 + 20.0 * self.points / self.bandwidth_hz
         self.wait_until(lambda: self._is_true(":VNA:ACQ:FIN?"), ":VNA:ACQ:RUN", longest_s)
@@ -131,7 +123,7 @@ class LibreVna(ReflectionAnalyser):
         return self._trace()
 
     def check_errors(self, command: str) -> None:
-        """Read the event status register, which is all that the program tells of a mistake."""
+        """Read the event status register; the program has no error queue."""
         answer = self.transport.query(self.error_query)
         if not answer.isdigit() or int(answer) & self.ERRORS:
             raise InstrumentError(f"{self}: {command!r} was refused (event status {answer[:20]!r})")

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from motoremi.bench.difference import RecordedEnd, ReplayDifference
 from motoremi.bench.driver import Identity
-from motoremi.bench.lines import LONGEST_LINE, Lines
 from motoremi.bench.meter import Meter
+from motoremi.bench.replay_difference import RecordedEnd, ReplayDifference
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.schema.text_lines import LONGEST_LINE, Lines
 
 CHARACTERS = {"LF": "\n", "CR": "\r"}
 
 
 class LineReader(Meter):
-    """An instrument that talks by itself or when it is asked; how its lines are read says `lines` of the procedure or the bench file.
+    """An instrument that sends lines by itself or on request; `lines` in the procedure or bench file describe how they are read.
 
-    There is no identity, no error queue and nothing to switch off: that readable lines come is all that proves who is there.
+    It has no identity, no error queue and nothing to switch off. Readable lines are the only evidence that the right instrument is connected.
     """
 
     model = "line reader"
@@ -26,7 +26,7 @@ class LineReader(Meter):
     safe_commands = ()
     quantities = frozenset({"voltage_volt", "current_ampere", "speed_rpm", "temperature_degc"})
 
-    # A line is tried so often: the first may be half of one, and another one between two readings is noise.
+    # Number of lines that are tried for a reading: the first may be incomplete, and others may be disturbed.
     TRIES: ClassVar[int] = 8
     # Most instruments of this kind send a line or more a second.
     LONGEST_WAIT_S: ClassVar[float] = 3.0
@@ -36,7 +36,7 @@ class LineReader(Meter):
         self._lines: dict[str, Lines] = {}
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
-        """Take how lines are read; several roles may read other numbers of the same lines."""
+        """Take the descriptions of lines; several roles may read different numbers of the same lines."""
         for role, entry in options.items():
             if not entry.get("lines"):
                 raise BadInput(f"{role}: a line reader needs 'lines' in the bench file: example, field or pattern, unit")
@@ -50,7 +50,7 @@ class LineReader(Meter):
         self.transport.talk_at(first.baud, first.data_bits, first.parity)
 
     def identify(self) -> Identity:
-        """Prove that readable lines come; there is nothing else to ask for."""
+        """Check that readable lines arrive; there is nothing else to read."""
         for quantity in self._lines:
             self.read_quantity(quantity)
         return Identity("", self.model, "", "")
@@ -75,12 +75,12 @@ class LineReader(Meter):
         lines = self._lines[quantity]
         last = ""
         with self.transport.patience(self.LONGEST_WAIT_S):
-            # What has piled up since the last reading is old.
+            # Lines that have arrived since the last reading are old.
             self.transport.clear()
             for number in range(self.TRIES):
                 last = self._next(lines)
                 value = lines.value(last)
-                # One that talks by itself may have been cut into: its first line is not trusted, though it can be read.
+                # The first line of an instrument that sends by itself may be incomplete, so it is not used even if it can be read.
                 if value is not None and (lines.ask or number):
                     return value
         raise InstrumentError(

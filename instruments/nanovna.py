@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing
+from motoremi.bench.analyser import Spacing, SweepSettings
 from motoremi.bench.driver import Setting
 from motoremi.bench.reflection import ReflectionAnalyser, pieces
 from motoremi.bench.shell import ShellDriver, sweep_edges
@@ -19,11 +19,11 @@ from motoremi.quantities import show
 class NanoVna(ShellDriver, ReflectionAnalyser):
     """The NanoVNA by the shell of its firmware (DiSlord's, 1.0 and newer); sources: that firmware's `main.c`.
 
-    **Reference plane.** The instrument's own open, short and load calibration puts it at the connector; `compensate` measures the
-    fixture behind the connector and moves it to the fixture's terminals, computed here because the firmware has no fixture compensation.
+    **Reference plane.** The instrument's own calibration with open, short and load puts it at the connector; `compensate` measures the
+    fixture behind the connector and moves the plane to the fixture's terminals, by computation here because the firmware cannot do it.
 
-    **Limits.** S11 tells impedances near 50 Ohm apart best. An error of S11 of `GAMMA_ERROR` is one of 1 % at 50 Ohm and of 10 % at
-    1.3 Ohm and 1.9 kOhm; metadata say how many points of a sweep lie beyond. The level of the test signal cannot be set.
+    **Limits.** S11 is most sensitive to impedances near 50 Ohm. An S11 error of `GAMMA_ERROR` is 1 % of the impedance at 50 Ohm and 10 % at
+    1.3 Ohm and 1.9 kOhm; the metadata count the points of a sweep beyond. The level of the test signal cannot be set.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
     )
 
     BANDWIDTHS: ClassVar[tuple[int, ...]] = (0, 3, 9, 39, 132)
-    # Most points of one `scan`; all variants since the H have at least 101, and longer sweeps are done in pieces.
+    # Largest number of points of one `scan` that all variants since the H can measure; longer sweeps are done in several scans.
     SCAN_POINTS: ClassVar[int] = 101
     MOST_POINTS: ClassVar[int] = 1601
     # Mask of `scan`: frequencies; frequencies and S11.
@@ -58,37 +58,29 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
         self._pieces: list[tuple[int, int, int]] = []
         self._spacing: Spacing = "log"
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`.
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`.
 
-        The firmware sweeps linearly. A logarithmic sweep is done as one linear scan for each octave, so that its points are spaced
-        nearly as asked for. `oscillator_volt` has no effect: the level cannot be set.
+        The firmware sweeps linearly. A logarithmic sweep is done as one linear scan for each octave, so its points are spaced nearly as
+        requested. `oscillator_volt` has no effect: the level cannot be set.
         """
-        self.refuse_outside("points", points, (2, self.MOST_POINTS))
-        self.refuse_outside("bandwidth_factor", bandwidth_factor, (1, len(self.BANDWIDTHS)))
+        self.refuse_outside("points", asked.points, (2, self.MOST_POINTS))
+        self.refuse_outside("bandwidth_factor", asked.bandwidth_factor, (1, len(self.BANDWIDTHS)))
         self._measured = None
-        self.stop_hz = stop_hz
-        self.start_hz = start_hz
-        self.bandwidth_index = self.BANDWIDTHS[bandwidth_factor - 1]
-        self._spacing = spacing
-        self._pieces = pieces(round(start_hz), round(stop_hz), points, spacing, self.SCAN_POINTS)
+        self.stop_hz = asked.stop_hz
+        self.start_hz = asked.start_hz
+        self.bandwidth_index = self.BANDWIDTHS[asked.bandwidth_factor - 1]
+        self._spacing = asked.spacing
+        self._pieces = pieces(round(asked.start_hz), round(asked.stop_hz), asked.points, asked.spacing, self.SCAN_POINTS)
         if "cal'ed" not in self.ask("cal").split():
             raise InstrumentError(
                 f"{self}: is not calibrated; calibrate it at its connector (open, short, load on its screen) for "
-                f"{show(start_hz, 'Hz')} to {show(stop_hz, 'Hz')}"
+                f"{show(asked.start_hz, 'Hz')} to {show(asked.stop_hz, 'Hz')}"
             )
         return self.settings()
 
     def settings(self) -> JsonDict:
-        """What the instrument reports, and how the sweep is put together here."""
+        """Settings as the instrument reports them, and points and spacing of the sweep, which is made of several scans."""
         return {
             **super().settings(),
             "points": sum(count for _, _, count in self._pieces),

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard
+from motoremi.bench.analyser import Spacing, Standard, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces
 from motoremi.bench.registers import RegisterDriver, register
 from motoremi.bench.transport import Transport
@@ -18,9 +18,9 @@ from motoremi.errors import InstrumentError
 class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     """The NanoVNA V2 by its registers; source: `main2.cpp` and `command_parser.hpp` of its firmware (1.3).
 
-    **Calibration.** What comes from the queue is raw whatever was calibrated on the screen. `compensate` therefore needs open, short
-    and load, at the place where the motor will be connected; a sweep without all three is refused. LiteVNA's register 0x26 can ask for
-    data that the instrument has calibrated (3); here it is always 0.
+    **Calibration.** The data are raw, even if the instrument was calibrated on its screen. `compensate` therefore needs open, short and load,
+    at the place where the motor will be connected; a sweep without all three is refused. A LiteVNA can send calibrated data (3 in register
+    0x26); this driver always uses 0.
 
     **Limits.** Those of `NanoVna`. The level cannot be set, and the bandwidth is fixed: bandwidth factors are numbers of sweeps.
 
@@ -29,11 +29,11 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     SWEEPS : tuple of int
         How many sweeps are averaged for bandwidth factor 1 to 5.
     SETTLING_SWEEPS : int
-        What is thrown away after a change of frequencies: the firmware measures its internal reference in two sweeps (`ecalState`).
+        Number of sweeps that are discarded after a change of frequencies, in which the firmware measures its internal reference (`ecalState`).
     """
 
     model = r"(NanoVNA V2|LiteVNA).*"
-    # Register 0x26: 0 sends raw data, 2 goes back to the screen.
+    # Register 0x26: 0 sends raw data, 2 returns to sweeping for the screen.
     safe_commands = ("write1 0x26 2",)
     COMPENSATES: ClassVar[frozenset[Standard]] = frozenset({"open", "short", "load"})
     REQUIRED = COMPENSATES
@@ -41,16 +41,16 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     first_hz = register(0x00, 8, (50e3, 300e6), "Control the first frequency of a scan.", "Hz")
     step_hz = register(0x10, 8, (1, 300e6), "Control the step of a scan.", "Hz")
     scan_points = register(0x20, 2, (1, 255), "Control the number of points of a scan.")
-    values_per_frequency = register(0x22, 2, (1, 255), "Control how many values come for each frequency.")
+    values_per_frequency = register(0x22, 2, (1, 255), "Control how many values are sent for each frequency.")
     data_mode = register(0x26, 1, (0, 3), "Control what the queue holds: 0 is raw data.")
 
     SPAN_HZ: ClassVar[tuple[float, float]] = (50e3, 300e6)
     SWEEPS: ClassVar[tuple[int, ...]] = (1, 2, 3, 5, 8)
     SETTLING_SWEEPS: ClassVar[int] = 2
-    # Most values that one command takes from the queue.
+    # Largest number of values that one command reads from the queue.
     MOST_VALUES: ClassVar[int] = 255
     MOST_POINTS: ClassVar[int] = 1601
-    # Waves that left port 1, came back there and came through to port 2; number of the point; last byte a checksum in new firmware.
+    # Waves leaving port 1, reflected at port 1 and arriving at port 2; number of the point; the last byte is a checksum in new firmware.
     RECORD: ClassVar[np.dtype[np.void]] = np.dtype([("waves", "<i4", (3, 2)), ("point", "<u2"), ("reserved", "V6")])
 
     def __init__(self, transport: Transport) -> None:
@@ -60,36 +60,28 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         self._sweeps = 1
         self._load_ohm_henry = (self.REFERENCE_OHM, 0.0)
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        points: int,
-        spacing: Spacing = "log",
-        bandwidth_factor: int = 3,
-        oscillator_volt: float = 0.5,
-    ) -> JsonDict:
-        """Set the sweep up; see `ImpedanceAnalyser.configure`.
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up; see `SweepSettings`.
 
         The firmware sweeps linearly with a step in whole hertz. A logarithmic sweep is one scan for each octave; the last frequency may
-        be up to 254 Hz below the one asked for. `oscillator_volt` has no effect.
+        be up to 254 Hz below the requested one. `oscillator_volt` has no effect.
         """
-        self.refuse_outside("start_hz", start_hz, self.SPAN_HZ, "Hz")
-        self.refuse_outside("stop_hz", stop_hz, self.SPAN_HZ, "Hz")
-        self.refuse_outside("points", points, (2, self.MOST_POINTS))
-        self.refuse_outside("bandwidth_factor", bandwidth_factor, (1, len(self.SWEEPS)))
+        self.refuse_outside("start_hz", asked.start_hz, self.SPAN_HZ, "Hz")
+        self.refuse_outside("stop_hz", asked.stop_hz, self.SPAN_HZ, "Hz")
+        self.refuse_outside("points", asked.points, (2, self.MOST_POINTS))
+        self.refuse_outside("bandwidth_factor", asked.bandwidth_factor, (1, len(self.SWEEPS)))
         self._measured = None
-        self._sweeps, self._spacing = self.SWEEPS[bandwidth_factor - 1], spacing
+        self._sweeps, self._spacing = self.SWEEPS[asked.bandwidth_factor - 1], asked.spacing
         self._pieces = [
             (first, max(1, (last - first) // max(1, count - 1)), count)
-            for first, last, count in pieces(round(start_hz), round(stop_hz), points, spacing, self.MOST_VALUES)
+            for first, last, count in pieces(round(asked.start_hz), round(asked.stop_hz), asked.points, asked.spacing, self.MOST_VALUES)
         ]
         self.data_mode = 0
         self.values_per_frequency = 1
         return self.settings()
 
     def settings(self) -> JsonDict:
-        """What the instrument reports, and how the sweep is put together here."""
+        """Settings as the instrument reports them, and the sweep, which is made of several scans."""
         reported: JsonDict = {"data_mode": self.data_mode, "values_per_frequency": self.values_per_frequency}
         if not self._pieces:
             return reported
@@ -98,17 +90,17 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         return {**sweep, "sweeps_averaged": self._sweeps, **reported}
 
     def trigger(self) -> None:
-        """Refuse what cannot be calibrated."""
+        """Refuse a sweep if a standard is missing."""
         super().trigger()
         if missing := sorted(self.REQUIRED - self._standards.keys()):
             raise InstrumentError(f"{self}: sends raw data; compensate with open, short and load before a sweep (missing: {', '.join(missing)})")
 
     def define_load(self, ohm: float, henry: float) -> None:
-        """What the load standard is: a resistance with an inductance in series."""
+        """Set the value of the load standard: a resistance with an inductance in series."""
         self._load_ohm_henry = (ohm, henry)
 
     def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
-        """Impedance in ohm, with the analyser and the fixture taken out by the three standards."""
+        """Impedance in ohm, with the errors of analyser and fixture removed by the three standards."""
         ohm, henry = self._load_ohm_henry
         load = reflection_of((ohm + 2j * np.pi * self.read_axis() * henry).astype(np.complex128))
         known: dict[Standard, complex | ComplexArray] = {"open": 1.0, "short": -1.0, "load": load}
@@ -127,7 +119,7 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         return self.scan_mean(1)
 
     def scan_mean(self, scans: int) -> ComplexArray:
-        """Mean of raw S11 over so many sweeps, scan by scan."""
+        """Mean of raw S11 over a number of sweeps, scan by scan."""
         return np.concatenate([self._scanned(piece, scans * self._sweeps) for piece in self._pieces])
 
     def _scanned(self, piece: tuple[int, int, int], sweeps: int) -> ComplexArray:
@@ -136,22 +128,22 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         points, wanted = piece[2], self.SETTLING_SWEEPS + sweeps
         at_once = self.MOST_VALUES // points
         raw = np.concatenate([self._read_queue(points, min(at_once, wanted - done)) for done in range(0, wanted, at_once)])
-        # After the data: an instrument that restarted meanwhile has measured other frequencies.
+        # Read after the data, because an instrument that has restarted meanwhile has measured other frequencies.
         if (held := (self.first_hz, self.step_hz, self.scan_points)) != piece:
             raise InstrumentError(f"{self}: start, step and points were set to {piece}, but the registers hold {held}; did it restart?")
         mean: ComplexArray = np.mean(raw[self.SETTLING_SWEEPS :], axis=0)
         return mean
 
     def _read_queue(self, points: int, sweeps: int) -> ComplexArray:
-        """Raw S11 of so many sweeps, shape (sweeps, points)."""
+        """Raw S11 of several sweeps, shape (sweeps, points)."""
         values = points * sweeps
         # About 100 values a second; slower below 1 MHz.
         with self.transport.patience(10.0 + 0.1 * values):
             records = np.frombuffer(self.ask_bytes(f"fifo 0x30 {values}", values * self.RECORD.itemsize), self.RECORD)
-        # Sweeps follow each other without end, so the first value may be of any point.
+        # The instrument sweeps continuously, so the first value may be that of any point.
         first = int(records["point"][0])
         forward, back, _ = (records["waves"].astype(np.float64) @ np.array([1.0, 1j])).T
         if not np.array_equal(records["point"], (first + np.arange(values)) % points) or not forward.all():
-            raise InstrumentError(f"{self}: a scan of {points} points is not whole; values were lost on the link, measure again")
+            raise InstrumentError(f"{self}: a scan of {points} points is incomplete; values were lost on the link, measure again")
         reflection: ComplexArray = np.roll((back / forward).reshape(sweeps, points), first, axis=1)
         return reflection

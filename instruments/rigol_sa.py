@@ -12,8 +12,8 @@ class RigolDSA800(SweptAnalyser):
     """Rigol DSA800 and DSA800E, 9 kHz to 7.5 GHz.
 
     Sources: DSA800E programming guide (pages 2-64 and 2-181: traces as text in a block, 601 points), DSA800 user's guide (page 2-26:
-    detectors), public programs for all other commands. It tells nothing about an overload. What is confirmed by what stands in
-    docs/instruments.md.
+    detectors), public programs for all other commands. It does not report an overload. docs/instruments.md lists the
+    source of each command.
     """
 
     name = "dsa800"
@@ -35,7 +35,7 @@ class RigolRSA(RigolDSA800):
     """Rigol RSA3000, RSA3000E and RSA5000 in swept mode (GPSA), 9 kHz to 6.5 GHz.
 
     Sources: RSA5000 programming guide (page 2-134: detectors), public programs for mode, points and traces. Unconfirmed: the header of the
-    EMI filter, which is taken over from the DSA800. The EMI mode, with its scan table, is not used.
+    EMI filter, which is that of the DSA800. The EMI mode, with its scan table, is not used.
     """
 
     name = "rsa"

@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import Setting, choice, number, switch
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.data.spectrum import Spectrum
 from motoremi.errors import InstrumentError
 
@@ -24,7 +24,7 @@ def scan_edges(low_hz: float, high_hz: float) -> tuple[Setting[float], Setting[f
 class RohdeSchwarzESR(EmiReceiver):
     """The ESR by its scan table; sources: ESR user manual, remote commands of the receiver application.
 
-    Its sisters are `motoremi.instruments.rohde_schwarz_receivers`. Which command is confirmed by what is told in docs/instruments.md.
+    Drivers of related receivers are in `motoremi.instruments.rohde_schwarz_receivers`. docs/instruments.md lists the source of each command.
     """
 
     name: ClassVar[str] = "esr"
@@ -39,10 +39,10 @@ class RohdeSchwarzESR(EmiReceiver):
     resolution_bandwidth_hz = number("SCAN1:BAND:RES", "Hz", (10.0, 10e6), "Control the 6 dB resolution bandwidth.")
     dwell_s = number("SCAN1:TIME", "s", (50e-6, 100.0), "Control the measuring time at each step.")
     attenuation_db = number("SCAN1:INP:ATT", "dB", (0.0, 75.0), "Control the input attenuation.")
-    # Read back with every scan: a receiver switched to another unit by hand would spoil the levels silently.
+    # Read back with every scan, because another unit set by hand would falsify the levels silently.
     level_unit = choice("CALC:UNIT:POW", {"dBuV": "DBUV"}, "Control the unit of the levels.")
     preamplifier = switch("SCAN1:INP:GAIN:STAT", "Control the 20 dB preamplifier.")
-    # A factor that the receiver applies by itself must not be applied again to what it sends.
+    # A transducer factor that the receiver applies itself must not be applied again to its levels.
     own_correction = switch("CORR:TRAN", "Control whether the receiver applies a transducer factor by itself.")
     detector = choice(
         "DET1:REC",
@@ -50,33 +50,25 @@ class RohdeSchwarzESR(EmiReceiver):
         "Control the detector of trace 1.",
     )
 
-    # Bits of the questionable power register: RF overload, IF overload. Bit 1, underload, does not spoil a level.
+    # Bits of the questionable power register: RF overload, IF overload. Bit 1, underload, does not affect the levels.
     OVERLOAD: ClassVar[int] = 0b101
     # R&S marks a value that was not measured with 9.91E37.
     NOT_MEASURED: ClassVar[float] = 9e36
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set receiver mode and one range of the scan table up; see `EmiReceiver.configure`."""
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set up receiver mode and one range of the scan table; see `ScanSettings`."""
         self.tell("INST:SEL REC")
         self.own_correction = False
         self.level_unit = "dBuV"
         self.tell("DISP:WIND:TRAC1:MODE WRIT", "SWE:SPAC LIN", "SCAN:RANG:COUN 1")
-        self.start_hz = start_hz
-        self.stop_hz = stop_hz
-        self.step_hz = step_hz
+        self.start_hz = asked.start_hz
+        self.stop_hz = asked.stop_hz
+        self.step_hz = asked.step_hz
         self.filter_shape = "6 dB EMI"
-        self.resolution_bandwidth_hz = resolution_bandwidth_hz
-        self.dwell_s = dwell_s
+        self.resolution_bandwidth_hz = asked.resolution_bandwidth_hz
+        self.dwell_s = asked.dwell_s
         self.tell("INP:ATT:PROT ON", "SCAN1:INP:ATT:AUTO OFF")
-        self.attenuation_db = attenuation_db
+        self.attenuation_db = asked.attenuation_db
         self.preamplifier = False
         self.tell("TRAC:FEED:CONT ALW", "FORM ASC", "FORM:DEXP:DSEP POIN", "INIT2:CONT OFF")
         return self.settings()
@@ -86,10 +78,10 @@ class RohdeSchwarzESR(EmiReceiver):
         self.tell(f"INP:LISN:PHAS {line}")
         reported = self.ask("INP:LISN:PHAS?")
         if reported.strip() != line:
-            raise InstrumentError(f"{self}: the LISN was told to switch to {line}, but reports {reported.strip()!r}")
+            raise InstrumentError(f"{self}: the LISN was switched to {line}, but reports {reported.strip()!r}")
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once; an overload during the scan marks all its points, because the register does not say which.
+        """Scan once; an overload during the scan marks all its points, because the register does not show at which points it occurred.
 
         Raises
         ------
@@ -99,12 +91,12 @@ class RohdeSchwarzESR(EmiReceiver):
         self.detector = detector
         settings = self.settings()
         frequency_hz = self._axis(settings)
-        # It begins with *CLS, which empties the event registers: an overload found afterwards is of this scan.
+        # `run_scan` begins with *CLS, which clears the event registers, so an overload found afterwards belongs to this scan.
         self.run_scan(10.0 + 3 * frequency_hz.size * float(settings["dwell_s"]))
         with self.transport.patience(self.transfer_s(frequency_hz.size)):
             level_dbuv = self._levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
-            raise InstrumentError(f"{self}: {level_dbuv.size} levels came, the scan table has {frequency_hz.size} steps; was the scan stopped?")
+            raise InstrumentError(f"{self}: received {level_dbuv.size} levels for a scan table of {frequency_hz.size} steps; was the scan stopped?")
         metadata = {"receiver": self.name, "resource": self.transport.resource_name, "settings": settings}
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)

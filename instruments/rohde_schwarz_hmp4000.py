@@ -9,10 +9,10 @@ class RohdeSchwarzHmp4000(Supply):
     """An output of the HMP family, which is selected before each command.
 
     Sources: `INST:NSEL`, `OUTP:SEL`, `OUTP:GEN`, `VOLT`, `CURR`, `MEAS:VOLT?`, `MEAS:CURR?` as in the SCPI programmers manual of the HMP series
-    and in PyMeasure's HMP4040, which the simulator is tried with; bits 0 (constant current) and 1 (constant voltage) of
-    `STAT:QUES:INST:ISUMn:COND?` by table 7-2 of the user manual, second hand. `OUTP:SEL OFF` switches the one output off; `OUTP:GEN ON` also
-    switches on whatever other outputs are selected on the front panel. Unconfirmed: the number of decimals of an answer (three or four are
-    taken), and the outputs' ratings of HMP2020 and HMP2030 beyond 5 A.
+    and in PyMeasure's HMP4040, with which the simulator is tested; bits 0 (constant current) and 1 (constant voltage) of
+    `STAT:QUES:INST:ISUMn:COND?` by table 7-2 of the user manual, quoted from a secondary source. `OUTP:SEL OFF` switches this output off;
+    `OUTP:GEN ON` also switches on all other outputs that are selected on the front panel. Unconfirmed: the number of decimals of an answer
+    (three or four are accepted), and the outputs' ratings of HMP2020 and HMP2030 beyond 5 A.
     """
 
     model = r"HMP(20[23]0|40[34]0)"

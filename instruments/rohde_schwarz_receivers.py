@@ -1,4 +1,4 @@
-"""Rohde & Schwarz ESRP, ESW, ESCI and ESU EMI test receivers: the ESR's scan table, and what is different on each as data."""
+"""Rohde & Schwarz ESRP, ESW, ESCI and ESU EMI test receivers: the ESR's scan table, with the differences of each."""
 
 from __future__ import annotations
 

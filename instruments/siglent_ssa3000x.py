@@ -9,15 +9,15 @@ class SiglentSSA3000X(SweptAnalyser):
     """Siglent SSA3000X, SSA3000X Plus and SVA1000X in spectrum analyser mode, 9 kHz to 7.5 GHz.
 
     Sources: SVA1000X programming guide (page 35: detectors, average type), a public program for the B&K Precision 268x, which has the same
-    command set, and public programs for the SSA3000X (751 points, traces as text that ends with a comma). It tells nothing about an
-    overload. What is confirmed by what stands in docs/instruments.md.
+    command set, and public programs for the SSA3000X (751 points, traces as text that ends with a comma). It does not report an
+    overload. docs/instruments.md lists the source of each command.
     """
 
     name = "ssa3000x"
     model = r"SSA3\d\d\dX.*|SVA1\d\d\dX.*"
     points_possible = (751,)
     emi_option = "the EMI measurement kit"
-    # Averages are of the voltage, as CISPR 16-1-1 has it.
+    # The voltage is averaged, as CISPR 16-1-1 requires.
     mode_commands = (":INIT:CONT OFF", ":FORM ASC", ":AVER:TYPE VOLT")
     trace_query = ":TRAC:DATA? 1"
 

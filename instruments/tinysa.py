@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import Setting
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.bench.shell import ShellDriver, sweep_edges
 from motoremi.bench.transport import Transport
 from motoremi.data.spectrum import Spectrum
@@ -17,7 +17,7 @@ from motoremi.quantities import show
 
 
 def _below_usage(text: str) -> float:
-    """A bare command prints its usage, and the present value with its unit on the next line."""
+    """The present value: a command without arguments prints its usage, and the value with its unit on the next line."""
     return float(text.splitlines()[1].strip().rstrip("Hzs"))
 
 
@@ -25,12 +25,13 @@ class TinySa(ShellDriver, EmiReceiver):
     """The tinySA by the shell of its firmware (1.4 and newer); source: that firmware's `main.c` and `sa_cmd.c`.
 
     **Limits.** No quasi-peak or average detector of CISPR, no 6 dB filter of 9 kHz (10 kHz is the nearest), no preselector: strong
-    pulses of a motor drive the mixer, and the instrument does not tell. Put a transient limiter and 10 dB behind the LISN, and check a
-    level by adding 10 dB more: it must not change.
+    pulses of a motor overdrive the mixer, and the instrument does not report that. Put a transient limiter and a 10 dB attenuator behind the
+    LISN, and check a level by adding another 10 dB: it must not change.
     """
 
     vendor = "tinySA"
     model = r"tinySA.*"
+    USUAL_BANDWIDTH_HZ = 10e3
     safe_commands = ("resume",)
 
     start_hz, stop_hz = sweep_edges(100e3, 350e6)
@@ -54,7 +55,7 @@ class TinySa(ShellDriver, EmiReceiver):
     )
 
     DBUV_OF_0_DBM: ClassVar[float] = 106.98970004336019
-    # Most points of one `scan` on the smaller of the two models.
+    # Largest number of points of one `scan` on the smaller of the two models.
     SCAN_POINTS: ClassVar[int] = 290
     # Longest `sweeptime`.
     LONGEST_SCAN_S: ClassVar[float] = 60.0
@@ -66,58 +67,49 @@ class TinySa(ShellDriver, EmiReceiver):
         self._step_hz = 0
         self._dwell_s = 0.0
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 10e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set the scan up and return the settings as the instrument reports them; see `EmiReceiver.configure`.
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set the scan up; see `ScanSettings`.
 
         Raises
         ------
         BadInput
             If the instrument has no such filter, or the dwell is too long for it.
         """
-        if not 1 <= step_hz <= stop_hz - start_hz:
-            raise BadInput(f"{self}: step_hz = {show(step_hz, 'Hz')} is outside the range 1 Hz to {show(stop_hz - start_hz, 'Hz')}")
-        if not 0 < dwell_s <= self.LONGEST_SCAN_S / self.SCAN_POINTS:
+        self.refuse_step(asked, lowest_hz=1.0)
+        if not 0 < asked.dwell_s <= self.LONGEST_SCAN_S / self.SCAN_POINTS:
             raise BadInput(
-                f"{self}: dwell_s = {show(dwell_s, 's')} is outside the range 0 s to {show(self.LONGEST_SCAN_S / self.SCAN_POINTS, 's')}"
+                f"{self}: dwell_s = {show(asked.dwell_s, 's')} is outside the range 0 s to {show(self.LONGEST_SCAN_S / self.SCAN_POINTS, 's')}"
             )
-        self.stop_hz = stop_hz
-        self.start_hz = start_hz
-        self._step_hz = round(step_hz)
-        self._dwell_s = dwell_s
-        self.resolution_bandwidth_hz = resolution_bandwidth_hz
-        if (filter_hz := self.resolution_bandwidth_hz) != resolution_bandwidth_hz:
+        self.stop_hz = asked.stop_hz
+        self.start_hz = asked.start_hz
+        self._step_hz = round(asked.step_hz)
+        self._dwell_s = asked.dwell_s
+        self.resolution_bandwidth_hz = asked.resolution_bandwidth_hz
+        if (filter_hz := self.resolution_bandwidth_hz) != asked.resolution_bandwidth_hz:
             raise BadInput(
-                f"{self}: has no filter of {show(resolution_bandwidth_hz, 'Hz')}, the nearest is {show(filter_hz, 'Hz')}; ask for that one"
+                f"{self}: has no filter of {show(asked.resolution_bandwidth_hz, 'Hz')}, the nearest is {show(filter_hz, 'Hz')}; ask for that one"
             )
-        self.attenuation_db = attenuation_db
+        self.attenuation_db = asked.attenuation_db
         self.tell("calc 1 off")
         return self.settings()
 
     def settings(self) -> JsonDict:
-        """What the instrument reports, and how the scan is put together here."""
+        """Settings as the instrument reports them, and step and dwell of the scan, which is made of several instrument scans."""
         return {**super().settings(), "step_hz": float(self._step_hz), "dwell_s": self._dwell_s, "own_correction": False}
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once, piece by piece.
+        """Scan once, in several instrument scans.
 
         Raises
         ------
         BadInput
             For any detector but "peak".
         InstrumentError
-            If what comes is no scan of the frequencies asked for.
+            If the data are not a scan of the requested frequencies.
         """
         if detector != "peak":
             raise BadInput(f"{self}: has no {detector} detector of CISPR 16-1-1; use peak")
-        # The gain of an external amplifier, which the shell sets but does not tell, is taken off levels by the instrument.
+        # The instrument subtracts the gain of an external amplifier, which its shell can set but not read.
         self.tell("ext_gain 0")
         settings = self.settings()
         axis = np.arange(settings["start_hz"], settings["stop_hz"] + 0.5, self._step_hz)

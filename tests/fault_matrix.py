@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.faults import FAULTS, FaultLayer
-from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import Session, SessionWriter, load, verify
 from motoremi.data.state import STATE_QUANTITIES, marks_of
 from motoremi.errors import InstrumentError, MotoremiError
+from motoremi.run.runner import run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
+from motoremi.virtual.faults import FAULTS, FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 SEED = 5
 # What a repeated sweep may differ by: another draw of the analyser's noise, whose largest sigma here is some 0.1 %.
@@ -129,7 +129,7 @@ def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path, nam
         return f"BAD: {type(trouble).__name__}: {trouble}"
     finally:
         bench.close()
-    if not layer.struck:
+    if not layer.occurred:
         return "not struck"
     # Without a supply of the bench it is the operator who feeds the motor.
     if (

@@ -26,11 +26,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from fault_matrix import BENCH_FILE, SEED, small
 
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rerun import MEASURED, rerun
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import SessionWriter, load, reopen, verify
+from motoremi.run.rerun import MEASURED, rerun
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow import analyse
 
 STOPPED = 130

@@ -17,9 +17,10 @@ from unittest import mock
 from fault_matrix import SEED, measured, small
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.simulated import BenchLibrary, SimulatedBench
-from motoremi.bench.virtual import virtual_instrument
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.virtual_instruments import virtual_instrument
+from motoremi.virtual.visa_library import BenchLibrary
 
 SESSIONS = Path(__file__).parent / "sessions"
 # Driver -> the ready procedure in which it takes the place of the driver of its role.

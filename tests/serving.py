@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from motoremi.bench.clock import FastClock
-from motoremi.bench.serve import Server, SocketServer, TerminalServer
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.virtual import virtual_instrument
+from motoremi.virtual.serve import Server, SocketServer, TerminalServer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.virtual_instruments import virtual_instrument
 
 # Far faster than real, and yet slow enough for a client to see an instrument that is busy.
 SPEED = 500.0

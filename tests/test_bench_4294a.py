@@ -10,10 +10,10 @@ import pytest
 import pyvisa
 
 from motoremi.bench.connect import open_transport
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.agilent_4294a import Agilent4294A
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 @pytest.fixture

@@ -13,17 +13,17 @@ import pytest
 from fault_matrix import BENCH_FILE
 
 from motoremi.bench.bridge import BridgeAnalyser
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import STANDARDS_OHM, SimulatedBench
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.data.analyser import find_analyser, specification
 from motoremi.data.files import read_impedance
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session, SessionWriter, load, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import run, start_document
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.simulated_bench import STANDARDS_OHM, SimulatedBench
 
 BRIDGES = ("4294a", "e4990a")
 SWEEP: dict[str, Any] = {"start": "150 kHz", "stop": "30 MHz", "points": 11}
@@ -75,7 +75,7 @@ def test_an_adapter_that_somebody_changes_stops_the_run(tmp_path: Path, bench: S
     writer = SessionWriter.create(tmp_path / "s", start_document(procedure("4294a", SWEEP, OPEN_SWEEP), BENCH_FILE))
 
     def meddle(_: str) -> None:
-        bench.devices["analyser"]._properties["adapter"].set_value("M1")
+        bench.devices["analyser"].set_value("adapter", "M1")
 
     with pytest.raises(InstrumentError, match="adapter is '1m', was 'none'"):
         run(procedure("4294a", SWEEP, OPEN_SWEEP), bench, writer, analyse=lambda *_: None, prompt=meddle)
@@ -258,7 +258,7 @@ def test_a_list_is_swept_compensated_and_judged_by_its_own_points(tmp_path: Path
 def test_a_list_that_the_instrument_does_not_sweep_is_an_error(bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     analyser = driver(bench, "4294a")
     monkeypatch.setattr(analyser, "read_axis", lambda: np.linspace(1e6, 2e6, 10))
-    with pytest.raises(InstrumentError, match="sweeps 10 points that are not the 4 of the list"):
+    with pytest.raises(InstrumentError, match="sweeps 10 points, which are not the 4 points of the list"):
         analyser.prepare(SweepOptions(segments=(Segment(1e6, 2e6, 2), Segment(3e6, 4e6, 2))))
 
 
@@ -277,7 +277,7 @@ SEGMENT = {"start": "1 MHz", "stop": "2 MHz", "points": 9}
         ("4294a", SWEEP, {"do": "compensate", "standard": "load"}, "nominal: belongs to the load standard"),
         ("4294a", SWEEP, {"do": "compensate", "standard": "open", "nominal": "50 Ohm"}, "nominal: belongs to the load standard"),
         ("4294a", SWEEP | {"spacing": "list"}, OPEN_SWEEP, 'segments: belong to spacing = "list"'),
-        ("4294a", SWEEP | {"segments": [SEGMENT]}, OPEN_SWEEP, "segments: start, stop and points of the sweep follow from them"),
+        ("4294a", SWEEP | {"segments": [SEGMENT]}, OPEN_SWEEP, "segments: leave out start, stop and points of the sweep"),
         ("4294a", {"segments": [SEGMENT]}, OPEN_SWEEP, 'segments: belong to spacing = "list"'),
         ("4294a", {"spacing": "list", "segments": [SEGMENT, SEGMENT]}, OPEN_SWEEP, "segments: each must start above the stop of the one before"),
         ("4294a", {"spacing": "list", "segments": [{**SEGMENT, "stop": "9 V"}]}, OPEN_SWEEP, "'9 V' has the unit 'V', expected Hz"),

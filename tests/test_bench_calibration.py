@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from fault_matrix import SEED, small
 
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.calibration import calibration_doubts, refuse_unless_calibrated
-from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.cli import main
 from motoremi.data.session import load
 from motoremi.errors import BadInput
+from motoremi.run.calibration_check import calibration_doubts, refuse_unless_calibrated
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
 
 OLD, FRESH, FUTURE = (date.today() - timedelta(days=age) for age in (2882, 20, -11))
 OLD_SAYS, FUTURE_SAYS = "the calibration of the analyser is 2882 days old", "the calibration of the analyser lies 11 days in the future"
@@ -90,7 +90,7 @@ def test_a_procedure_forbids_it_before_anything_is_connected(
 ) -> None:
     command = written(tmp_path, "365 d", calibrated, backend="@py")
     monkeypatch.setattr(sys, "argv", [*(command[:-2] if arguments else command), *arguments])
-    monkeypatch.setattr("motoremi.bench.runner.make_bench", lambda _: pytest.fail("something was connected"))
+    monkeypatch.setattr("motoremi.run.runner.make_bench", lambda _: pytest.fail("something was connected"))
     with pytest.raises(SystemExit) as caught:
         main()
     assert caught.value.code == 2

@@ -18,7 +18,7 @@ from skrf.calibration import OnePort
 from skrf.vi.vna.nanovna import NanoVNAv2
 from tsapython import tinySA
 
-from motoremi.bench.simulated_receiver import BAND_B_HZ
+from motoremi.virtual.simulated_receiver import BAND_B_HZ
 
 
 def test_pymeasure_reads_a_4294a() -> None:

@@ -9,12 +9,12 @@ import pytest
 from fault_matrix import BENCH_FILE, NOISE, SEED, measured
 from record_sessions import PROCEDURES, procedure
 
-from motoremi.bench.faults import FAULTS, FaultLayer
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.virtual import virtual_instrument
 from motoremi.data.session import Session, SessionWriter, load, verify
 from motoremi.errors import MotoremiError
+from motoremi.run.runner import run, start_document
+from motoremi.virtual.faults import FAULTS, FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.virtual_instruments import virtual_instrument
 
 # Drivers that share their code, each fault given to one of them by turns.
 FAMILIES = (("esrp", "esw", "esci", "esu"), ("mxe", "n6141"), ("dsa800", "rsa", "ssa3000x", "xseries"))

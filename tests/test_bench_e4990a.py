@@ -9,10 +9,10 @@ import pytest
 import pyvisa
 
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.keysight_e4990a import KeysightE4990A
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 @pytest.fixture

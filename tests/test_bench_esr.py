@@ -9,11 +9,11 @@ import pytest
 import pyvisa
 
 from motoremi.bench.connect import open_transport
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
 from motoremi.simulate import emission
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_a_detector_that_this_receiver_lacks(receiver: RohdeSchwarzESR) -> None:
 
 def test_levels_that_do_not_fit_the_scan_table(bench: SimulatedBench, receiver: RohdeSchwarzESR, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(receiver, "_levels", lambda query: np.zeros(600))
-    with pytest.raises(InstrumentError, match="600 levels came, the scan table has 664 steps"):
+    with pytest.raises(InstrumentError, match="received 600 levels for a scan table of 664 steps"):
         receiver.scan("peak")
 
 

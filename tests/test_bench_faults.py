@@ -7,9 +7,9 @@ from collections import Counter
 import pytest
 from fault_matrix import matrix, rendered, small
 
-from motoremi.bench.faults import FAULTS, FaultLayer
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.errors import BadInput
+from motoremi.virtual.faults import FAULTS, FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 # One exchange of each instrument in each step; `make faults` goes through all of them.
 PLACES = 1

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motoremi.bench.serve import converse
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_device import SimulatedDevice
-from motoremi.bench.simulated_shell import SimulatedShell
-from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
+from motoremi.virtual.serve import converse
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_device import SimulatedDevice
+from motoremi.virtual.simulated_shell import SimulatedShell
+from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS
 
 ARGUMENTS = [
     "",
@@ -83,5 +83,5 @@ def test_a_line_without_end_does_not_fill_the_memory(name: str) -> None:
     healthy = identity(device)
     for _ in range(100):
         converse(device, b"x" * 65536)
-    assert len(device._input_buffer) <= 1 << 20
+    assert len(device._incoming) <= 1 << 20
     assert identity(device) == healthy

@@ -9,11 +9,11 @@ import pytest
 import pyvisa
 
 from motoremi.bench.clock import VirtualClock
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_band import about, as_wide_as
-from motoremi.bench.simulated_shell import SimulatedShell
-from motoremi.bench.simulated_tinysa import SimulatedTinySa
-from motoremi.bench.virtual import virtual_instrument
+from motoremi.virtual.simulated_band import about, as_wide_as
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_shell import SimulatedShell
+from motoremi.virtual.simulated_tinysa import SimulatedTinySa
+from motoremi.virtual.virtual_instruments import virtual_instrument
 
 Resource = pyvisa.resources.MessageBasedResource
 SCPI = ("e4990a", "esr", "mxe")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from motoremi.bench.connections import STANDARDS
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_librevna import SimulatedLibreVna
+from motoremi.bench.motor_connections import STANDARDS
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.librevna import LibreVna
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_librevna import SimulatedLibreVna
 
 
 @pytest.fixture
@@ -58,6 +58,11 @@ def answering(monkeypatch: pytest.MonkeyPatch, bench: SimulatedBench, query: str
 def test_identity(analyser: LibreVna) -> None:
     identity = analyser.identify()
     assert (identity.vendor, identity.model, identity.serial, identity.firmware) == ("LibreVNA", "LibreVNA-GUI", "206039903350", "1.6.5")
+
+
+def test_a_value_that_is_no_number_is_refused(bench: SimulatedBench, analyser: LibreVna) -> None:
+    with pytest.raises(InstrumentError, match=r"'\*ESE nan' was refused"):
+        analyser.tell("*ESE nan")
 
 
 def test_a_program_without_instrument_is_refused(bench: SimulatedBench, analyser: LibreVna, monkeypatch: pytest.MonkeyPatch) -> None:

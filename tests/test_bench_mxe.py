@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import pyvisa
 
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.keysight_mxe import KeysightMXE
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_a_step_that_fits_nothing_is_refused(receiver: KeysightMXE) -> None:
 
 def test_levels_of_another_scan_are_refused(receiver: KeysightMXE, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(receiver, "_levels", lambda: np.zeros(3))
-    with pytest.raises(InstrumentError, match="3 levels came, the scan table has 665 points"):
+    with pytest.raises(InstrumentError, match="received 3 levels for a scan table of 665 points"):
         receiver.scan("peak")
 
 

@@ -12,12 +12,12 @@ import motoremi as me
 from motoremi.bench.connect import open_transport
 from motoremi.bench.reflection import impedance_from_reflection, pieces, without_fixture
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_nanovna import SimulatedNanoVna
-from motoremi.bench.virtual import virtual_instrument
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.nanovna import NanoVna
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_nanovna import SimulatedNanoVna
+from motoremi.virtual.virtual_instruments import virtual_instrument
 
 
 @pytest.fixture

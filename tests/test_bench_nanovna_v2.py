@@ -14,19 +14,19 @@ from skrf.calibration import OnePort
 
 import motoremi as me
 from motoremi.bench.analyser import ImpedanceAnalyser
-from motoremi.bench.connections import STANDARDS
-from motoremi.bench.faults import FaultLayer
-from motoremi.bench.procedure import parse_procedure
-from motoremi.bench.recording import decode_bytes, encode_bytes
+from motoremi.bench.motor_connections import STANDARDS
 from motoremi.bench.reflection import calibrated, impedance_from_reflection
 from motoremi.bench.registers import encoded
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
+from motoremi.bench.traffic import decode_bytes, encode_bytes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.nanovna_v2 import NanoVnaV2
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.faults import FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
 
 LOAD_OHM = 100.0
 
@@ -102,7 +102,7 @@ def test_an_instrument_left_in_the_middle_of_its_data_is_found_again(bench: Simu
 
 
 def test_what_speaks_another_language_is_refused(bench: SimulatedBench, analyser: NanoVnaV2, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(device_of(bench), "_match", lambda query: b"?")
+    monkeypatch.setattr(device_of(bench), "respond", lambda query: b"?")
     with pytest.raises(InstrumentError, match="does not answer 'indicate' with '2'; choose another driver"):
         analyser.reset()
 
@@ -254,7 +254,7 @@ def test_lost_values_are_told(bench: SimulatedBench, analyser: NanoVnaV2, monkey
     device = device_of(bench)
     values = device._values
     monkeypatch.setattr(device, "_values", lambda count: values(count + 1)[:64] + values(count + 1)[96:][: (count - 2) * 32])
-    with pytest.raises(InstrumentError, match="is not whole; values were lost on the link, measure again"):
+    with pytest.raises(InstrumentError, match="is incomplete; values were lost on the link, measure again"):
         analyser.compensate("open")
 
 
@@ -264,7 +264,7 @@ def test_a_restart_before_the_values_are_read_is_told(bench: SimulatedBench, ana
     layer = FaultLayer(device_of(bench), "restart", 4)
     with pytest.raises(InstrumentError, match=r"points were set to .*, but the registers hold .*; did it restart"):
         analyser.scan()
-    assert layer.struck
+    assert layer.occurred
 
 
 def test_the_instrument_gets_its_screen_back(bench: SimulatedBench, analyser: NanoVnaV2) -> None:

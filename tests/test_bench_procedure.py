@@ -9,10 +9,14 @@ from typing import Any
 
 import pytest
 
-from motoremi.bench.bench_file import BenchFile, load_bench_file
-from motoremi.bench.procedure import Compensate, Identify, Scan, Sweep, load_procedure, parse_procedure
+from motoremi.cli.session import compare_
+from motoremi.diagnosis.compare import PAPER_TOLERANCE
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
+from motoremi.schema.bench_file import BenchFile, load_bench_file
+from motoremi.schema.keys import reference
+from motoremi.schema.procedure import Compensate, Identify, Scan, Sweep, load_procedure, parse_procedure
+from motoremi.schema.procedure_steps import CompareStep
 
 GOOD: dict[str, Any] = {
     "title": "Test",
@@ -161,3 +165,21 @@ def test_mistakes_in_a_bench_file(tmp_path: Path) -> None:
 def test_a_quantity_that_is_no_number_is_told_as_that(text: str) -> None:
     with pytest.raises(BadInput, match=f"'{text}' is not a finite number"):
         parse(text, "Hz")
+
+
+def test_the_tolerance_of_a_comparison_without_tolerances_is_the_documented_one() -> None:
+    usual = f"{PAPER_TOLERANCE.error_percent:g} %"
+    documented = [CompareStep.__doc__, compare_.__doc__, (Path(__file__).parents[1] / "docs" / "procedures.md").read_text(encoding="utf-8")]
+    assert all(text is not None and f"at first {usual}" in text.replace("that is an error of ", "") for text in documented)
+
+
+def test_the_reference_of_keys_says_what_each_key_takes() -> None:
+    takes = {(table.title, key.name): key.takes for table in reference() for key in table.keys}
+    assert takes['do = "wait-for"', "target"] == "text"
+    assert takes['do = "spectrum"', "line"] == "L1, L2, L3, N, +, -"
+    assert takes["[instruments] by role", "lines"] == "table"
+    assert takes["[instruments.ROLE.lines]", "pattern"] == "text"
+    assert takes["bench file", "allow"] == "list"
+    assert takes["bench file or corrections.toml: [[correction]]", "calibrated"] == "date"
+    assert takes['do = "check"', "tolerance_percent"] == "number, above 0 to 100"
+    assert next(key.default for table in reference() for key in table.keys if key.name == "detectors") == "quasi-peak, cispr-average"

@@ -13,11 +13,11 @@ from record_sessions import procedure
 
 from motoremi.bench.connect import attach, open_transport
 from motoremi.bench.receiver import EmiReceiver
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.data.session import SessionWriter, load
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.runner import run, start_document
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 
 FAMILY = {"esrp": "ESRP7", "esw": "ESW26", "esci": "ESCI-3", "esu": "ESU-26", "n6141": "N9020A"}
 ALL = ("esr", "mxe", *FAMILY)
@@ -93,7 +93,7 @@ def test_an_esw_whose_input_was_disconnected_is_marked(bench: SimulatedBench, mo
 def test_a_transducer_factor_inside_the_receiver_is_switched_off(bench: SimulatedBench, name: str) -> None:
     driver: Any = ready(bench, name)
     healthy = driver.scan("peak")
-    bench.devices["receiver"]._properties["own_correction"].init_value("ON")
+    bench.devices["receiver"].set_value("own_correction", "ON")
     assert driver.own_correction is True
     twice = driver.scan("peak")
     assert twice.metadata["settings"]["own_correction"] is True
@@ -111,7 +111,7 @@ def test_the_external_gain_of_a_tinysa_is_set_to_nothing(bench: SimulatedBench) 
     driver.reset()
     driver.configure(150e3, 30e6, 1e6, 10e3)
     healthy = driver.scan("peak")
-    bench.devices["receiver"]._properties["external_gain"].set_value("20")
+    bench.devices["receiver"].set_value("external_gain", "20")
     again = driver.scan("peak")
     np.testing.assert_allclose(again.level_dbuv, healthy.level_dbuv)
     assert again.metadata["settings"]["own_correction"] is False
@@ -123,7 +123,7 @@ def test_a_correction_that_is_switched_on_during_a_run_stops_it(tmp_path: Path, 
 
     def operator(text: str) -> None:
         if bench.clock.now() > 1.0:
-            bench.devices["receiver"]._properties["own_correction"].init_value("ON")
+            bench.devices["receiver"].set_value("own_correction", "ON")
 
     writer = SessionWriter.create(tmp_path / "s", start_document(procedure(name), BENCH_FILE))
     with pytest.raises(InstrumentError, match=r"its settings changed during the run \(own_correction is True, was False\)"):

@@ -13,16 +13,16 @@ from fault_matrix import BENCH_FILE, SEED, measured, small
 from record_sessions import PROCEDURES, RECEIVER, REQUESTS, SESSIONS, WITH_REQUESTS
 
 from motoremi.bench.connect import driver_names
-from motoremi.bench.difference import ReplayDifference
-from motoremi.bench.faults import FaultLayer
-from motoremi.bench.procedure import load_procedure, ready_procedures
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.rerun import MEASURED, Replayed, rerun
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.replay_difference import ReplayDifference
 from motoremi.cli import main
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
+from motoremi.run.rerun import MEASURED, Replayed, rerun
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.procedure import load_procedure, ready_procedures
+from motoremi.virtual.faults import FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 def quiet(kind: str, *_: object) -> None:

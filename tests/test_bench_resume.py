@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.procedure import parse_procedure
-from motoremi.bench.resume import Done, needed_again
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import main
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.resume import Done, needed_again
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 def stopped(folder: Path, stop_at: str) -> None:
@@ -112,8 +112,8 @@ def test_another_instrument_is_refused(tmp_path: Path) -> None:
     stopped(tmp_path / "s", "sweeps/short-1.csv")
     bench = SimulatedBench(SEED)
     device = bench.devices["analyser"]
-    healthy = device._match
-    device._match = lambda query: b"HEWLETT-PACKARD,4294A,JP1KG99999,REV1.11" if query == b"*IDN?" else healthy(query)  # type: ignore[method-assign]
+    healthy = device.respond
+    device.respond = lambda query: b"HEWLETT-PACKARD,4294A,JP1KG99999,REV1.11" if query == b"*IDN?" else healthy(query)
     procedure, done = resumable(load(tmp_path / "s"), BENCH_FILE)
     with pytest.raises(InstrumentError, match="serial JP1KG99999 answers, but the session was begun with 4294A serial JP1KG00123"):
         run(procedure, bench, reopen(tmp_path / "s"), analyse=lambda *_: None, prompt=lambda text: None, done=done)

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.connect import VisaBench
-from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.bench.replay import ReplayBench
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import Outcome, make_bench, resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.report.identity import identity_section
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import Outcome, make_bench, resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow import report_session
 
 
@@ -180,7 +180,7 @@ def test_an_instrument_that_fails_keeps_what_was_measured(
         nonlocal sweeps
         sweeps += document["kind"] == "sweep"
         if sweeps == 5:
-            monkeypatch.setattr(device, "_match", lambda query: b'-200,"EXECUTION ERROR"' if query == b"OUTPERRO?" else b"")
+            monkeypatch.setattr(device, "respond", lambda query: b'-200,"EXECUTION ERROR"' if query == b"OUTPERRO?" else b"")
 
     with pytest.raises(InstrumentError, match="expected a binary block"):
         measure(tmp_path / "s", procedure, bench, listener=fail_at_the_fifth)

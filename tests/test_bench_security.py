@@ -15,14 +15,14 @@ from typing import Any
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.procedure import load_procedure, parse_procedure
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import bench as cli_bench
 from motoremi.cli import main
 from motoremi.data.session import SessionWriter, load, verify
 from motoremi.errors import BadInput
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.procedure import load_procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow import report_session
 
 HOSTILE = "\x1b[2J\x1b]0;owned\x07<script>alert(1)</script>\u202e\r\n,"
@@ -34,10 +34,10 @@ def hostile_bench() -> SimulatedBench:
     """A bench whose analyser has a serial number that tries to take over terminal and page."""
     bench = SimulatedBench(SEED)
     device = bench.devices["analyser"]
-    healthy = device._match
+    healthy = device.respond
     serial = HOSTILE.replace(",", "").replace("\r\n", " ")
     identity = f"HEWLETT-PACKARD,4294A,{serial},REV1.11".encode("latin-1", "replace")
-    device._match = lambda query: identity if query == b"*IDN?" else healthy(query)  # type: ignore[method-assign]
+    device.respond = lambda query: identity if query == b"*IDN?" else healthy(query)
     return bench
 
 
@@ -76,9 +76,9 @@ def test_hostile_answers_end_in_one_clean_line(
 ) -> None:
     bench = SimulatedBench(SEED)
     for device in bench.devices.values():
-        healthy = device._match
-        device._match = lambda asked, healthy=healthy: HOSTILE.encode("utf-8") if asked.decode() == query else healthy(asked)  # type: ignore[method-assign, misc]
-    monkeypatch.setattr("motoremi.bench.runner.make_bench", lambda bench_file: bench)
+        healthy = device.respond
+        device.respond = lambda asked, healthy=healthy: HOSTILE.encode("utf-8") if asked.decode() == query else healthy(asked)  # type: ignore[misc]
+    monkeypatch.setattr("motoremi.run.runner.make_bench", lambda bench_file: bench)
     monkeypatch.setattr("motoremi.cli.bench.ask_operator", lambda text: None)
     monkeypatch.setattr(sys, "argv", ["motoremi", "run", "full_motor_test", "--out", str(tmp_path / "s")])
     with pytest.raises(SystemExit) as caught:
@@ -116,7 +116,7 @@ def test_words_of_a_procedure_are_shown_not_obeyed(monkeypatch: pytest.MonkeyPat
 
 def test_nobody_at_the_prompt_is_wrong_use(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
-    with pytest.raises(BadInput, match="nobody answers the prompt"):
+    with pytest.raises(BadInput, match="the prompt was not answered"):
         cli_bench.ask_operator("Connect it")
 
 
@@ -163,7 +163,7 @@ def test_a_ready_procedure_is_found_by_its_name_only() -> None:
 def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path, number: signal.Signals) -> None:
     """On a prompt, where a run spends most of its time; and where a script has started it in the background, with Ctrl-C ignored."""
     code = (
-        "import sys; from motoremi.bench import runner; from motoremi.bench.simulated import SimulatedBench;"
+        "import sys; from motoremi.run import runner; from motoremi.virtual.simulated_bench import SimulatedBench;"
         f"runner.make_bench = lambda file: SimulatedBench({SEED});"
         "sys.argv = ['motoremi', 'run', 'impedance_only', '--out', sys.argv[1]];"
         "from motoremi.cli import main; main()"

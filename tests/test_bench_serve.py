@@ -18,19 +18,19 @@ from fault_matrix import SEED, small
 from serving import SPEED, served, started
 
 from motoremi.bench.analyser import ImpedanceAnalyser
-from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
-from motoremi.bench.connections import INSTRUCTIONS, STANDARDS
-from motoremi.bench.procedure import parse_procedure
+from motoremi.bench.motor_connections import INSTRUCTIONS, STANDARDS
 from motoremi.bench.receiver import EmiReceiver
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import make_bench, resumable, run, start_document
-from motoremi.bench.serve import SocketServer
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.errors import InstrumentError
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import make_bench, resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.serve import SocketServer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS
 
 ANALYSERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "analyser")
 RECEIVERS = sorted(name for name, instrument in VIRTUAL_INSTRUMENTS.items() if instrument.role == "receiver")
@@ -183,14 +183,14 @@ def test_a_fault_in_one_message_does_not_end_the_server(
 ) -> None:
     with served("4294a", over) as (server, _):
         device = server._device
-        healthy = device._match
+        healthy = device.respond
 
         def faulty(query: bytes) -> object:
             if query.startswith(b"*TRG"):
                 raise ZeroDivisionError("two\nlines")
             return healthy(query)
 
-        monkeypatch.setattr(device, "_match", faulty)
+        monkeypatch.setattr(device, "respond", faulty)
         link = open_transport(manager, server.resource, timeout_s=0.3)
         link.write("*TRG")
         with pytest.raises(InstrumentError):
@@ -199,7 +199,7 @@ def test_a_fault_in_one_message_does_not_end_the_server(
         link = open_transport(manager, server.resource, timeout_s=5.0)
         assert link.query("POIN?") == "+201"
         link.close()
-    assert {record.getMessage() for record in caplog.records if record.name == "motoremi.bench.serve"} == {
+    assert {record.getMessage() for record in caplog.records if record.name == "motoremi.virtual.serve"} == {
         f"motoremi: {server.resource}: a message could not be answered (ZeroDivisionError: two\\x0alines); report it"
     }
 

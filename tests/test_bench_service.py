@@ -16,15 +16,16 @@ from serving import SPEED, served
 from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import attach, open_manager, open_transport
-from motoremi.bench.procedure import parse_procedure
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.replay import ReplayBench, ReplayTransport
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import BenchLibrary, SimulatedBench
 from motoremi.bench.transport import Transport
 from motoremi.data.session import SessionWriter, load
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import run, start_document
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.visa_library import BenchLibrary
 
 REQUEST, QUEUE = EventType.service_request, EventMechanism.queue
 # What each driver looks at to see whether it is done, and what it starts the measurement with.

@@ -13,21 +13,21 @@ import pytest
 from fault_matrix import BENCH_FILE, SEED, small
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import Answer
-from motoremi.bench.bench_file import BenchFile, load_bench_file
-from motoremi.bench.faults import FaultLayer
-from motoremi.bench.on_bench import on_bench
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.rerun import rerun
-from motoremi.bench.resume import Done, needed_again
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_device import SimulatedDevice
 from motoremi.cli import bench as cli_bench
 from motoremi.cli import main
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.answer import Answer
+from motoremi.run.on_bench import on_bench
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.rerun import rerun
+from motoremi.run.resume import Done, needed_again
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile, load_bench_file
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.faults import FaultLayer
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_device import SimulatedDevice
 
 WARM = small("emission_warm_motor")
 
@@ -285,14 +285,14 @@ def test_a_supply_that_restarts_ends_the_run_but_keeps_the_spectrum(tmp_path: Pa
     supply = placed(bench, "supply")
     layer = FaultLayer(supply, "restart", 10**9)
     receiver = bench.devices["receiver"]
-    healthy = receiver._match
+    healthy = receiver.respond
 
     def restart_during_the_scan(query: bytes) -> Any:
         if query.startswith(b"INIT2") and bench.stand.driven:
             layer.at = 0
         return healthy(query)
 
-    monkeypatch.setattr(receiver, "_match", restart_during_the_scan)
+    monkeypatch.setattr(receiver, "respond", restart_during_the_scan)
     with pytest.raises(InstrumentError, match="did it restart"):
         measure(tmp_path / "s", bench)
     session = load(tmp_path / "s")
@@ -349,7 +349,7 @@ def test_the_command_line_takes_the_answers(
 ) -> None:
     """A real bench, as far as the command knows, with the answers piped in."""
     bench = SimulatedBench(SEED)
-    monkeypatch.setattr("motoremi.bench.runner.make_bench", lambda bench_file: bench)
+    monkeypatch.setattr("motoremi.run.runner.make_bench", lambda bench_file: bench)
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
     source = tmp_path / "p.toml"
     source.write_text(
@@ -441,10 +441,10 @@ def test_a_dry_run_knows_the_steps_and_waits_for_no_state_that_its_motor_never_h
     [
         (lambda data: data["steps"][3].pop("current_limit"), "needs voltage and current_limit"),
         (lambda data: data["steps"][3].update(output="off"), "one that is off takes neither"),
-        (lambda data: data["steps"][4].update(within="1 %"), "a temperature is held within so many K"),
+        (lambda data: data["steps"][4].update(within="1 %"), "give the tolerance of a temperature in K"),
         (lambda data: data["steps"][4].update(within="1"), "write it with its unit, K"),
         (lambda data: data["steps"][4].update(within="-1 K"), "must be above 0"),
-        (lambda data: data["steps"][4].update(hold="0 s"), "without a target it must be above 0"),
+        (lambda data: data["steps"][4].update(hold="0 s"), "must be above 0 without a target"),
         (lambda data: data["steps"][4].update(longest="10 s"), "must not be below hold"),
         (lambda data: data["instruments"]["supply"].update(driver="34461a"), "the driver '34461a' is no supply"),
         (lambda data: data["instruments"]["tachometer"].update(driver="34461a"), "the driver '34461a' reads no speed"),

@@ -18,17 +18,17 @@ from serving import served
 from motoremi.arrays import JsonDict
 from motoremi.bench.clock import VirtualClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
-from motoremi.bench.lines import Lines
 from motoremi.bench.meter import Meter
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.supply import Supply
 from motoremi.data.session import SessionWriter, load
 from motoremi.data.state import marks_of, state_line
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.report.gaps import _of_the_run
 from motoremi.report.motor_state import state_section
+from motoremi.run.runner import run, start_document
+from motoremi.schema.text_lines import Lines
 from motoremi.simulate.stand import AMBIENT_DEGC, MotorStand
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 def test_the_motor_follows_its_supply_in_time() -> None:

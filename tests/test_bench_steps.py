@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.connections import CONNECTIONS, INSTRUCTIONS
-from motoremi.bench.keys import markdown, reference
-from motoremi.bench.procedure import load_procedure, parse_procedure, ready_procedures
-from motoremi.bench.progress import RunProgress
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.runner import run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.standards import judge_standard
-from motoremi.bench.steps import Check
+from motoremi.bench.motor_connections import CONNECTIONS, INSTRUCTIONS
 from motoremi.cli import main
 from motoremi.data.session import SessionWriter, load, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.run_progress import RunProgress
+from motoremi.run.runner import run, start_document
+from motoremi.run.standards import judge_standard
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.keys import markdown, reference
+from motoremi.schema.procedure import load_procedure, parse_procedure, ready_procedures
+from motoremi.schema.procedure_steps import Check
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -176,22 +176,22 @@ def test_the_next_measurement_is_told_and_stored(tmp_path: Path, monkeypatch: py
 
 def test_an_instrument_that_rounds_too_much_is_refused(tmp_path: Path, bench: SimulatedBench) -> None:
     device = bench.devices["analyser"]
-    healthy = device._match
-    device._match = lambda query: b"+3.00000000000E+08" if query == b"STOP?" else healthy(query)  # type: ignore[method-assign]
+    healthy = device.respond
+    device.respond = lambda query: b"+3.00000000000E+08" if query == b"STOP?" else healthy(query)
     with pytest.raises(InstrumentError, match=r"stop_hz was set to 30000000.0, but the instrument reports 300000000.0"):
         measured(tmp_path / "s", small("impedance_only"), bench)
 
 
 def test_an_instrument_that_cannot_be_made_safe_is_told(tmp_path: Path, bench: SimulatedBench) -> None:
     device = bench.devices["receiver"]
-    healthy = device._match
+    healthy = device.respond
 
     def deaf(query: bytes) -> Any:
         if query.startswith(b"ABOR"):
             raise ConnectionResetError("gone")
         return healthy(query)
 
-    device._match = deaf  # type: ignore[method-assign]
+    device.respond = deaf
     with pytest.raises(InstrumentError, match="receiver could not be brought into its safe state"):
         measured(tmp_path / "s", small(), bench)
     session = load(tmp_path / "s")

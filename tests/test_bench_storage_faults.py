@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
 
-from motoremi.bench.runner import resumable, run, start_document
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.data import storage
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
+from motoremi.run.runner import resumable, run, start_document
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 # `make kills` does 200.
 KILLS = 40

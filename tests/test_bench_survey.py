@@ -13,10 +13,10 @@ import pyvisa
 from serving import served
 
 from motoremi.bench.connect import driver_class, driver_names, open_manager
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.bench.survey import load_trouble, survey, title
-from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
 from motoremi.cli import main
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS
 
 DRIVER = '''
 """The Scope-o-Matic 9000 measures impedance, too."""

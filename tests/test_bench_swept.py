@@ -12,17 +12,17 @@ from fault_matrix import SEED
 from record_sessions import procedure
 from serving import SPEED, served
 
-from motoremi.bench.bench_file import BenchFile
 from motoremi.bench.clock import FastClock
-from motoremi.bench.connections import INSTRUCTIONS
-from motoremi.bench.procedure import parse_procedure
-from motoremi.bench.rerun import rerun
-from motoremi.bench.runner import make_bench, run, start_document
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_receiver import BAND_B_HZ
+from motoremi.bench.motor_connections import INSTRUCTIONS
 from motoremi.bench.swept import SweptAnalyser
 from motoremi.data.session import SessionWriter, load, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rerun import rerun
+from motoremi.run.runner import make_bench, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_receiver import BAND_B_HZ
 
 ANALYSERS = ("dsa800", "rsa", "ssa3000x", "xseries")
 MOST_POINTS = {"dsa800": 601, "rsa": 1001, "ssa3000x": 751, "xseries": 1001}
@@ -125,7 +125,7 @@ def test_the_filter_is_told_and_quasi_peak_needs_the_right_one(bench: SimulatedB
 )
 def test_without_the_option_only_gaussian_filters_are_there(bench: SimulatedBench, name: str, option: str) -> None:
     driver = opened(bench, name)
-    bench.devices["receiver"]._properties["emi_option"].init_value("OFF")
+    bench.devices["receiver"].set_value("emi_option", "OFF")
     driver.reset()
     with pytest.raises(InstrumentError, match=f"-222.*the 6 dB EMI filter and quasi-peak need {option}") as caught:
         driver.configure(150e3, 30e6, 1e6, 9e3)
@@ -160,8 +160,8 @@ def test_corrections_of_the_instrument_are_switched_off(bench: SimulatedBench, n
     left = bench.devices["receiver"]
     # What somebody left on, which a reset does not take away everywhere.
     for setting, value in {"own_correction": "ON", "level_offset": "6", "external_gain": "20"}.items():
-        if setting in left._properties:
-            left._properties[setting].init_value(value)
+        if left.has(setting):
+            left.set_value(setting, value)
     driver.reset()
     assert driver.own_correction is True
     settings = driver.configure(150e3, 30e6, 1e6)
@@ -204,7 +204,7 @@ def test_a_garbled_trace_is_refused(bench: SimulatedBench, monkeypatch: pytest.M
 def test_a_trace_of_other_length_is_refused(bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = ready(bench, "ssa3000x", step_hz=1e6)
     monkeypatch.setattr(driver, "_levels", lambda: np.zeros(3))
-    with pytest.raises(InstrumentError, match="3 levels came, a sweep has 751"):
+    with pytest.raises(InstrumentError, match="received 3 levels, but a sweep has 751"):
         driver.scan("peak")
 
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from motoremi.bench.simulated import SimulatedBench
-from motoremi.bench.simulated_tinysa import SimulatedTinySa
-from motoremi.bench.virtual import virtual_instrument
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.tinysa import TinySa
+from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.virtual.simulated_tinysa import SimulatedTinySa
+from motoremi.virtual.virtual_instruments import virtual_instrument
 
 
 @pytest.fixture

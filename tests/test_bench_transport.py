@@ -14,11 +14,11 @@ import pytest
 from serving import served
 
 from motoremi.bench.connect import VisaBench, attach, driver_class, open_manager, open_transport
-from motoremi.bench.recording import RecordingTransport, decode_bytes, encode_bytes
 from motoremi.bench.replay import ReplayTransport
-from motoremi.bench.simulated import SimulatedBench
+from motoremi.bench.traffic import RecordingTransport, decode_bytes, encode_bytes
 from motoremi.bench.transport import VisaTransport
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from motoremi.bench.driver import Driver
-from motoremi.bench.recording import encode_bytes
 from motoremi.bench.replay import ReplayTransport
+from motoremi.bench.traffic import encode_bytes
 from motoremi.errors import InstrumentError
 from motoremi.instruments.agilent_4294a import Agilent4294A
 from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR

@@ -320,7 +320,7 @@ def test_ctrl_c_says_what_is_kept_only_where_something_is(tmp_path, monkeypatch,
     elif where == "before the session":
         monkeypatch.setattr(SessionWriter, "create", stop)
     else:
-        monkeypatch.setattr("motoremi.bench.runner.run", stop)
+        monkeypatch.setattr("motoremi.run.runner.run", stop)
     with pytest.raises(SystemExit) as caught:
         main()
     assert caught.value.code == 130

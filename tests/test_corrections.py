@@ -16,9 +16,6 @@ import pytest
 from skrf.io.touchstone import Touchstone
 
 import motoremi as me
-from motoremi.bench.bench_file import load_bench_file
-from motoremi.bench.procedure import load_procedure
-from motoremi.bench.runner import start_document
 from motoremi.cli import main
 from motoremi.data.corrections import Corrections, read_corrections
 from motoremi.data.spectrum import Spectrum
@@ -26,6 +23,9 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.emission.limit import find_limit
 from motoremi.emission.setup import Setup
 from motoremi.errors import BadInput
+from motoremi.run.runner import start_document
+from motoremi.schema.bench_file import load_bench_file
+from motoremi.schema.procedure import load_procedure
 
 PAD = '[[correction]]\nname = "pad"\nrole = "receiver"\nkind = "loss"\ndb = 10.0\n'
 AXIS = 150e3 + 4.5e3 * np.arange(400)

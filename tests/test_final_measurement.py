@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.procedure import Procedure, load_procedure, parse_procedure
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.rerun import rerun
-from motoremi.bench.resume import Done
-from motoremi.bench.runner import Outcome, resumable, run, start_document
-from motoremi.bench.simulated import OTHER_LINE_DB, SimulatedBench
-from motoremi.bench.simulated_receiver import settling_db
 from motoremi.data.corrections import Corrections
 from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.finals import Rules, choose_maxima, final_values, judge_finals
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.rerun import rerun
+from motoremi.run.resume import Done
+from motoremi.run.runner import Outcome, resumable, run, start_document
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
+from motoremi.virtual.simulated_bench import OTHER_LINE_DB, SimulatedBench
+from motoremi.virtual.simulated_receiver import settling_db
 from motoremi.workflow import analyse, opened, report_session
 from motoremi.workflow_emission import predict_session
 
@@ -224,8 +224,8 @@ def test_a_short_dwell_reads_low_on_meters_and_is_told_before_the_run(tmp_path: 
         *({"do": "spectrum", "detector": "peak", "dwell": dwell} for dwell in ("50 ms", "2 s")),
     ]
     procedure = parse_procedure(data, "test")
-    assert [remark for remark in procedure.remarks() if "reads low" in remark] == [
-        "step 2: quasi-peak with a dwell of 50 ms reads low: its meter needs 1 s at each point"
+    assert [remark for remark in procedure.remarks() if "measures too low" in remark] == [
+        "step 2: quasi-peak with a dwell of 50 ms measures too low: its meter needs 1 s at each point"
     ]
     spectra = done(tmp_path / "run", procedure)[0].spectra
     short, long, *peaks = (s.level_dbuv for s in spectra)

@@ -14,13 +14,6 @@ import pytest
 from fault_matrix import SEED, measured, small
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import Answer, NotDone
-from motoremi.bench.asked import Asking, Order, asked_value, procedure_for
-from motoremi.bench.hidden_bench import SEALED, keep_bench, kept_bench
-from motoremi.bench.procedure import Procedure, parse_procedure
-from motoremi.bench.rerun import rerun
-from motoremi.bench.resume import Done
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import main
 from motoremi.cli.investigate import minutes_of, typed_value
 from motoremi.data.conditions import SingleValue, parse_value
@@ -28,6 +21,13 @@ from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.report.conditions import asked_table
+from motoremi.run.answer import Answer, NotDone
+from motoremi.run.hidden_bench import SEALED, keep_bench, kept_bench
+from motoremi.run.requested import MeasurementRequest, RequestedMeasurements, procedure_for, requested_value
+from motoremi.run.rerun import rerun
+from motoremi.run.resume import Done
+from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow_investigate import Investigation, Think, Thought, investigate, order_of, taught_bits
 
 WARM: JsonDict = {
@@ -89,19 +89,19 @@ class Hands:
         connections = Done.of(session.documents).connections
         procedure = procedure_for(session)
         writer.emit("investigate", procedure=procedure.source, connections=connections, budget_minutes=60.0, odds=20.0, without=[])
-        self.asking = Asking(procedure, bench, writer, self.prompt, self.set_up, connections=connections)
+        self.asking = RequestedMeasurements(procedure, bench, writer, self.prompt, self.set_up, connections=connections)
 
     def prompt(self, text: str) -> Answer | None:
         self.told.append(text.partition("\n")[0])
         return self.answers.pop(0) if self.answers else None
 
-    def set_up(self, order: Order | None) -> None:
+    def set_up(self, order: MeasurementRequest | None) -> None:
         self.bench.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
 
-    def sweep(self, order: Order) -> None:
+    def sweep(self, order: MeasurementRequest) -> None:
         self.asking.measure(order)
 
-    def value(self, order: Order) -> SingleValue:
+    def value(self, order: MeasurementRequest) -> SingleValue:
         return self.bench.single_value(order.id, order.turn)
 
     def minutes(self, estimated: float) -> float:
@@ -283,17 +283,17 @@ def test_a_wide_sweep_is_as_wide_as_the_analyser_and_compensated_anew(tmp_path: 
 @pytest.mark.parametrize("question", [WARM, COPPER, SHORTED, REPEATS])
 def test_an_order_comes_back_from_its_record(question: JsonDict) -> None:
     order = order_of(question, 2)
-    assert Order.restored(order.to_dict()) == order
+    assert MeasurementRequest.restored(order.to_dict()) == order
 
 
 def test_a_damaged_order_is_refused() -> None:
     with pytest.raises(BadInput, match="recorded question cannot be read"):
-        Order.restored({"id": "x", "condition": None})
+        MeasurementRequest.restored({"id": "x", "condition": None})
 
 
 def test_an_answer_to_another_question_is_refused() -> None:
     with pytest.raises(BadInput, match="insulation-resistance was not asked for: give dc-resistance"):
-        asked_value(order_of(COPPER), parse_value("insulation-resistance=2Gohm"))
+        requested_value(order_of(COPPER), parse_value("insulation-resistance=2Gohm"))
 
 
 @pytest.mark.parametrize(("text", "minutes"), [("30min", 30), ("2h", 120), ("90 s", 1.5), ("0.5h", 30)])

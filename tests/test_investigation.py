@@ -389,7 +389,7 @@ def test_report_and_workbench_list_conditions_values_and_the_path(session: Path)
 def test_a_procedure_says_the_condition_of_its_sweeps() -> None:
     from pydantic import ValidationError
 
-    from motoremi.bench.steps import Sweep
+    from motoremi.schema.procedure_steps import Sweep
 
     assert Sweep(do="sweep", termination="short").parameters() == {"termination": "short", "repeat": 1}
     assert Sweep(do="sweep", termination="short", condition="dc-bias=1A").condition == "dc-bias=1A"

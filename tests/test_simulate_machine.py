@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from motoremi.arrays import ComplexArray
-from motoremi.bench.procedure import load_procedure
-from motoremi.bench.simulated import SimulatedBench
 from motoremi.cli import demo
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput
 from motoremi.export.realise import impedance_of
 from motoremi.model.effects import add_effects, find_effect, identifiers
 from motoremi.model.motor import dc_motor
+from motoremi.schema.procedure import load_procedure
 from motoremi.simulate import ladders, machine
 from motoremi.simulate.effects import ANALYSER_FAULTS, HIDDEN_EFFECTS
 from motoremi.simulate.motor import SimulatedMotor
 from motoremi.simulate.network import Network, impedance
+from motoremi.virtual.simulated_bench import SimulatedBench
 
 WIDE = np.geomspace(100.0, 30e6, 201)
 # What the catalogue calls a size, where the network's is another.

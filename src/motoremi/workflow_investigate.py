@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import NotDone
-from motoremi.bench.asked import Order
 from motoremi.data.conditions import REFERENCE, SingleValue, condition
 from motoremi.data.session import load
 from motoremi.data.sweep import TERMINATIONS
+from motoremi.run.answer import NotDone
+from motoremi.run.requested import MeasurementRequest
 from motoremi.workflow import Store
 
 SCHEMA = "motoremi.investigation/1"
@@ -72,11 +72,11 @@ Think = Callable[[], Thought]
 class Hands(Protocol):
     """Who measures: a bench with its operator, real or simulated."""
 
-    def sweep(self, order: Order) -> None:
+    def sweep(self, order: MeasurementRequest) -> None:
         """Have it set up and measured; raises `NotDone` if the operator says no."""
         ...
 
-    def value(self, order: Order) -> SingleValue:
+    def value(self, order: MeasurementRequest) -> SingleValue:
         """Have another meter read; raises `NotDone` if the operator says no."""
         ...
 
@@ -197,7 +197,7 @@ class _Path:
         """How often this was measured before."""
         return sum(step.id == name for step in self.steps)
 
-    def rest(self, order: Order) -> Order | None:
+    def rest(self, order: MeasurementRequest) -> MeasurementRequest | None:
         """What is left of the question that was pending; None if all of it is stored."""
         if order.is_value:
             return None if self.stored[order.id] else order
@@ -251,7 +251,7 @@ class _Run:
         self.tell(thought, None)
         if (pending := self.path.pending) is not None:
             # What was stored before an earlier run was stopped is kept; the rest is asked for once more.
-            rest = self.path.rest(Order.restored(pending["order"]))
+            rest = self.path.rest(MeasurementRequest.restored(pending["order"]))
             asked = pending if rest is None else self._ask(rest, float(pending["minutes"]), str(pending["why"]))
             thought = self._answered(asked, rest, thought)
         while True:
@@ -270,10 +270,10 @@ class _Run:
         stored = load(self.store.path).analysis("investigation") or {}
         return [step for step in stored.get("steps", []) if "minutes" not in step]
 
-    def _ask(self, order: Order, minutes: float, why: str) -> JsonDict:
+    def _ask(self, order: MeasurementRequest, minutes: float, why: str) -> JsonDict:
         return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict())
 
-    def _answered(self, asked: JsonDict, order: Order | None, before: Thought) -> Thought:
+    def _answered(self, asked: JsonDict, order: MeasurementRequest | None, before: Thought) -> Thought:
         """What stands after the answer to a question; None for an order that was carried out before."""
         brought = str(asked["order"]["condition"] or asked["id"])
         try:
@@ -303,7 +303,7 @@ class _Run:
         self.tell(after, step)
         return after
 
-    def _forget_the_ladder(self, order: Order) -> None:
+    def _forget_the_ladder(self, order: MeasurementRequest) -> None:
         """Its models were fitted to fewer sweeps."""
         if order.condition is None and load(self.store.path).ladder:
             self.store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
@@ -325,7 +325,7 @@ class _Run:
             too_long.append(str(following["id"]))
 
 
-def order_of(question: JsonDict, turn: int = 0) -> Order:
+def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
     """The order that a question of `motoremi next --json` is.
 
     Parameters
@@ -337,13 +337,13 @@ def order_of(question: JsonDict, turn: int = 0) -> Order:
     """
     name, asks = str(question["id"]), question["asks"]
     if asks["kind"] == "value":
-        return Order(name, str(asks["instruction"]), terminations=(), turn=turn)
+        return MeasurementRequest(name, str(asks["instruction"]), terminations=(), turn=turn)
     given = asks.get("termination")
     terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
     # A laboratory's own measurement is known by the one of the menu that it answers in another way.
     known = question.get("condition_id", None if name in REFERENCE else name)
     under = None if known is None else condition(str(known), asks.get("value"))
-    return Order(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
+    return MeasurementRequest(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
 
 
 def taught_bits(before: Mapping[str, float], after: Mapping[str, float]) -> float:

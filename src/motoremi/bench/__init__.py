@@ -1,1 +1,1 @@
-"""Transports, recording, replay, procedures, the runner and the simulated bench."""
+"""Links to instruments, the recording and replay of their traffic, and the base classes of all drivers."""

@@ -1,9 +1,10 @@
-"""What every impedance analyser can do, and the rules that do not depend on its maker."""
+"""Base class of the drivers of impedance analysers, and the checks that all of them share."""
 
 from __future__ import annotations
 
 import abc
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -21,6 +22,30 @@ Standard = Literal["open", "short", "load"]
 Spacing = Literal["log", "linear"]
 
 
+@dataclass(frozen=True)
+class SweepSettings:
+    """Settings of an impedance sweep.
+
+    Parameters
+    ----------
+    start_hz, stop_hz : float
+        First and last frequency in hertz.
+    points : int
+    spacing : {"log", "linear"}
+    bandwidth_factor : int
+        1 is fastest, 5 most accurate.
+    oscillator_volt : float
+        Level of the test signal in volt.
+    """
+
+    start_hz: float
+    stop_hz: float
+    points: int
+    spacing: Spacing
+    bandwidth_factor: int
+    oscillator_volt: float
+
+
 class ImpedanceAnalyser(Driver):
     """An analyser that sweeps impedance against frequency.
 
@@ -31,7 +56,7 @@ class ImpedanceAnalyser(Driver):
     """
 
     analyser: ClassVar[str]
-    # Which standards its compensation takes, and which options of a sweep it has, by their keys in a procedure.
+    # Standards that its compensation uses, and options of a sweep that it has, by their keys in a procedure.
     COMPENSATES: ClassVar[frozenset[Standard]] = frozenset({"open", "short"})
     OPTIONS: ClassVar[frozenset[str]] = frozenset()
     # Standards without which it cannot measure at all.
@@ -39,11 +64,10 @@ class ImpedanceAnalyser(Driver):
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)
-        # The axis each fixture compensation was measured on. Coefficients of another axis silently spoil every point.
+        # Frequencies at which each standard was measured. Compensation with data of other frequencies would falsify every point silently.
         self._compensated: dict[Standard, FloatArray] = {}
         self.options = SweepOptions()
 
-    @abc.abstractmethod
     def configure(
         self,
         start_hz: float,
@@ -53,22 +77,15 @@ class ImpedanceAnalyser(Driver):
         bandwidth_factor: int = 3,
         oscillator_volt: float = 0.5,
     ) -> JsonDict:
-        """Set the sweep up and return the settings as the instrument reports them.
+        """Set the sweep up and return the settings as the instrument reports them; parameters as in `SweepSettings`."""
+        return self.set_up(SweepSettings(start_hz, stop_hz, points, spacing, bandwidth_factor, oscillator_volt))
 
-        Parameters
-        ----------
-        start_hz, stop_hz : float
-            First and last frequency in hertz.
-        points : int
-        spacing : {"log", "linear"}
-        bandwidth_factor : int
-            1 is fastest, 5 most accurate.
-        oscillator_volt : float
-            Level of the test signal in volt.
-        """
+    def set_up(self, asked: SweepSettings) -> JsonDict:
+        """Set the sweep up and return the settings as the instrument reports them; every driver defines this, or `configure`."""
+        raise NotImplementedError
 
     def prepare(self, options: SweepOptions) -> JsonDict | None:
-        """Set up what comes on top of `configure`, after it, and return all settings as the instrument reports them; None if they are as before.
+        """Set the options of a sweep, after `configure`, and return all settings as the instrument reports them; None if none has changed.
 
         Raises
         ------
@@ -80,7 +97,7 @@ class ImpedanceAnalyser(Driver):
         return None
 
     def define_load(self, ohm: float, henry: float) -> None:
-        """Tell the analyser what the load standard is, before it is measured."""
+        """Set the value of the load standard, before it is measured."""
         raise BadInput(f"{self}: its compensation takes no load standard")
 
     @abc.abstractmethod
@@ -93,7 +110,7 @@ class ImpedanceAnalyser(Driver):
 
     @abc.abstractmethod
     def wait_until_complete(self) -> None:
-        """Return when the sweep is complete; `InstrumentError` if it is not in time."""
+        """Return when the sweep is complete; `InstrumentError` if it takes too long."""
 
     @abc.abstractmethod
     def read_axis(self) -> FloatArray:
@@ -104,19 +121,19 @@ class ImpedanceAnalyser(Driver):
         """Impedance of the last complete sweep in ohm; refused before it is complete."""
 
     def stimulus(self) -> AbstractContextManager[None]:
-        """What is put across the motor while it is measured, and taken away however that ends."""
+        """Context in which the motor is measured, for example with a bias across it; the bias is removed even if the sweep fails."""
         return nullcontext()
 
     def read_compensation(self, standard: Standard) -> ImpedanceSweep | None:
-        """What the instrument holds of a standard that it has measured; None if it does not tell."""
+        """What the instrument measured with a standard; None if it cannot be read out."""
         return None
 
     def metadata(self) -> JsonDict:
-        """What else is worth keeping with the sweep that has just been read."""
+        """Further metadata of the sweep that has just been read."""
         return {}
 
     def compensate(self, standard: Standard) -> None:
-        """Measure the fixture with the standard that is connected now, on the frequencies of the sweep."""
+        """Measure the fixture with the standard that is connected now, at the frequencies of the sweep."""
         self._compensated.pop(standard, None)
         self.measure_standard(standard)
         self._compensated[standard] = self.read_axis()
@@ -129,12 +146,12 @@ class ImpedanceAnalyser(Driver):
         termination : {"short", "open"}
             How the motor is connected.
         of_a_standard : bool
-            Whether a standard is connected instead, which gets no bias.
+            Whether a standard is connected instead of the motor; no bias is applied to it.
 
         Raises
         ------
         InstrumentError
-            If the compensation belongs to other frequencies, the sweep does not end in time, or the data are not whole.
+            If the compensation belongs to other frequencies, the sweep takes too long, or data are missing.
         """
         frequency_hz = self.read_axis()
         self._refuse_other_axis(frequency_hz)
@@ -143,9 +160,9 @@ class ImpedanceAnalyser(Driver):
             self.wait_until_complete()
         impedance_ohm = self.read_impedance()
         if impedance_ohm.size != frequency_hz.size:
-            raise InstrumentError(f"{self}: {frequency_hz.size} frequencies but {impedance_ohm.size} impedances came")
+            raise InstrumentError(f"{self}: {frequency_hz.size} frequencies but {impedance_ohm.size} impedances were received")
         settings = self.settings()
-        # What the instrument says is connected counts before what it was asked for.
+        # An adapter or fixture that the instrument reports takes precedence over the one in the procedure.
         between = {name: settings.get(name, getattr(self.options, name)) for name in ("adapter", "fixture")}
         metadata = {
             "analyser": specification(self.analyser, **between),

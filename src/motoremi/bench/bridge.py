@@ -1,4 +1,4 @@
-"""What the impedance analysers with four-terminal-pair ports share: adapters, averaging, a bias, a load standard, list sweeps."""
+"""Base class of impedance analysers with four-terminal-pair ports: adapters, averaging, bias, load standard, list sweeps."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import InstrumentError
 from motoremi.quantities import show
 
-# A ramp goes in steps of this time, but in no more than so many.
+# Duration of one step of a ramp, and the largest number of steps.
 RAMP_STEP_S, MOST_RAMP_STEPS = 0.1, 20
 
 
 class BridgeAnalyser(ImpedanceAnalyser):
-    """An analyser whose table has the rows named here, and whose traces are R and X, each point with a second value that is 0.
+    """An analyser that has the settings declared here and sends R and X as two traces, each with a second value of 0 at every point.
 
     Parameters
     ----------
     transport : Transport
     poll_s : float
-        Seconds between two looks at the event register.
+        Seconds between two readings of the event register.
 
     Notes
     -----
-    The bias is on only while a sweep runs: raised in steps before the trigger, taken away after it, and switched off first of all in the
-    safe state. Between sweeps, when the operator touches the motor, there is none.
+    The bias is on only while a sweep runs: it is raised in steps before the trigger and removed after the sweep, and the safe state begins by
+    switching it off. Between sweeps, when the operator touches the motor, it is off.
     """
 
     COMPENSATES = frozenset({"open", "short", "load"})
     OPTIONS = frozenset({"adapter", "sweep_averages", "point_averages", "bias", "segments"})
-    # Rows of the table that a step changes by itself; they are told with what they were changed for.
-    PASSING: ClassVar[frozenset[str]] = frozenset({"bias_on", "bias_volt", "bias_range", "bias_monitor", "load_ohm", "load_henry"})
+    # Settings that change within a step. They are stored with the sweep or standard that they were changed for, not as settings of the run.
+    TEMPORARY: ClassVar[frozenset[str]] = frozenset({"bias_on", "bias_volt", "bias_range", "bias_monitor", "load_ohm", "load_henry"})
     RESTART_AVERAGE: ClassVar[str]
-    # What the instrument calls the traces of R and X.
+    # Names of the traces of R and X.
     PARTS: ClassVar[tuple[str, str]]
-    # Generous seconds per point for measuring time 1 to 5; only deadlines depend on them.
+    # Upper estimates of the seconds per point for measuring times 1 to 5; used for deadlines only.
     SECONDS_PER_POINT: ClassVar[tuple[float, ...]] = (0.003, 0.006, 0.012, 0.06, 0.2)
 
     points: Setting[int]
@@ -85,15 +85,15 @@ class BridgeAnalyser(ImpedanceAnalyser):
         """Wait until that many sweeps are complete."""
 
     def limit_bias(self, bias: Bias) -> None:
-        """Have the instrument keep to the largest current of a bias, before it is switched on."""
+        """Set the current limit of a bias, before it is switched on."""
 
     def check_bias(self, bias: Bias) -> JsonDict:
-        """What the instrument says of the bias during the sweep that has just ended."""
+        """The bias as the instrument measured it during the sweep that has just ended."""
         return {}
 
     def settings(self) -> JsonDict:
         """Every setting of a sweep, as the instrument itself reports it, in SI units."""
-        return {name: getattr(self, name) for name in self.table() if name not in self.PASSING}
+        return {name: getattr(self, name) for name in self.table() if name not in self.TEMPORARY}
 
     def prepare(self, options: SweepOptions) -> JsonDict:
         """Set up adapter, averaging and list; see `ImpedanceAnalyser.prepare`."""
@@ -111,12 +111,12 @@ class BridgeAnalyser(ImpedanceAnalyser):
         return self.settings()
 
     def define_load(self, ohm: float, henry: float) -> None:
-        """Tell the analyser what the load standard is."""
+        """Set the value of the load standard, and read it back."""
         self.load_ohm, self.load_henry = ohm, henry
         self._load = {"load_standard": {"ohm": self.load_ohm, "henry": self.load_henry}}
 
     def metadata(self) -> JsonDict:
-        """The load standard that the compensation rests on, and the bias of the sweep."""
+        """The load standard that the compensation uses, and the bias of the sweep."""
         bias, self._bias = self._bias, {}
         return {**self._load, **bias}
 
@@ -149,31 +149,31 @@ class BridgeAnalyser(ImpedanceAnalyser):
 
     @contextmanager
     def stimulus(self) -> Iterator[None]:
-        """Raise the bias, and take it away however the sweep ends."""
+        """Raise the bias, and remove it even if the sweep fails."""
         bias = self.options.bias
         if bias.volt == 0:
             yield
             return
         try:
             self._raise_bias(bias)
-            told = {"volt": self.bias_volt, "limit_a": bias.limit_a, "ramp_s": bias.ramp_s}
+            applied = {"volt": self.bias_volt, "limit_a": bias.limit_a, "ramp_s": bias.ramp_s}
             yield
-            self._bias = {"bias": {**told, **self.check_bias(bias)}}
+            self._bias = {"bias": {**applied, **self.check_bias(bias)}}
             self._ramp(bias.volt, 0.0, bias.ramp_s)
         except BaseException:
-            # What went wrong is told, not what that did to switching the bias off; the safe state does it once more.
+            # The first error is raised, not a second one from switching the bias off; the safe state switches it off again.
             with suppress(InstrumentError):
                 self.bias_on = False
             raise
         self.bias_on = False
 
     def longest_s(self, sweeps: int = 1) -> float:
-        """The deadline for so many sweeps."""
+        """Deadline in seconds for a number of sweeps."""
         each_s = self.points * self.SECONDS_PER_POINT[self.bandwidth_factor - 1] * self.options.point_averages
         return 10.0 + 3 * sweeps * each_s
 
     def kept(self, standard: Standard, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ImpedanceSweep:
-        """What the instrument holds of a standard, as data to store."""
+        """What the instrument measured with a standard, as data to store."""
         metadata = {"analyser": self.analyser, "resource": self.transport.resource_name, "compensation": standard}
         return ImpedanceSweep("short" if standard == "short" else "open", frequency_hz, impedance_ohm, metadata=metadata)
 
@@ -183,7 +183,7 @@ class BridgeAnalyser(ImpedanceAnalyser):
             self.bias_volt = 0.0
             self.bias_on = True
             self._ramp(0.0, bias.volt, bias.ramp_s)
-            # The 4294A is known to look at the current when the bias is switched on; whether it does so at each step is not.
+            # The 4294A checks the current when the bias is switched on. Whether it also does at each step of the ramp is not known.
             self.bias_on = True
         except InstrumentError as error:
             raise InstrumentError(
@@ -201,4 +201,4 @@ class BridgeAnalyser(ImpedanceAnalyser):
         asked = np.concatenate([np.linspace(one.start_hz, one.stop_hz, one.points) for one in segments])
         came = self.read_axis()
         if came.size != asked.size or not np.allclose(came, asked, rtol=1e-6, atol=0):
-            raise InstrumentError(f"{self}: sweeps {came.size} points that are not the {asked.size} of the list that was entered")
+            raise InstrumentError(f"{self}: sweeps {came.size} points, which are not the {asked.size} points of the list that was entered")

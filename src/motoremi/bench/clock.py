@@ -1,4 +1,4 @@
-"""Time as the bench sees it: the wall clock for real instruments, a virtual one for simulated and replayed ones."""
+"""Clocks: real time for real instruments, virtual time for simulated and replayed ones."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What a driver waits by."""
+    """The time that drivers and runs wait by."""
 
     def now(self) -> float:
-        """Seconds since some fixed moment; never runs backwards."""
+        """Seconds since some fixed moment; never decreases."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Let that many seconds pass."""
+        """Wait that many seconds."""
         ...
 
 
@@ -26,12 +26,12 @@ class WallClock:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait that many real seconds; a moment that has passed is not waited for."""
+        """Wait that many real seconds; not at all if the number is negative."""
         time.sleep(max(0.0, seconds))
 
 
 class FastClock:
-    """Real time that passes faster, for simulated instruments that other programs wait for.
+    """Accelerated real time, for simulated instruments that other programs wait for.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class FastClock:
 
 
 class VirtualClock:
-    """Time that passes only when somebody waits, so that a simulated sweep of a minute takes no time at all."""
+    """Time that advances only by `sleep`, so that a simulated sweep of a minute takes no real time."""
 
     def __init__(self) -> None:
         self._now_s = 0.0

@@ -1,4 +1,4 @@
-"""From a role in a procedure to a connected driver: drivers by name, resources by VISA, an allow-list in between."""
+"""Connects the instrument of a role: finds the driver by its name, checks the resource against the allow-list, opens it with VISA."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import pyvisa
 from pyvisa.resources import MessageBasedResource
 
 from motoremi.bench.clock import Clock, WallClock
-from motoremi.bench.connections import ConnectionName
 from motoremi.bench.driver import Driver
-from motoremi.bench.recording import RecordingTransport, TrafficSink
+from motoremi.bench.motor_connections import ConnectionName
+from motoremi.bench.traffic import RecordingTransport, TrafficSink
 from motoremi.bench.transport import Transport, VisaTransport
 from motoremi.errors import BadInput, InstrumentError
 
 DRIVER_GROUP = "motoremi.instruments"
-# A source tree that is not installed has no entry points.
+# Used where motoremi is not installed, since a source tree has no entry points.
 BUILT_IN = {
     "4294a": "motoremi.instruments.agilent_4294a:Agilent4294A",
     "e4990a": "motoremi.instruments.keysight_e4990a:KeysightE4990A",
@@ -43,7 +43,7 @@ BUILT_IN = {
     "hmp4000": "motoremi.instruments.rohde_schwarz_hmp4000:RohdeSchwarzHmp4000",
     "line-reader": "motoremi.instruments.line_reader:LineReader",
 }
-# What a procedure or bench file says of an instrument beside driver and resource, by the role that it plays.
+# Options of an instrument in a procedure or bench file, besides driver and resource, by role.
 Options = Mapping[str, Mapping[str, Any]]
 
 
@@ -52,11 +52,11 @@ class Bench(Protocol):
 
     @property
     def clock(self) -> Clock:
-        """What waiting is measured by."""
+        """Clock of everything that waits."""
         ...
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
-        """Connect the driver of a role, every exchange going to the sink."""
+        """Connect the driver of a role; every exchange is passed to the sink."""
         ...
 
     def connect(self, what: ConnectionName) -> int:
@@ -68,13 +68,13 @@ class Bench(Protocol):
         ...
 
     def close(self) -> None:
-        """Give everything back."""
+        """Close all links."""
         ...
 
 
 @cache
 def driver_names() -> dict[str, str]:
-    """Known drivers: name to `module:class`; installed ones come before the built-in."""
+    """Known drivers: name to `module:class`; installed ones take precedence over the built-in ones."""
     return BUILT_IN | {entry.name: entry.value for entry in entry_points(group=DRIVER_GROUP)}
 
 
@@ -105,7 +105,7 @@ def open_manager(backend: str = "") -> pyvisa.ResourceManager:
     Parameters
     ----------
     backend : str
-        What PyVISA takes, for example `@py`; empty for the system's VISA, or PyVISA-py where there is none.
+        PyVISA's name of the backend, for example `@py`; empty for the system's VISA, or PyVISA-py where there is none.
     """
     try:
         return pyvisa.ResourceManager(backend)
@@ -140,7 +140,7 @@ def _open_resource(manager: pyvisa.ResourceManager, resource: str) -> MessageBas
 
 
 def attach(transport: Transport, role: str, driver: str, sink: TrafficSink, options: Options | None = None) -> Driver:
-    """Put a driver on a transport, with every exchange recorded."""
+    """Make a driver for a transport, with every exchange recorded."""
     made = driver_class(driver)(RecordingTransport(transport, role, sink))
     made.use(options or {})
     return made
@@ -179,12 +179,12 @@ class VisaBench:
         return attach(open_transport(self._manager, wanted, clock=self.clock), role, driver, sink, options)
 
     def connect(self, what: ConnectionName) -> int:
-        """Count the connection; the operator makes it."""
+        """Count the connections, which the operator makes."""
         self._connections += 1
         return self._connections
 
     def at_line(self, line: str) -> None:
-        """The operator has switched it."""
+        """Nothing to do: the operator or the receiver switches the LISN."""
 
     def close(self) -> None:
         """Close the resource manager."""

@@ -1,4 +1,4 @@
-"""What all drivers share: a table of settings, identity, and an error queue that is never left unread."""
+"""Base class of all drivers: settings declared as a table, identity, and an error queue that is read after every command."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ T = TypeVar("T")
 
 
 class RefusedCommand(InstrumentError):
-    """The instrument answered, and what it says is that it does not take the command."""
+    """The instrument reported an error after a command."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who answered `*IDN?`."""
+    """The fields of the answer to `*IDN?`."""
 
     vendor: str
     model: str
@@ -36,7 +36,7 @@ class Identity:
 
 
 class Setting(Generic[T]):
-    """One row of a driver's table: `COMMAND value UNIT` sets it, `COMMAND?` reads it.
+    """One setting of an instrument: `COMMAND value UNIT` sets it, `COMMAND?` reads it.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ class Setting(Generic[T]):
     span : (float, float), optional
         Smallest and largest value, in `unit`.
     words : mapping of str to str, optional
-        Allowed values and what the instrument calls them.
+        Allowed values, and the instrument's word for each.
     read, write : callable
         Between the instrument's text and a Python value.
     query : str, optional
-        What reads it, if that is not the command with a question mark.
+        Query that reads it, if that is not the command with a question mark.
     """
 
     def __init__(
@@ -95,10 +95,10 @@ class Setting(Generic[T]):
     def __set__(self, instance: Driver, value: T) -> None:
         unit = self.unit.upper() if instance.units_on_wire else ""
         instance.tell(f"{self.command} {self._write(self.checked(instance, value))} {unit}".rstrip())
-        instance.told[self.name] = value
+        instance.sent_settings[self.name] = value
 
     def checked(self, instance: Driver, value: T) -> T:
-        """The value, or one line on why the instrument cannot take it."""
+        """The value; `BadInput` if the instrument cannot take it."""
         if self.words and value not in self.words:
             raise BadInput(f"{instance}: {self.name} = {value!r} is unknown; use one of {', '.join(self.words)}")
         if self.span is not None and isinstance(value, int | float) and not self.span[0] <= value <= self.span[1]:
@@ -119,7 +119,7 @@ def count(command: str, span: tuple[int, int], doc: str) -> Setting[int]:
 
 
 def choice(command: str, words: dict[str, str], doc: str) -> Setting[str]:
-    """A setting with a few words: our word to the instrument's word."""
+    """A setting with a fixed set of words; `words` maps each to the instrument's word."""
     back = {theirs: ours for ours, theirs in words.items()}
     return Setting(command, doc, lambda text: back[text.upper()], lambda ours: words[ours], words=words)
 
@@ -138,44 +138,44 @@ class Driver(abc.ABC):
     model : str
         Regular expression that the second field of `*IDN?` must match.
     error_query : str
-        What pops the oldest entry of the error queue; empty for an instrument that has none and answers each mistake at once.
+        Query that reads and removes the oldest entry of the error queue; empty for an instrument without one.
     units_on_wire : bool
         Whether a number is sent with its unit.
     safe_commands : tuple of str
-        What stops the measurement and takes the stimulus away.
+        Commands that stop the measurement and remove the stimulus.
     """
 
     model: ClassVar[str]
     error_query: ClassVar[str]
     safe_commands: ClassVar[tuple[str, ...]]
     units_on_wire: ClassVar[bool] = True
-    # The queues hold ten entries or thirty; a queue that never empties is an instrument out of its mind.
+    # Error queues hold ten to thirty entries. A queue that never empties is a fault of the instrument, so stop reading after this many.
     _QUEUE_LIMIT: ClassVar[int] = 50
-    # Bit of the IEEE 488.2 standard event register, and what has the status byte request service for it.
+    # Bit of the IEEE 488.2 standard event register, and the commands that make the instrument request service when it is set.
     OPERATION_COMPLETE: ClassVar[int] = 1
     REQUEST_AT_COMPLETION: ClassVar[tuple[str, ...]] = ("*ESE 1", "*SRE 32")
-    # A receiver's preset takes many seconds, during which it answers nothing.
+    # A receiver's preset takes many seconds, during which it does not answer.
     RESET_S: ClassVar[float] = 60.0
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
         self.poll_s = 0.1
-        # What the settings were told since the last reset, to be held against what the instrument then reports.
-        self.told: JsonDict = {}
+        # Settings as they were sent since the last reset, for comparison with what the instrument reports.
+        self.sent_settings: JsonDict = {}
 
     def __str__(self) -> str:
         return f"{type(self).__name__} at {self.transport.resource_name}"
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:  # noqa: B027
-        """Take what the procedure or the bench file says of each role that this instrument plays."""
+        """Take the options that the procedure or the bench file gives for each role of this instrument."""
 
     def identify(self) -> Identity:
-        """Read who is there.
+        """Read the identity.
 
         Raises
         ------
         InstrumentError
-            If it is not the instrument this driver is for.
+            If it is not an instrument that this driver is for.
         """
         answer = self.transport.query("*IDN?")
         fields = [field.strip() for field in answer.split(",")]
@@ -190,16 +190,16 @@ class Driver(abc.ABC):
         self.transport.write("*CLS")
         with self.transport.patience(self.RESET_S):
             self.tell("*RST")
-        self.told.clear()
+        self.sent_settings.clear()
 
     def safe(self) -> None:
-        """Stop measuring and take the stimulus away; called however a run ends."""
-        # A run may end between a query and its answer; a link that cannot clear it is no reason not to try the rest.
+        """Stop measuring and remove the stimulus; called at the end of every run, also of one that failed."""
+        # A run may end between a query and its answer. If the link cannot be cleared, the commands below are still sent.
         with suppress(InstrumentError):
             self.transport.clear()
         self.transport.write("*CLS")
         if self.transport.service_requests:
-            # Other programs on the bus shall not be disturbed by sweeps from the front panel.
+            # A sweep started later from the front panel must not request service from other programs on the bus.
             self.transport.write("*SRE 0")
         self.tell(*self.safe_commands)
 
@@ -216,13 +216,13 @@ class Driver(abc.ABC):
         return rows
 
     def tell(self, *commands: str) -> None:
-        """Send commands, each followed by a look at the error queue."""
+        """Send commands, and read the error queue after each."""
         for command in commands:
             self.transport.write(command)
             self.check_errors(command)
 
     def ask(self, command: str) -> str:
-        """Send a query and look at the error queue after its answer."""
+        """Send a query, and read the error queue after its answer."""
         answer = self.transport.query(command)
         self.check_errors(command)
         return answer
@@ -235,7 +235,7 @@ class Driver(abc.ABC):
         RefusedCommand
             With number and text of each error, and the command that it followed.
         InstrumentError
-            If what answers is no error queue.
+            If the answer is not an entry of an error queue.
         """
         errors = []
         for _ in range(self._QUEUE_LIMIT):
@@ -252,45 +252,45 @@ class Driver(abc.ABC):
             raise RefusedCommand(f"{self}: error {'; '.join(errors)} after {command!r}")
 
     def request_service(self) -> None:
-        """Where the link carries service requests, have the instrument request service at completion; after `*CLS`, before the command."""
+        """Make the instrument request service at completion, if the link carries service requests; after `*CLS` and before the command."""
         if self.transport.service_requests:
             self.tell(*self.REQUEST_AT_COMPLETION)
 
     def is_operation_complete(self) -> bool:
-        """Whether what went before `*OPC` has ended; reading clears the register."""
+        """Whether everything before `*OPC` is complete; reading clears the register."""
         return bool(int(float(self.transport.query("*ESR?"))) & self.OPERATION_COMPLETE)
 
     def wait_until(self, is_complete: Callable[[], bool], command: str, longest_s: float) -> None:
-        """Wait for the end of what a command began: for a service request where the link carries them, by looking every `poll_s` elsewhere.
+        """Wait until what a command started is complete: by a service request where the link carries them, else by polling every `poll_s`.
 
-        Only the instrument's register proves an end: a request may be an older one, or get lost. It is looked at after each request and
-        at the deadline; a link that lost one is polled from then on.
+        Only the instrument's register proves completion, because a request may be left over from an earlier command, or get lost. The
+        register is read after each request and at the deadline; a link that lost a request is polled from then on.
 
         Raises
         ------
         InstrumentError
-            If it has not ended after `longest_s`, or ended with an error.
+            If it is not complete after `longest_s`, or ended with an error.
         """
         link = self.transport
         deadline = link.clock.now() + longest_s
-        came = self._rest(longest_s) if link.service_requests else True
+        was_requested = self._pause(longest_s) if link.service_requests else True
         while not is_complete():
             if link.clock.now() > deadline:
                 raise InstrumentError(f"{self}: {command!r} is not complete after {longest_s:.0f} s; check trigger source and front panel")
-            came = self._rest(deadline - link.clock.now())
-        if not came:
+            was_requested = self._pause(deadline - link.clock.now())
+        if not was_requested:
             link.write("*SRE 0")
             link.service_requests = False
         self.check_errors(command)
 
-    def _rest(self, longest_s: float) -> bool:
-        """Wait for a request, or a while; False if a request was waited for in vain."""
+    def _pause(self, longest_s: float) -> bool:
+        """Wait for a service request, or one polling interval; False if a request was expected and did not come."""
         if self.transport.service_requests:
             return self.transport.await_request(longest_s)
-        # What takes hours is looked at each second, or its record would be of looking only.
+        # What takes hours is polled once a second: more often would fill the recorded traffic with polls.
         self.transport.clock.sleep(max(self.poll_s, min(1.0, longest_s / 1000)))
         return True
 
     def close(self) -> None:
-        """Give the instrument back."""
+        """Close the link."""
         self.transport.close()

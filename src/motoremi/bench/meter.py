@@ -1,4 +1,4 @@
-"""What every instrument can do that reads a quantity of the motor's state."""
+"""Base class of the drivers of instruments that read a quantity of the motor's state."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Meter(Driver):
     quantities : frozenset of str
         What it can read: keys of `motoremi.data.state.STATE_QUANTITIES`.
     number_format : str
-        Regular expression of a whole number on the wire; half of one must not match.
+        Regular expression of a complete number in an answer; a truncated number must not match.
     """
 
     quantities: ClassVar[frozenset[str]]
@@ -51,7 +51,7 @@ class Meter(Driver):
         Raises
         ------
         InstrumentError
-            If no number comes, or one that marks an overload.
+            If the answer is not a number, or marks an overload.
         """
 
     def ask_number(self, query: str) -> float:

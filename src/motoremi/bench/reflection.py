@@ -1,4 +1,4 @@
-"""What network analysers share that measure impedance by reflection: calibration, fixture, and how little S11 tells far from 50 Ohm."""
+"""Base class of network analysers that measure impedance by reflection: calibration, fixture, and the accuracy of S11 far from 50 Ohm."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from motoremi.quantities import show
 class ReflectionAnalyser(ImpedanceAnalyser):
     """A network analyser that measures S11 at one port.
 
-    One that is calibrated at its connector has its fixture taken out here, with open and short. A driver of an analyser that sends raw
-    data replaces `impedance_of`.
+    The fixture behind a calibrated connector is removed here, by what was measured with open and short. The driver of an analyser that sends
+    raw data overrides `impedance_of`.
     """
 
     analyser = "nanovna"
     REFERENCE_OHM: ClassVar[float] = 50.0
-    # A tenth of what a careless calibration leaves: an estimate, not from a data sheet.
+    # Error of the reflection coefficient, a tenth of what a careless calibration leaves: an estimate, not from a data sheet.
     GAMMA_ERROR: ClassVar[float] = 5e-3
-    # Noise of a standard is in every sweep after it and does not show in their scatter: it has to be far below theirs.
+    # The noise of a standard enters every later sweep but not their scatter, so it has to be far below the noise of a sweep.
     SCANS_OF_A_STANDARD: ClassVar[int] = 16
 
     def __init__(self, transport: Transport) -> None:
@@ -42,13 +42,13 @@ class ReflectionAnalyser(ImpedanceAnalyser):
         """S11 of one sweep, at the frequencies of `read_axis`."""
 
     def scan_mean(self, scans: int) -> ComplexArray:
-        """Mean of S11 over so many sweeps."""
-        # The mean of S11, not of impedances: that of an open fixture is mostly noise.
+        """Mean of S11 over a number of sweeps."""
+        # S11 is averaged rather than impedance, because the impedance of an open fixture is mostly noise.
         mean: ComplexArray = np.mean([self.scan() for _ in range(scans)], axis=0)
         return mean
 
     def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
-        """Impedance in ohm, from what was measured as S11."""
+        """Impedance in ohm, from the measured S11."""
         open_ohm, short_ohm = (
             impedance_from_reflection(self._standards[name], self.REFERENCE_OHM) if name in self._standards else None for name in ("open", "short")
         )
@@ -60,11 +60,11 @@ class ReflectionAnalyser(ImpedanceAnalyser):
         self._standards[standard] = self.scan_mean(self.SCANS_OF_A_STANDARD)
 
     def trigger(self) -> None:
-        """Nothing to start: `wait_until_complete` scans."""
+        """Discard the last sweep; the scan itself is done by `wait_until_complete`."""
         self._measured = None
 
     def wait_until_complete(self) -> None:
-        """Scan, and correct what came."""
+        """Scan, and convert S11 to impedance."""
         self._measured = self.impedance_of(self.scan_mean(1))
 
     def read_impedance(self) -> ComplexArray:
@@ -74,7 +74,7 @@ class ReflectionAnalyser(ImpedanceAnalyser):
         return self._measured
 
     def metadata(self) -> JsonDict:
-        """Reference plane, and how many points lie where S11 tells little."""
+        """Reference plane, and at how many points an S11 error of `GAMMA_ERROR` makes more than 10 % of the impedance."""
         magnitude = np.abs(self.read_impedance())
         error = self.GAMMA_ERROR * (magnitude + self.REFERENCE_OHM) ** 2 / (2 * self.REFERENCE_OHM * magnitude)
         return {
@@ -102,7 +102,7 @@ def pieces(start_hz: int, stop_hz: int, points: int, spacing: Spacing, most: int
     spacing : {"log", "linear"}
         Logarithmic sweeps change their step at each octave.
     most : int
-        Most points of one scan.
+        Largest number of points of one scan.
     """
     if spacing == "linear":
         axis = np.linspace(start_hz, stop_hz, points)
@@ -118,20 +118,20 @@ def pieces(start_hz: int, stop_hz: int, points: int, spacing: Spacing, most: int
         if index == len(edges) - 2:
             made.append((int(first), int(last), count + 1))
         else:
-            # The last point of a piece is the first one of the next.
+            # A scan ends one step before the first point of the next one.
             made.append((int(first), round(last - (last - first) / count), count))
     return made
 
 
 def impedance_from_reflection(gamma: ComplexArray, reference_ohm: float) -> ComplexArray:
     """Z = Z0 (1 + S11)/(1 - S11), in ohm."""
-    # Nothing connected may be read as exactly 1; half a step of the nine decimals that are printed keeps that finite.
+    # With nothing connected S11 may be exactly 1. Half of the ninth decimal, the last one that is printed, keeps the impedance finite.
     impedance: ComplexArray = reference_ohm * (1 + gamma) / np.where(gamma == 1, 5e-10, 1 - gamma)
     return impedance
 
 
 def without_fixture(impedance: ComplexArray, open_ohm: ComplexArray | None, short_ohm: ComplexArray | None) -> ComplexArray:
-    """Take out what was measured with the fixture open and shorted: a series impedance with an admittance behind it."""
+    """Remove the fixture, a series impedance followed by a parallel admittance, by what was measured with it open and shorted."""
     series = short_ohm if short_ohm is not None else np.zeros_like(impedance)
     behind = impedance - series
     result: ComplexArray = behind if open_ohm is None else behind / (1 - behind / (open_ohm - series))
@@ -156,10 +156,10 @@ def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], kn
     Raises
     ------
     InstrumentError
-        If two of them read alike: a standard that was not connected.
+        If two of them have the same reflection, which means that a standard was not connected.
     """
     for one, other in combinations(known, 2):
-        # Of standards that differ by 1 or 2, an analyser that works shows more than a tenth, whatever its errors.
+        # The true reflections differ by 1 or 2. A working analyser shows more than a tenth of that, whatever its errors.
         if np.any(np.abs(standards[one] - standards[other]) < 0.02 * np.abs(known[one] - known[other])):
             raise InstrumentError(f"the {one} and the {other} standard read alike; was each of them connected? Compensate again")
     measured = np.stack([standards[name] for name in known], axis=1)

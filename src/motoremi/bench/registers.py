@@ -12,9 +12,9 @@ from motoremi.errors import InstrumentError
 READ = {1: 0x10, 2: 0x11, 4: 0x12}
 WRITE = {1: 0x20, 2: 0x21, 4: 0x22, 8: 0x23}
 READ_FIFO = 0x18
-# Ends whatever command is half sent, and asks for the character that the protocol answers with.
+# The zeros complete a command that was sent only in part; then the protocol's fixed answer is requested.
 INDICATE, READY = bytes(8) + b"\x0d", b"2"
-# What an instrument that was left in the middle of its data may still send.
+# An instrument that was interrupted may still be sending data: attempts to reach it, and the pause between them in seconds.
 MOST_ATTEMPTS, REST_S = 5, 0.5
 VARIANT, SERIAL, IN_FIRMWARE_UPDATE = 0xF0, 0xD0, 0xFF
 
@@ -23,7 +23,7 @@ class RegisterDriver(Driver):
     """Registers of 1, 2, 4 or 8 bytes and a queue of measured values; source: `command_parser.hpp` and `main2.cpp` of the NanoVNA V2's firmware.
 
     Commands are written here as text that messages can show: `write8 0x00 150000`, `read2 0x20`, `fifo 0x30 101`. There is no error
-    queue and no refusal; what a register became is read back.
+    queue, and no command is refused; registers are read back.
     """
 
     error_query = ""
@@ -34,9 +34,9 @@ class RegisterDriver(Driver):
         transport.end_messages_with(b"", "")
 
     def identify(self) -> Identity:
-        """Read who is there from the registers 0xf0 to 0xf4 and 0xd0 to 0xdb.
+        """Read the identity from the registers 0xf0 to 0xf4 and 0xd0 to 0xdb.
 
-        A LiteVNA is told by its firmware, whose major version is 2 (as NanoVNA-Saver does; unconfirmed by its maker).
+        A LiteVNA is recognised by the major version 2 of its firmware (as NanoVNA-Saver does; unconfirmed by its maker).
         """
         self.synchronise()
         variant, protocol, board, major, minor = (int(self.ask(f"read1 0x{VARIANT + offset:02x}")) for offset in range(5))
@@ -53,12 +53,12 @@ class RegisterDriver(Driver):
         return Identity("NanoVNA", model, "".join(f"{word:08x}" for word in words) if any(words) else "", f"{major}.{minor}")
 
     def synchronise(self) -> None:
-        """Get an answer from an instrument that may be in the middle of anything.
+        """Get an answer from an instrument in an unknown state.
 
         Raises
         ------
         InstrumentError
-            If what answers does not speak this protocol.
+            If the instrument does not answer in this protocol.
         """
         for _ in range(MOST_ATTEMPTS):
             self.transport.clear()
@@ -70,17 +70,17 @@ class RegisterDriver(Driver):
         raise InstrumentError(f"{self.transport.resource_name}: does not answer 'indicate' with {READY.decode()!r}; choose another driver")
 
     def reset(self) -> None:
-        """Get an answer; the registers stay until a sweep is set up."""
+        """Get an answer; registers keep their values until a sweep is set up."""
         self.synchronise()
-        self.told.clear()
+        self.sent_settings.clear()
 
     def safe(self) -> None:
-        """Let the instrument sweep for its own screen again."""
+        """Return the instrument to sweeping for its own screen."""
         self.synchronise()
         self.tell(*self.safe_commands)
 
     def tell(self, *commands: str) -> None:
-        """Send commands, none of which is answered."""
+        """Send commands that have no answer."""
         for command in commands:
             self.transport.write_bytes(encoded(command), command)
 
@@ -89,7 +89,7 @@ class RegisterDriver(Driver):
         return str(int.from_bytes(self.ask_bytes(command, int(command[len("read") : command.index(" ")])), "little"))
 
     def ask_bytes(self, command: str, count: int) -> bytes:
-        """Send a command and take the `count` bytes that answer it."""
+        """Send a command and read its answer of `count` bytes."""
         self.tell(command)
         answer = self.transport.receive_bytes(count)
         if len(answer) != count:

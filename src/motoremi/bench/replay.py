@@ -1,4 +1,4 @@
-"""Recorded traffic that answers in place of the instrument."""
+"""Replay: recorded traffic answers in place of the instruments."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from typing import Any
 
 from motoremi.bench.clock import VirtualClock
 from motoremi.bench.connect import Options, attach
-from motoremi.bench.connections import ConnectionName
-from motoremi.bench.difference import CONTEXT, RecordedEnd, ReplayDifference, shown
 from motoremi.bench.driver import Driver
-from motoremi.bench.recording import TrafficSink, decode_bytes, encode_bytes
+from motoremi.bench.motor_connections import ConnectionName
+from motoremi.bench.replay_difference import CONTEXT, RecordedEnd, ReplayDifference, shown
+from motoremi.bench.traffic import TrafficSink, decode_bytes, encode_bytes
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
 
-# How far a lenient replay looks for the command that is asked now: farther away it belongs to another measurement.
+# How many records ahead a lenient replay looks for the present command: farther away, it belongs to another measurement.
 LOOK_AHEAD = 40
-# Records that are no exchange.
+# Records that are not exchanges.
 _MARKS = ("open", "close")
 
 
 class ReplayClock(VirtualClock):
-    """Virtual time that follows the recorded one, so that deadlines are kept and missed as they were."""
+    """Virtual time that follows the recorded time, so that deadlines are met and missed as in the recorded run."""
 
     def __init__(self) -> None:
         super().__init__()
         self._origin_s: float | None = None
 
     def follow(self, recorded_s: float) -> None:
-        """Move on to a recorded moment; never back."""
+        """Advance to a recorded time; never go back."""
         if self._origin_s is None:
             self._origin_s = recorded_s - self.now()
         self.sleep(recorded_s - self._origin_s - self.now())
 
 
 class ReplayTransport(Transport):
-    """Plays one instrument's recorded exchanges back, in order; a difference is an error that shows both sides.
+    """Plays back the recorded exchanges of one instrument, in order; a difference is an error that shows both sides.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class ReplayTransport(Transport):
         As `RecordingTransport` writes them, of one connection to this instrument.
     clock : ReplayClock, optional
     lenient : bool
-        Go on at a difference: skip what is no longer asked, and answer what is asked anew from the record where it can.
-        The differences are kept in `differences`.
+        Continue after a difference: recorded exchanges that no longer occur are skipped, and new commands are answered from elsewhere in
+        the record where possible. The differences are kept in `differences`.
     """
 
     def __init__(self, resource_name: str, records: Iterable[Mapping[str, Any]], clock: ReplayClock | None = None, lenient: bool = False) -> None:
@@ -55,21 +55,21 @@ class ReplayTransport(Transport):
         opened = next((record for record in everything if record["direction"] == "open"), {})
         self._clock = clock or ReplayClock()
         super().__init__(resource_name, self._clock, bool(opened.get("stream", False)))
-        # A session recorded before there were service requests was polled, and is polled again.
+        # Sessions recorded by versions without service requests were polled, and are polled again.
         self.service_requests = bool(opened.get("service_requests", False))
         self._records = [record for record in everything if record["direction"] not in _MARKS]
-        # A run that was killed has no mark of leaving: its record just ends.
+        # The record of a run that was killed ends without a record "leave".
         self._killed = bool(opened) and not any(record["direction"] == "leave" for record in self._records)
         self._position = 0
         self._lenient = lenient
-        # Where the next answer comes from when the last command was found elsewhere; -1: nowhere.
+        # Position of the next answer if the last command was found elsewhere in the record; -1: it was not found; None: it was the next record.
         self._borrowed: int | None = None
         self.differences: list[ReplayDifference] = []
         self._timeout_s = float(opened.get("timeout_s", 5.0))
 
     @property
     def timeout_s(self) -> float:
-        """Deadline in seconds; nothing waits in a replay."""
+        """Deadline in seconds, kept for the records only: a replay does not wait."""
         return self._timeout_s
 
     @timeout_s.setter
@@ -96,7 +96,7 @@ class ReplayTransport(Transport):
         return decode_bytes(record)
 
     def receive_bytes(self, count: int) -> bytes:
-        """The recorded answer; who asked for `count` bytes of it judges its length."""
+        """The recorded answer, whatever its length; the caller checks it."""
         return self.receive()
 
     def await_request(self, seconds: float) -> bool:
@@ -124,7 +124,7 @@ class ReplayTransport(Transport):
         self._raise_recorded_error("clear")
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Nothing to close."""
 
     def finish(self) -> None:
         """Raise if part of the record was not played."""
@@ -133,7 +133,7 @@ class ReplayTransport(Transport):
             raise InstrumentError(f"{self.resource_name}: replay ended early: {len(left)} recorded exchanges left, next {shown(left[0])}")
 
     def _take(self, direction: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The next record, which must be what is asked; answers may be any."""
+        """The next record, which must be the same exchange; the content of an answer is not compared."""
         skip = 1 if self._is_leaving(self._position) and self._fits(self._position + 1, asked) else 0
         at = self._position + skip
         if self._is_leaving(at) or (at >= len(self._records) and self._killed):
@@ -197,7 +197,7 @@ class ReplayTransport(Transport):
 
 
 def _check(record: Mapping[str, Any], number: int) -> None:
-    """Refuse what `RecordingTransport` cannot have written: a session may come from anywhere."""
+    """Refuse what `RecordingTransport` cannot have written, because a session may come from an untrusted source."""
     try:
         known = record["direction"] in ("open", "close", "leave", "clear", "read", "write", "request", "error")
         if record["direction"] in ("read", "write"):
@@ -229,7 +229,7 @@ class ReplayBench:
         self._lenient = lenient
         self._transports: list[ReplayTransport] = []
         self.begin_run(None)
-        # One recording for each time an instrument was opened: a run that was resumed has opened it again.
+        # One recording for each time that an instrument was opened, since a resumed run has opened it again.
         self._recordings: dict[str, list[list[Mapping[str, Any]]]] = {}
         for number, record in enumerate(traffic, start=1):
             _check(record, number)
@@ -239,7 +239,7 @@ class ReplayBench:
             parts[-1].append(record)
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
-        """Connect the driver of a role to what was recorded of that role."""
+        """Connect the driver of a role to the traffic recorded for that role."""
         parts = self._recordings.get(role)
         if not parts:
             raise InstrumentError(f"{role}: the session holds no recorded traffic of it")
@@ -251,21 +251,21 @@ class ReplayBench:
         return attach(transport, role, driver, sink, options)
 
     def connect(self, what: ConnectionName) -> int:
-        """Count as the recorded run did."""
+        """Count the connections, as the recorded run did."""
         self._connections += 1
         return self._connections
 
     def at_line(self, line: str) -> None:
-        """What was recorded knows its line."""
+        """Nothing to do: the recorded levels are those of the line."""
 
     def begin_run(self, until: datetime | None) -> None:
-        """Count from one, as the bench of every run does; `until` is when the next run of the session began, if there was one."""
+        """Count connections from one again, as in every run; `until` is when the next run of the session began, if there was one."""
         self._connections = 0
         self._until = until
 
     @property
     def differences(self) -> list[ReplayDifference]:
-        """What a lenient replay has passed over."""
+        """The differences that a lenient replay has ignored."""
         return [difference for transport in self._transports for difference in transport.differences]
 
     def finish(self) -> None:
@@ -274,4 +274,4 @@ class ReplayBench:
             transport.finish()
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Nothing to close."""

@@ -12,7 +12,7 @@ from motoremi.bench.driver import Driver, Identity, Setting
 from motoremi.bench.transport import Transport
 from motoremi.errors import InstrumentError
 
-# The shell prints the prompt with a space behind it, which arrives in front of the next echo.
+# The shell prints a space behind the prompt; it is read before the next echo.
 PROMPT = b"ch>"
 
 
@@ -20,12 +20,12 @@ class ShellDriver(Driver):
     """A shell that echoes each command, answers in lines, and prompts with `ch> `.
 
     Commands end with CR alone. There is no error queue: a command that is refused is answered with its usage, with `name?` or with
-    a sentence, and what a setting became is read back.
+    a sentence; settings are read back.
 
     Attributes
     ----------
     vendor : str
-        What stands for the maker's name; there are many.
+        The vendor in the identity; these instruments have many makers.
     refusals : str
         Regular expression that an answer matches when the command was refused.
     """
@@ -40,7 +40,7 @@ class ShellDriver(Driver):
         transport.end_messages_with(b"\r", ">")
 
     def identify(self) -> Identity:
-        """Read who is there from `version` and the first line of `info`."""
+        """Read the identity from `version` and the first line of `info`."""
         self.synchronise()
         firmware = self.ask("version").splitlines()[:1]
         title = self.ask("info").splitlines()[:1]
@@ -49,27 +49,27 @@ class ShellDriver(Driver):
             raise InstrumentError(
                 f"{self.transport.resource_name}: expected a {self.model}, but {model!r} answers; check the resource or choose another driver"
             )
-        # These shells tell no serial number.
+        # These shells have no command for a serial number.
         return Identity(self.vendor, model, "", firmware[0].strip())
 
     def synchronise(self) -> None:
-        """Get a prompt from a shell that may be in the middle of anything."""
+        """Get a prompt from a shell in an unknown state."""
         self.transport.clear()
         self.transport.write("")
         self._until_prompt()
 
     def reset(self) -> None:
-        """Get a prompt and stop the sweep that runs in the background; calibration and settings stay."""
+        """Get a prompt and stop the background sweep; calibration and settings are kept."""
         self.synchronise()
         self.tell("pause")
 
     def safe(self) -> None:
-        """Get a prompt and let the instrument sweep for its own screen again."""
+        """Get a prompt and return the instrument to sweeping for its own screen."""
         self.synchronise()
         self.tell(*self.safe_commands)
 
     def tell(self, *commands: str) -> None:
-        """Send commands; what a command prints matters only if it is a refusal."""
+        """Send commands; what they print is ignored unless it is a refusal."""
         for command in commands:
             self.ask(command)
 
@@ -85,7 +85,7 @@ class ShellDriver(Driver):
         echo, _, answer = self._until_prompt().decode("latin-1").lstrip().partition("\n")
         if echo.strip() != command:
             raise InstrumentError(f"{self}: {command!r} was echoed as {echo.strip()!r}; the link loses characters")
-        # A bare command is a question, and its usage, with the present value below, is how some answer.
+        # A command without arguments is a query. Some answer it with their usage, and the present value in the next line.
         if re.match(self.refusals, answer) and not (answer.startswith("usage:") and " " not in command):
             raise InstrumentError(f"{self}: {command!r} was refused: {' '.join(answer.split())}")
         return answer.strip()
@@ -103,7 +103,7 @@ class ShellDriver(Driver):
         Raises
         ------
         InstrumentError
-            If what came is anything else.
+            If anything else is printed.
         """
         answer = self.ask(command)
         try:

@@ -1,4 +1,4 @@
-"""What every programmable supply can do, and how it is switched off whatever happens."""
+"""Base class of the drivers of programmable supplies; the output is switched off at the end of every run, also of one that failed."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show
 
-# A supply rounds what it is told to its own resolution, a millivolt or a milliampere at most.
+# A supply rounds its settings to its own resolution, a millivolt or a milliampere at most.
 RESOLUTION = 2e-3
 # The two low bits of the output's condition register: constant current, constant voltage.
 CONSTANT_CURRENT, CONSTANT_VOLTAGE = 1, 2
 
 
 class Supply(Meter):
-    """A supply with one or more outputs, of which the motor hangs on one; the others are left alone.
+    """A supply with one or more outputs, one of which feeds the motor; the others are not changed.
 
-    Commands are SCPI. What differs between families is data: how an output is named in a command, and what switches it.
+    Commands are SCPI. Families differ in how a command names its output and how an output is switched; both are class attributes.
 
     Attributes
     ----------
     select : str
-        What selects the output before each command; empty where each command names it in a channel list.
+        Command that selects the output before each other command; empty where each command names it in a channel list.
     on_commands, off_commands : tuple of str
-        What switches the output.
+        Commands that switch the output.
     on_query : str
-        What tells whether it is on.
+        Query whether it is on.
     ratings : mapping of str to tuple of (float, float)
         Model to voltage in volt and current in ampere of each output.
     """
@@ -51,12 +51,12 @@ class Supply(Meter):
         self._identity: Identity | None = None
 
     def use(self, options: Mapping[str, Mapping[str, Any]]) -> None:
-        """Take the output that the motor hangs on."""
+        """Take the number of the output that feeds the motor."""
         first = options.get("supply") or next(iter(options.values()), {})
         self.channel = int(first.get("channel") or 1)
 
     def identify(self) -> Identity:
-        """Read who is there, and refuse an output that this model does not have."""
+        """Read the identity, and refuse an output that this model does not have."""
         self._identity = super().identify()
         self.rating()
         return self._identity
@@ -76,13 +76,13 @@ class Supply(Meter):
             raise BadInput(f"{self}: output {self.channel} delivers up to {can}, but {asked} was asked for")
 
     def reset(self) -> None:
-        """Switch the output off; everything else stays, because other outputs may feed something else."""
+        """Switch the output off; nothing else is reset, because other outputs may feed something else."""
         self.transport.write("*CLS")
         self._command(*self.off_commands)
-        self.told.clear()
+        self.sent_settings.clear()
 
     def settings(self) -> JsonDict:
-        """Output, what it is set to and whether it is on, as the supply reports them."""
+        """Output, voltage, current limit and whether it is on, as the supply reports them."""
         return {
             "channel": self.channel,
             "voltage_volt": self._number("VOLT?"),
@@ -101,23 +101,23 @@ class Supply(Meter):
             If the supply reports something else afterwards.
         """
         self.refuse_beyond_rating(voltage_volt, limit_ampere)
-        # The limit first: the voltage must never stand with a higher limit than was asked for.
+        # The limit first: the new voltage must never be applied with a higher current limit than requested.
         self._command(f"CURR {limit_ampere:.6g}", f"VOLT {voltage_volt:.6g}")
-        self.told |= {"voltage_volt": voltage_volt, "limit_ampere": limit_ampere}
+        self.sent_settings |= {"voltage_volt": voltage_volt, "limit_ampere": limit_ampere}
         self.refuse_changed()
 
     def switch_on(self) -> None:
         """Switch the output on."""
         self._command(*self.on_commands)
-        self.told["output"] = True
+        self.sent_settings["output"] = True
 
     def switch_off(self) -> None:
-        """Switch the output off and prove it."""
+        """Switch the output off, and read back that it is."""
         for command in self._addressed(self.off_commands):
-            # All are written before one waits for an answer: a supply that says nothing any more may still hear.
+            # All commands are written before an answer is waited for, because a supply that no longer answers may still receive.
             self.transport.write(command)
         self.check_errors(self.off_commands[0])
-        self.told["output"] = False
+        self.sent_settings["output"] = False
         if self.is_on():
             raise InstrumentError(f"{self}: output {self.channel} is still ON after it was switched off")
 
@@ -129,7 +129,7 @@ class Supply(Meter):
         return answer in ("1", "ON")
 
     def regulation(self) -> str:
-        """What an output that is on does not hold: empty at constant voltage, else one line.
+        """Why an output that is on does not hold its voltage; empty if it does (constant voltage).
 
         Raises
         ------
@@ -143,12 +143,12 @@ class Supply(Meter):
             return ""
         found = f"{self.read_quantity('voltage_volt'):.4g} V at {self.read_quantity('current_ampere'):.4g} A"
         what = "is in current limit (constant current)" if condition == CONSTANT_CURRENT else "regulates neither voltage nor current"
-        return f"the supply {what}: {found} instead of {show(float(self.told.get('voltage_volt', 0.0)), 'V')}"
+        return f"the supply {what}: {found} instead of {show(float(self.sent_settings.get('voltage_volt', 0.0)), 'V')}"
 
     def refuse_changed(self) -> None:
-        """Raise `InstrumentError` if the supply is set to something else than it was told: it restarted, or somebody turned a knob."""
+        """Raise `InstrumentError` if the supply's settings are not those that were sent: it restarted, or somebody changed them by hand."""
         reported = self.settings()
-        for name, value in self.told.items():
+        for name, value in self.sent_settings.items():
             same = reported[name] == value if isinstance(value, bool) else abs(float(reported[name]) - value) <= RESOLUTION
             if not same:
                 raise InstrumentError(f"{self}: {name} was set to {value!r}, but the supply reports {reported[name]!r}; did it restart?")
@@ -158,7 +158,7 @@ class Supply(Meter):
         return self._number({"voltage_volt": "MEAS:VOLT?", "current_ampere": "MEAS:CURR?"}[quantity])
 
     def safe(self) -> None:
-        """Switch the output off; called however a run ends, and tried twice, because off is off."""
+        """Switch the output off; called at the end of every run, also of one that failed, and tried twice."""
         try:
             self._leave()
         except InstrumentError:
@@ -192,6 +192,6 @@ class Supply(Meter):
     def _addressed(self, commands: Iterable[str]) -> list[str]:
         """The commands for this output."""
         if self.select:
-            # Each time: somebody may have selected another one on the front panel.
+            # Before each command, because somebody may have selected another output on the front panel.
             return [self.select.format(channel=self.channel), *commands]
         return [f"{command}{' ' if command.endswith('?') else ','}(@{self.channel})" for command in commands]

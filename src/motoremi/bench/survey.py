@@ -1,4 +1,4 @@
-"""What is on the bus, and what answers there."""
+"""Lists the VISA resources, asks each for its identity, and finds the drivers that fit."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from motoremi.bench.registers import RegisterDriver
 from motoremi.bench.shell import ShellDriver
 from motoremi.errors import BadInput, InstrumentError
 
-# A healthy instrument identifies itself at once; one that is busy may be asked again by hand.
+# An idle instrument answers at once; a busy one can be asked again later.
 ANSWER_S = 1.0
-# USB vendor and product of NanoVNA and tinySA, and of NanoVNA V2 and LiteVNA. Other serial ports are left alone: what is behind them may
-# take offence at any word.
+# USB vendor and product of NanoVNA and tinySA, and of NanoVNA V2 and LiteVNA. Other serial ports are not asked: another device may take any
+# text for a command.
 KNOWN_USB_IDS = ((0x0483, 0x5740), (0x04B4, 0x0008))
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What one resource said.
+    """The answer of one resource.
 
     Parameters
     ----------
     resource : str
         VISA name.
     identity : str
-        Who answered; empty if nobody did.
+        Its identity; empty if it did not answer.
     drivers : tuple of str
         Drivers that fit.
     trouble : str
-        Why there is no answer.
+        Why it did not answer.
     """
 
     resource: str
@@ -52,20 +52,20 @@ class Answer:
 
 
 def survey(manager: pyvisa.ResourceManager, named: Iterable[str] = ()) -> list[Answer]:
-    """Ask every resource that VISA lists, and those that are named, who is there.
+    """Ask every resource that VISA lists, and those that are named, for its identity.
 
     Parameters
     ----------
     manager : pyvisa.ResourceManager
     named : iterable of str
-        Resources that no bus lists, such as sockets; asked whatever they are.
+        Resources that VISA does not list, such as sockets; asked even if they are serial ports.
     """
     named = list(named)
     with warnings.catch_warnings():
-        # PyVISA-py would like psutil and zeroconf; `motoremi doctor` says so.
+        # PyVISA-py warns if psutil or zeroconf is missing; `motoremi doctor` reports that.
         warnings.simplefilter("ignore")
         instruments = sorted(manager.list_resources("?*::INSTR"))
-    # Adapters are no instruments.
+    # PRLGX resources are Prologix adapters, not instruments.
     listed = [name for name in instruments if name not in named and not name.startswith("PRLGX")]
     return [_ask(manager, name) for name in named] + [
         _ask(manager, name) if _may_be_asked(name) else Answer(name, trouble="not asked: a serial port of no known instrument") for name in listed
@@ -84,7 +84,7 @@ def load_trouble() -> dict[str, str]:
 
 
 def title(name: str) -> str:
-    """One line on a driver: what its module says of itself, or its class where one module has several drivers."""
+    """One line on a driver: the first line of its module's docstring, or of its class's where a module has several drivers."""
     driver = driver_class(name)
     alone = sum(path.partition(":")[0] == driver.__module__ for path in driver_names().values()) == 1
     text = (alone and inspect.getdoc(inspect.getmodule(driver))) or inspect.getdoc(driver) or name
@@ -100,7 +100,7 @@ def _may_be_asked(resource: str) -> bool:
 
 def _ask(manager: pyvisa.ResourceManager, resource: str) -> Answer:
     trouble = ""
-    # What speaks no SCPI may have a shell or registers, but only on a stream.
+    # An instrument without SCPI may have a shell or registers, but only on a serial line or socket.
     for ask in (_ask_scpi, _ask_shell, _ask_registers):
         try:
             return ask(manager, resource)
@@ -147,7 +147,7 @@ def _ask_registers(manager: pyvisa.ResourceManager, resource: str) -> Answer:
 
 
 class _AnyShell(ShellDriver):
-    """A shell, whoever it is."""
+    """A shell of any model."""
 
     vendor = ""
     model = r"\S.*"
@@ -155,7 +155,7 @@ class _AnyShell(ShellDriver):
 
 
 class _AnyRegisters(RegisterDriver):
-    """Registers, whoever has them."""
+    """Registers of any model."""
 
     model = r".*"
     safe_commands = ()

@@ -1,4 +1,4 @@
-"""What a bench puts between analyser and motor and how often it reads: options of a sweep that not every analyser has."""
+"""Options of a sweep that not every analyser has: adapter, fixture, averaging, bias, list of segments."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Bias:
     limit_a : float
         Largest current that may flow.
     ramp_s : float
-        How long it takes to raise the voltage, and to take it away.
+        Time in which the voltage is raised, and removed.
     """
 
     volt: float = 0.0
@@ -35,7 +35,7 @@ class Bias:
 
 @dataclass(frozen=True)
 class SweepOptions:
-    """Options of a sweep; the defaults are what every analyser does.
+    """Options of a sweep; every analyser has the defaults.
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ class SweepOptions:
     fixture : str
         A word of `motoremi.data.analyser.FIXTURES`.
     sweep_averages, point_averages : int
-        Of how many sweeps, and of how many readings at each point, a result is the mean.
+        Number of sweeps, and of readings at each point, of which a result is the mean.
     bias : Bias
     segments : tuple of Segment
-        A list sweep instead of one from start to stop, if there are any.
+        If there are any, a list sweep replaces the one from start to stop.
     """
 
     adapter: str = "none"
@@ -58,7 +58,7 @@ class SweepOptions:
     segments: tuple[Segment, ...] = ()
 
     def needed(self) -> list[str]:
-        """Which options an analyser must have, by the name of their key in a procedure; any analyser may stand in any fixture."""
+        """Which options the analyser must have, by their keys in a procedure; not `fixture`, which needs nothing of the analyser."""
         asked = {
             "adapter": self.adapter != "none",
             "sweep_averages": self.sweep_averages > 1,

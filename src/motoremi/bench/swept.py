@@ -1,4 +1,4 @@
-"""What spectrum analysers share that sweep with a limited number of points: partial sweeps, filter shapes, options, overload."""
+"""Base class of spectrum analysers that sweep with a limited number of points: partial sweeps, filter shapes, options, overload."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.bench.driver import RefusedCommand, Setting, choice, number, switch
-from motoremi.bench.receiver import EmiReceiver
+from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.bench.transport import Transport
 from motoremi.data.detectors import DBUV_OF_0_DBM
 from motoremi.data.spectrum import Spectrum
@@ -21,7 +21,7 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show
 
 EMI_FILTER, GAUSS_FILTER = "6 dB EMI", "3 dB Gauss"
-# What CISPR 16-1-1 defines for the 6 dB EMI filter and the time constants that belong to it.
+# Detectors that CISPR 16-1-1 defines for the 6 dB EMI filter only, with their time constants.
 WEIGHTING = ("quasi-peak", "cispr-average", "rms-average")
 
 
@@ -35,28 +35,28 @@ class SweptAnalyser(EmiReceiver):
     """A spectrum analyser as EMI receiver.
 
     A span that needs more points than one sweep has is measured in partial sweeps of equal width, each of which ends where the next one
-    begins. The step is the one asked for or less. The bandwidth decides on the filter: those of CISPR 16-1-1 are 6 dB EMI filters, an
-    option on most analysers, all others Gaussian with 3 dB, which have no quasi-peak or other weighting detector.
+    begins. The step is the requested one or less. The bandwidth selects the filter: the bandwidths of CISPR 16-1-1 have 6 dB EMI filters, an
+    option of most analysers; all others are Gaussian with 3 dB and have no quasi-peak or other weighting detector.
 
     Attributes
     ----------
     name : str
-        Of the driver, for the metadata.
+        Name of the driver, for the metadata.
     points_possible : sequence of int
         Numbers of points of one sweep, in ascending order.
     points_command : str
-        What sets the number of points; empty where there is only one.
+        Command that sets the number of points; empty where it is fixed.
     emi_bandwidths_hz : tuple of float
         Bandwidths of the 6 dB EMI filter.
     emi_option : str
-        What has to be installed for that filter and the weighting detectors.
+        Option that this filter and the weighting detectors need.
     mode_commands : tuple of str
-        What makes it a swept analyser in single sweeps that sends its traces as text.
+        Commands that select swept mode, single sweeps, and traces as text.
     gains : tuple of str
         Settings in dB by which the instrument shifts levels; all are set to 0.
     trace_query : str
     overload_queries : tuple of str
-        Registers that tell of an overload since `*CLS`; none if the instrument tells nothing.
+        Queries of the registers that report an overload since `*CLS`; empty if the instrument has none.
     overload_bits : int
     """
 
@@ -85,9 +85,9 @@ class SweptAnalyser(EmiReceiver):
     sweep_time_s = number(":SWE:TIME", "s", (1e-6, 7.5e3), "Control the time of one sweep.")
     attenuation_db = number(":POW:ATT", "dB", (0.0, 70.0), "Control the input attenuation.")
     preamplifier = switch(":POW:GAIN", "Control the preamplifier.")
-    # Levels are asked for in dBm: that is what a trace has where it does not follow the unit of the screen.
+    # Levels are read in dBm, because some traces have that unit whatever unit the screen shows.
     level_unit = choice(":UNIT:POW", {"dBm": "DBM"}, "Control the unit of the levels.")
-    # What the instrument adds by itself must not be added again to what it sends.
+    # Corrections that the instrument applies itself must not be applied again to the levels that it sends.
     own_correction = switch(":CORR:CSET:ALL:STAT", "Control whether the instrument applies amplitude corrections by itself.")
     level_offset_db = number(":DISP:WINDOW:TRAC:Y:SCALE:RLEV:OFFS", "dB", (-300.0, 300.0), "Control the offset of the reference level.")
     filter_shape: Setting[str]
@@ -98,53 +98,44 @@ class SweptAnalyser(EmiReceiver):
         self._parts = 1
         self._points, self._steps = 0, 1
 
-    def configure(
-        self,
-        start_hz: float,
-        stop_hz: float,
-        step_hz: float,
-        resolution_bandwidth_hz: float = 9e3,
-        dwell_s: float = 0.05,
-        attenuation_db: float = 10.0,
-    ) -> JsonDict:
-        """Set single sweeps up, without any correction of the instrument's own; see `EmiReceiver.configure`.
+    def set_up(self, asked: ScanSettings) -> JsonDict:
+        """Set single sweeps up, without any correction of the instrument's own; see `ScanSettings`.
 
         Raises
         ------
         BadInput
             If the step does not fit the span, or the instrument has no such filter.
         """
-        if not 0 < step_hz <= stop_hz - start_hz:
-            raise BadInput(f"{self}: step_hz = {show(step_hz, 'Hz')} is outside the range 0 Hz to {show(stop_hz - start_hz, 'Hz')}")
-        intervals = ceil((stop_hz - start_hz) / step_hz - 1e-9)
+        self.refuse_step(asked)
+        intervals = ceil((asked.stop_hz - asked.start_hz) / asked.step_hz - 1e-9)
         self._parts = ceil(intervals / (self.points_possible[-1] - 1))
         self._steps = ceil(intervals / self._parts) + 1
         self._points = self.points_possible[bisect_left(self.points_possible, self._steps)]
         with self.transport.patience(self.RESET_S):
             self.tell(*self.mode_commands)
-        self._sweep_over(start_hz, stop_hz)
+        self._sweep_over(asked.start_hz, asked.stop_hz)
         self.own_correction = False
         for gain in self.gains:
             setattr(self, gain, 0.0)
         self.level_unit = "dBm"
-        self._choose_filter(resolution_bandwidth_hz)
+        self._choose_filter(asked.resolution_bandwidth_hz)
         self.video_bandwidth_hz = self.VIDEO_BANDWIDTH_HZ
-        self.attenuation_db = attenuation_db
+        self.attenuation_db = asked.attenuation_db
         self.preamplifier = False
         if self.points_command:
             self.tell(f"{self.points_command} {self._points}")
-        # The dwell is for each step that was asked for. A sweep of more points than that stays as long within the filter.
-        self.sweep_time_s = dwell_s * self._steps
+        # The dwell is that of each requested step. A sweep with more points takes the same time, so each frequency is in the filter as long.
+        self.sweep_time_s = asked.dwell_s * self._steps
         return self.settings()
 
     def settings(self) -> JsonDict:
-        """What the instrument reports, and how the scan is put together here."""
+        """Settings as the instrument reports them, and the partial sweeps of the scan."""
         reported = super().settings()
         dwell_s = float(reported["sweep_time_s"]) / self._steps
         return {**reported, "dwell_s": dwell_s, "points": self._points, "partial_sweeps": self._parts}
 
     def scan(self, detector: str) -> Spectrum:
-        """Scan once, part by part; an overload marks all points of its part, because the register does not say which.
+        """Scan once, in partial sweeps; an overload marks all points of its partial sweep, because the register does not show at which it occurred.
 
         Raises
         ------
@@ -181,12 +172,12 @@ class SweptAnalyser(EmiReceiver):
         self.run_scan(10.0 + 3 * sweep_time_s)
         levels = self._levels()
         if levels.size != self._points:
-            raise InstrumentError(f"{self}: {levels.size} levels came, a sweep has {self._points}; was it stopped or set up by hand?")
+            raise InstrumentError(f"{self}: received {levels.size} levels, but a sweep has {self._points}; was it stopped or set up by hand?")
         overload = any(int(float(self.ask(query))) & self.overload_bits for query in self.overload_queries)
         return np.linspace(low_hz, high_hz, self._points), levels, np.full(self._points, float(overload))
 
     def _sweep_over(self, low_hz: float, high_hz: float) -> None:
-        # Upwards or wider than before: the last frequency first, so that it never lies below the first one.
+        # Partial sweeps go upwards, so the last frequency is set first: it must never lie below the first one.
         self.stop_hz = high_hz
         self.start_hz = low_hz
 
@@ -200,14 +191,14 @@ class SweptAnalyser(EmiReceiver):
 
     @contextmanager
     def _optional(self) -> Iterator[None]:
-        """Say which option is needed where a command is refused that needs one."""
+        """Name the option that is needed if a command is refused."""
         try:
             yield
         except RefusedCommand as error:
             raise InstrumentError(f"{error}; the 6 dB EMI filter and quasi-peak need {self.emi_option}") from error
 
     def _levels(self) -> FloatArray:
-        """Levels as text, which some instruments put into a block, and some end with a comma."""
+        """Levels of a trace, sent as text; some instruments put it into a block, and some end it with a comma."""
         with self.transport.patience(self.transfer_s(self._points)):
             answer = self.ask(self.trace_query)
         try:
@@ -221,7 +212,7 @@ class SweptAnalyser(EmiReceiver):
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:
-    """One array of several whose ends are measured twice; the higher value counts."""
+    """Partial sweeps as one array; of the two values where they meet, the higher one is kept."""
     joined = parts[0]
     for part in parts[1:]:
         joined = np.concatenate([joined[:-1], np.maximum(joined[-1:], part[:1]), part[1:]])

@@ -1,4 +1,4 @@
-"""The link to one instrument: text and blocks on top of two primitives, send and receive."""
+"""The link to one instrument: text and binary blocks on top of two methods, `send` and `receive`."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ import pyvisa
 from pyvisa import constants
 from pyvisa.resources import MessageBasedResource
 
-from motoremi.bench.arrivals import at_hand, fell_silent, socket_of
 from motoremi.bench.clock import Clock, WallClock
+from motoremi.bench.socket_input import discard_until_silent, readable_bytes, socket_of
 from motoremi.errors import InstrumentError
 
 TERMINATOR = b"\n"
-# What VISA libraries read ahead, what the operating system has received, and what it has not sent yet.
+# Data that the VISA library has read ahead, that the operating system has received, and that it has not sent yet.
 _SERIAL_BUFFERS = (
     constants.BufferOperation.discard_read_buffer,
     constants.BufferOperation.discard_receive_buffer,
     constants.BufferOperation.discard_transmit_buffer,
 )
-# Nobody is heard while a VISA library waits: neither Ctrl-C nor the workbench's stop.
+# Ctrl-C and the workbench's Stop are blocked during a wait in a VISA library, so it waits in slices of this length.
 _LONGEST_WAIT_S = 0.5
-# VISA counts in milliseconds.
+# Resolution of VISA's timeouts, which are in whole milliseconds.
 _CLOSE_ENOUGH_S = 1e-3
-# A part of a message was read, and there is more of it.
+# Status of a read that returned only a part of the message.
 _MORE = constants.StatusCode.success_max_count_read
 Parity = Literal["none", "even", "odd"]
 # Bit 6 of the status byte in a serial poll.
@@ -36,17 +36,17 @@ _REQUESTS_SERVICE = 0x40
 
 
 class Transport(abc.ABC):
-    """A link that carries whole messages.
+    """A link that carries messages.
 
-    A new kind of link writes `send`, `receive`, `clear`, `close` and `timeout_s`; the rest follows from them, so that a recording
-    or a replay sees every byte at one place.
+    A new kind of link defines `send`, `receive`, `receive_bytes`, `clear`, `close` and `timeout_s`; everything else uses these, so that a
+    recording or a replay has every byte in one place.
 
     Parameters
     ----------
     resource_name : str
         VISA name of the instrument, for messages and records.
     clock : Clock
-        What waiting is measured by.
+        Clock of everything that waits.
     stream : bool
         True where only a newline marks the end of a message (socket, serial line), which a binary block may contain.
 
@@ -55,7 +55,7 @@ class Transport(abc.ABC):
     service_requests : bool
         Whether the instrument can be waited for with `await_request`; False unless the link says otherwise.
     while_waiting : callable
-        Called again and again in that wait; what it raises ends the wait.
+        Called repeatedly during that wait; an exception from it ends the wait.
     answered_at : str
         UTC time of the last answer, where the link records it; a replay gives the recorded one.
     """
@@ -80,15 +80,15 @@ class Transport(abc.ABC):
 
     @abc.abstractmethod
     def receive_bytes(self, count: int) -> bytes:
-        """Receive so many bytes, of an answer that no character ends; `InstrumentError` if they do not come within `timeout_s`."""
+        """Receive that many bytes of an answer without terminator; `InstrumentError` if they do not arrive within `timeout_s`."""
 
     @abc.abstractmethod
     def clear(self) -> None:
-        """Clear the link: the instrument forgets unread answers and half commands."""
+        """Clear the link: the instrument discards unread answers and incomplete commands."""
 
     @abc.abstractmethod
     def close(self) -> None:
-        """Give the instrument back; harmless when repeated."""
+        """Close the link; calling it again has no effect."""
 
     @property
     @abc.abstractmethod
@@ -104,15 +104,15 @@ class Transport(abc.ABC):
         raise InstrumentError(f"{self.resource_name}: this link carries no service requests")
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline: what follows each command, and the character that ends each answer, if any."""
+        """Replace the newline at the end of messages: `sent` follows each command, the character `received` ends each answer if there is one."""
         self.terminator = sent
 
     def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:  # noqa: B027
-        """Set a serial line up; other links have no such thing."""
+        """Set up a serial line; no effect on other links."""
 
     @contextmanager
     def patience(self, seconds: float) -> Iterator[None]:
-        """Use a longer (or shorter) deadline, in seconds, for a while."""
+        """Use another deadline, in seconds, within a `with` block."""
         before = self.timeout_s
         self.timeout_s = seconds
         try:
@@ -130,7 +130,7 @@ class Transport(abc.ABC):
         self.send(data + self.terminator)
 
     def write_bytes(self, data: bytes, command: str) -> None:
-        """Send bytes that are no text; `command` is what messages call them."""
+        """Send binary data; `command` describes it in messages."""
         self._last_command = command
         self.send(data)
 
@@ -186,7 +186,7 @@ class VisaTransport(Transport):
         Deadline of one exchange in seconds.
     clock : Clock, optional
     reopen : callable, optional
-        Opens the resource anew: `clear` does so after a failed exchange, because a dropped link or a pulled plug needs it.
+        Opens the resource again. `clear` does so after a failed exchange, because the link may be broken.
     """
 
     def __init__(
@@ -202,12 +202,12 @@ class VisaTransport(Transport):
         self._reopen = reopen
         self._failed = False
         self._timeout_s = timeout_s
-        # When the exchange must have ended, in seconds of the machine's clock, as the deadlines of VISA are; set when its answer is waited for.
+        # Deadline of the present exchange on the machine's monotonic clock, which VISA's timeouts follow; set when its answer is first read.
         self._ends_s: float | None = None
         self._serial: tuple[int, int, Parity] | None = None
         # On GPIB, USB and VXI-11 the END line closes a message. A termination character would cut binary blocks there.
         resource.read_termination = TERMINATOR.decode() if stream else None
-        self.service_requests = not stream and self._hears_requests()
+        self.service_requests = not stream and self._enable_requests()
         self.timeout_s = timeout_s
 
     @property
@@ -222,12 +222,12 @@ class VisaTransport(Transport):
         self._wait_at_most(seconds)
 
     def end_messages_with(self, sent: bytes, received: str) -> None:
-        """Use other ends of messages than a newline; an empty one is none."""
+        """Replace the newline at the end of messages; an empty `received` means that answers have no terminator."""
         super().end_messages_with(sent, received)
         self._resource.read_termination = received or None
 
     def talk_at(self, baud: int, data_bits: int = 8, parity: Parity = "none") -> None:
-        """Set a serial line up."""
+        """Set up a serial line."""
         if self._resource.interface_type != constants.InterfaceType.asrl:
             return
         self._serial = (baud, data_bits, parity)
@@ -243,7 +243,7 @@ class VisaTransport(Transport):
             self._resource.write_raw(data)
 
     def receive(self) -> bytes:
-        """Receive one message; all that is received after one message was sent shares one deadline, however slowly it comes."""
+        """Receive one message; everything that is received after one command shares one deadline, so a slow link cannot extend it."""
         begun = self._ends_s is not None
         if self._ends_s is None:
             self._ends_s = time.monotonic() + self._timeout_s
@@ -258,7 +258,7 @@ class VisaTransport(Transport):
         return bytes(message)
 
     def receive_bytes(self, count: int) -> bytes:
-        """Receive so many bytes, within one deadline."""
+        """Receive that many bytes, within one deadline."""
         ends_s = time.monotonic() + self._timeout_s
         answer = bytearray()
         with self._resource.ignore_warning(_MORE, constants.StatusCode.success_device_not_present):
@@ -275,7 +275,7 @@ class VisaTransport(Transport):
         if is_later:
             self._wait_at_most(left_s)
         try:
-            ready = at_hand(self._resource)
+            ready = readable_bytes(self._resource)
             return self._resource.visalib.read(self._resource.session, ready if most is None else min(ready, most))
         finally:
             if is_later:
@@ -285,10 +285,10 @@ class VisaTransport(Transport):
         self._resource.timeout = max(1, round(seconds * 1000))
 
     def await_request(self, seconds: float) -> bool:
-        """Wait for the event, and poll the instrument for whether it was the one that asked."""
+        """Wait for a service request, and read the status byte to see whether it came from this instrument."""
         deadline_s = self.clock.now() + seconds
         while (left_s := deadline_s - self.clock.now()) > 0:
-            # Rounded up, so that the deadline is past at the end and not nearly so.
+            # Rounded up, so that the deadline has really passed when the last slice ends.
             wait_ms = ceil(1000 * min(left_s, _LONGEST_WAIT_S)) + 1
             with self._one_line("failed while it was waited for after", "check cable, address and power"):
                 event = self._resource.wait_on_event(constants.EventType.service_request, wait_ms, capture_timeout=True)
@@ -298,19 +298,19 @@ class VisaTransport(Transport):
         return False
 
     def clear(self) -> None:
-        """Send a device clear, on a new link if the last exchange failed. Nothing is sent twice: what to repeat is the caller's to know."""
+        """Send a device clear, on a new link if the last exchange failed. No command is repeated; that is up to the caller."""
         self._ends_s = None
         with self._one_line("could not be cleared after", "switch it off and on"):
             link = socket_of(self._resource)
             if link is not None and not self._failed:
-                # A socket has no device clear either, and one that was closed, or never falls silent, is of no more use.
-                self._failed = not fell_silent(link, self._timeout_s)
+                # A socket has no device clear, so input is discarded. One that was closed, or sends without end, has to be opened again.
+                self._failed = not discard_until_silent(link, self._timeout_s)
             if self._failed and self._reopen is not None:
                 self._reconnect(self._reopen)
             if link is not None:
                 self._resource.flush(constants.BufferOperation.discard_receive_buffer)
             elif self._resource.interface_type == constants.InterfaceType.asrl:
-                # A serial line has no device clear: what is on its way is dropped.
+                # A serial line has no device clear, so all buffers are discarded.
                 for buffer in _SERIAL_BUFFERS:
                     self._resource.flush(buffer)
             else:
@@ -322,7 +322,7 @@ class VisaTransport(Transport):
 
     def _reconnect(self, reopen: Callable[[], MessageBasedResource]) -> None:
         timeout_s, ending = self.timeout_s, self._resource.read_termination
-        # A link that is gone cannot always be closed either.
+        # Closing a broken link may fail too.
         with suppress(pyvisa.Error, OSError):
             self._resource.close()
         self._resource = reopen()
@@ -330,12 +330,12 @@ class VisaTransport(Transport):
         if self._serial is not None:
             self.talk_at(*self._serial)
         if self.service_requests:
-            self._hears_requests()
+            self._enable_requests()
         self.timeout_s = timeout_s
         self._failed = False
 
-    def _hears_requests(self) -> bool:
-        """Have service requests queued, where the resource and its library can."""
+    def _enable_requests(self) -> bool:
+        """Have service requests queued; False if the resource or its library cannot."""
         try:
             self._resource.enable_event(constants.EventType.service_request, constants.EventMechanism.queue)
         except (pyvisa.Error, OSError, NotImplementedError):
@@ -344,7 +344,7 @@ class VisaTransport(Transport):
 
     @contextmanager
     def _one_line(self, trouble: str, advice: str) -> Iterator[None]:
-        # pyvisa-py lets errors of the socket through as they are, and not every backend knows every call.
+        # PyVISA-py does not translate errors of the socket, and not every backend has every call.
         try:
             yield
         except (pyvisa.Error, OSError, NotImplementedError) as error:

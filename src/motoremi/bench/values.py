@@ -1,4 +1,4 @@
-"""Arrays of numbers from an instrument, refused unless they are whole and finite."""
+"""Arrays of numbers from an instrument, checked to be complete and finite."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def block_values(driver: Driver, query: str, dtype: str = ">f8") -> FloatArray:
     driver : Driver
     query : str
     dtype : str
-        How numpy calls the numbers on the wire; the default is 64 bit, big-endian.
+        numpy's name of the numbers' binary format; the default is 64 bit, big-endian.
 
     Raises
     ------

@@ -16,15 +16,15 @@ from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
-    from motoremi.bench.answer import Answer
-    from motoremi.bench.bench_file import BenchFile
     from motoremi.bench.connect import Bench
-    from motoremi.bench.procedure import Procedure
-    from motoremi.bench.rehearsal import Rehearsed
-    from motoremi.bench.resume import Done
-    from motoremi.bench.runner import Outcome
     from motoremi.cli.bars import Bars
     from motoremi.data.session import SessionWriter
+    from motoremi.run.answer import Answer
+    from motoremi.run.rehearsal import Rehearsed
+    from motoremi.run.resume import Done
+    from motoremi.run.runner import Outcome
+    from motoremi.schema.bench_file import BenchFile
+    from motoremi.schema.procedure import Procedure
 
 # What one step of a dry run shows of its messages.
 SHOWN_MESSAGES = 40
@@ -37,24 +37,24 @@ def run_(
     bench: Annotated[str | None, typer.Option(help="Bench file with resources and calibration dates; 'sim' is the embedded bench.")] = None,
     out: Out = None,
     resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="SESSION", help="Go on with an interrupted session instead.", show_default=False)
+        Path | None, typer.Option("--resume", metavar="SESSION", help="Continue an interrupted session instead.", show_default=False)
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would be sent and how long it takes; touches no instrument.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a bench procedure; a session folder is the result. FAIL if a comparison in it fails. Ctrl-C stops safely and keeps the data."""
-    from motoremi.bench.bench_file import BenchFile, load_bench_file
-    from motoremi.bench.on_bench import on_bench
-    from motoremi.bench.procedure import load_procedure
-    from motoremi.bench.runner import resumable, start_document
+    """Run a bench procedure; a session folder is the result. FAIL if a check, compare or judge step fails. Ctrl-C stops safely and keeps data."""
     from motoremi.data.session import SessionWriter, load, reopen
+    from motoremi.run.on_bench import on_bench
+    from motoremi.run.runner import resumable, start_document
+    from motoremi.schema.bench_file import BenchFile, load_bench_file
+    from motoremi.schema.procedure import load_procedure
 
     bench_file = load_bench_file(bench, ask_once()) if bench is not None else BenchFile()
     if (procedure is None) == (resume is None):
-        raise BadInput("name a procedure, or a session with --resume SESSION; not both")
+        raise BadInput("give a procedure, or a session with --resume SESSION; not both")
     if resume is not None:
         if dry_run or out is not None:
-            raise BadInput("--resume goes on in the session itself: it takes neither --out nor --dry-run")
+            raise BadInput("--resume continues in the session itself: leave out --out and --dry-run")
         steps, done = resumable(load(resume), bench_file)
         _run(steps, bench_file, resume, lambda: reopen(resume), as_json, done)
         return
@@ -67,12 +67,12 @@ def run_(
 
 
 def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
-    from motoremi.bench.calibration import refuse_unless_calibrated, tell_doubts
-    from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
     from motoremi.data.state import marks_of, states_of
     from motoremi.interrupts import stopped_by_signals
+    from motoremi.run.calibration_check import refuse_unless_calibrated, tell_doubts
+    from motoremi.run.runner import make_bench
 
     bench_file.refuse_unless_allowed(procedure)
     refuse_unless_calibrated(procedure, bench_file)
@@ -100,10 +100,10 @@ def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Calla
 
 
 def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: SessionWriter, bars: Bars, done: Done | None) -> Outcome:
-    """Run with a bar of seconds, as far as the procedure can be rehearsed."""
-    from motoremi.bench.progress import RunProgress
-    from motoremi.bench.rehearsal import rehearse
-    from motoremi.bench.runner import run
+    """Run with a progress bar in seconds, if a dry run of the procedure is possible."""
+    from motoremi.run.rehearsal import rehearse
+    from motoremi.run.run_progress import RunProgress
+    from motoremi.run.runner import run
     from motoremi.workflow import analyse
 
     def nothing() -> None: ...
@@ -113,7 +113,7 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
         try:
             progress = RunProgress(rehearse(procedure, bench_file), made.clock, show)
         except BadInput:
-            # A driver of somebody else has no simulated instrument: then there is no bar, but the run is as good.
+            # A driver from another package may have no simulated instrument: then there is no progress bar.
             pass
         else:
             writer.subscribe(progress.document)
@@ -129,8 +129,8 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
 
 
 def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> None:
-    from motoremi.bench.rehearsal import rehearse
     from motoremi.cli.output import emit_json, say
+    from motoremi.run.rehearsal import rehearse
 
     steps = rehearse(procedure, bench_file)
     total = sum(step.seconds for step in steps)
@@ -148,7 +148,7 @@ def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> Non
         return
     say(f"{procedure.title}: rehearsed on simulated instruments; nothing is sent to real ones.")
     say("Times are those of the simulators; fitting, diagnosis and the operator take their own.")
-    say("Each message is followed by a look at the error queue.")
+    say("Readings of the error queue, one after each message where an instrument has a queue, are not listed.")
     for remark in procedure.remarks():
         say(f"note: {remark}")
     for step in steps:
@@ -181,9 +181,9 @@ def _duration(seconds: float) -> str:
 
 
 def ask_operator(text: str) -> Answer:
-    """Tell the operator what to do and wait for one of the three answers."""
-    from motoremi.bench.answer import TYPED
+    """Show the operator an instruction and wait for one of the three answers."""
     from motoremi.data.text import clean_text
+    from motoremi.run.answer import TYPED
 
     lines = "\n".join(clean_text(line) for line in text.split("\n"))
     sys.stderr.write(f"\n{lines}\n")
@@ -191,7 +191,7 @@ def ask_operator(text: str) -> Answer:
         sys.stderr.write("\n[Enter] done, n not done, s stop: ")
         sys.stderr.flush()
         if not (typed := sys.stdin.readline()):
-            raise BadInput("nobody answers the prompt: standard input has ended; run from a terminal")
+            raise BadInput("the prompt was not answered: standard input has ended; run from a terminal")
         answer = TYPED.get(" ".join(typed.casefold().split()))
         if answer is not None:
             return answer
@@ -200,15 +200,15 @@ def ask_operator(text: str) -> Answer:
 def replay_(
     path: SessionPath,
     out: Out = None,
-    lenient: Annotated[bool, typer.Option("--lenient", help="Go on at a difference where the record can still answer.")] = False,
+    lenient: Annotated[bool, typer.Option("--lenient", help="Continue after a difference, as far as the record has answers.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a session's procedure again, its recorded traffic answering; any difference is an error that shows what was expected and what came."""
-    from motoremi.bench.difference import ReplayDifference
-    from motoremi.bench.rerun import rerun
+    """Run a session's procedure again from its recorded traffic; a difference is an error that shows the recorded and the new exchange."""
+    from motoremi.bench.replay_difference import ReplayDifference
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.errors import InstrumentError
+    from motoremi.run.rerun import rerun
     from motoremi.workflow import analyse
 
     folder = out if out is not None else fresh_folder("replay")
@@ -226,11 +226,11 @@ def replay_(
         for passed_over in result.differences:
             say("\n".join(passed_over.lines()))
         if result.ended != "done":
-            say(f"the recorded run did not come to its end: {result.ended}")
+            say(f"the recorded run was not completed: {result.ended}")
         what = f"{result.compared} sweeps and spectra"
         say(f"{f'replayed without a difference, {what} bit for bit' if result.same else 'replayed with differences'}: session {folder}")
     if result.differing:
-        raise InstrumentError(f"{len(result.differing)} of {result.compared} measured files came out otherwise: {', '.join(result.differing)}")
+        raise InstrumentError(f"{len(result.differing)} of {result.compared} measured files differ: {', '.join(result.differing)}")
 
 
 def procedures_(
@@ -239,9 +239,9 @@ def procedures_(
     as_json: AsJson = False,
 ) -> None:
     """The ready procedures; the steps of one; every key that a procedure may have."""
-    from motoremi.bench.keys import reference
-    from motoremi.bench.procedure import load_procedure, ready_procedures
     from motoremi.cli.output import emit_json, say
+    from motoremi.schema.keys import reference
+    from motoremi.schema.procedure import load_procedure, ready_procedures
 
     if keys:
         tables = reference()
@@ -275,7 +275,7 @@ def procedures_(
 
 
 def tell(document: JsonDict) -> None:
-    """What a run says of itself, a line for each thing worth knowing."""
+    """Print the progress of a run: a line for each document that matters to the user."""
     from motoremi.cli.output import say
     from motoremi.data.state import marks_of, state_line
     from motoremi.quantities import show, show_band
@@ -327,14 +327,14 @@ def tell(document: JsonDict) -> None:
 
 
 def _told(value: object) -> str:
-    """A word of a document; what was set up for a sweep is a table there."""
+    """A value of a document as text; a condition is stored as a table."""
     from motoremi.data.conditions import Condition
 
     return Condition.restored(value).text if isinstance(value, dict) else str(value)
 
 
 def warn(document: JsonDict) -> None:
-    """What a person has to know even where a program reads what is printed: a doubt, or an instrument that is not safe."""
+    """Print warnings to standard error, also with --json: a doubt, or an instrument that is not safe."""
     from motoremi.data.text import clean_text
 
     text = ""
@@ -363,7 +363,7 @@ def _tell_verdict(document: JsonDict) -> None:
 
 @contextmanager
 def keeping(folder: Path) -> Iterator[None]:
-    """Say where what was measured is kept if somebody stops a run; nothing is said before there is a session."""
+    """If a run is stopped, name the folder with the measured data, once there is a session."""
     from motoremi.data.paths import SESSION
     from motoremi.errors import Stopped
 

@@ -12,8 +12,8 @@ from motoremi.cli.options import AsJson, Out, command
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
-    from motoremi.bench.procedure import Procedure
     from motoremi.fitting.result import Fit
+    from motoremi.schema.procedure import Procedure
 
 # A motor whose sweeps leave two explanations standing that one measurement tells apart.
 INVESTIGATED = (5, "bearing-film")
@@ -29,14 +29,14 @@ def demo_(
     as_json: AsJson = False,
 ) -> None:
     """Measure a simulated motor that hides an effect, fit, see where it fails, diagnose, add, watch the error fall, report."""
-    from motoremi.bench.bench_file import BenchFile
-    from motoremi.bench.hidden_bench import keep_bench
-    from motoremi.bench.runner import run, start_document
-    from motoremi.bench.simulated import SimulatedBench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import SessionWriter, load
+    from motoremi.run.hidden_bench import keep_bench
+    from motoremi.run.runner import run, start_document
+    from motoremi.schema.bench_file import BenchFile
     from motoremi.simulate.effects import DEMO_EFFECTS
+    from motoremi.virtual.simulated_bench import SimulatedBench
     from motoremi.workflow import add_to_session, analyse, compare_session, diagnosis_in, ladder_of, opened, report_session
     from motoremi.workflow_emission import emission_story
 
@@ -102,8 +102,8 @@ def demo_(
 
 def _procedure(effect: str) -> Procedure:
     """The full motor test, from 100 Hz upwards where the effect shows only below the usual band."""
-    from motoremi.bench.procedure import load_procedure, parse_procedure
     from motoremi.model.effects import find_effect, identifiers
+    from motoremi.schema.procedure import load_procedure, parse_procedure
 
     usual = load_procedure("full_motor_test")
     if effect not in identifiers() or usual.sweep is None or usual.sweep.start < find_effect(effect).effect.below_hz:

@@ -10,19 +10,19 @@ from motoremi.cli.investigate import investigated, show_end
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from motoremi.bench.procedure import Procedure
+    from motoremi.schema.procedure import Procedure
 
 BUDGET_MINUTES, ODDS = 120.0, 20.0
 
 
 def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -> None:
     """Measure a simulated motor once, and let the bench ask for what decides."""
-    from motoremi.bench.bench_file import BenchFile
-    from motoremi.bench.hidden_bench import keep_bench
-    from motoremi.bench.runner import run, start_document
-    from motoremi.bench.simulated import SimulatedBench
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import SessionWriter
+    from motoremi.run.hidden_bench import keep_bench
+    from motoremi.run.runner import run, start_document
+    from motoremi.schema.bench_file import BenchFile
+    from motoremi.virtual.simulated_bench import SimulatedBench
 
     hidden = () if effect == "none" else (effect,)
     bench_file = BenchFile(backend="sim", operator="demo", seed=seed, effects=hidden)
@@ -47,7 +47,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
 
 def _measuring_only() -> Procedure:
     """The usual impedance test without its steps of analysis, one sweep each."""
-    from motoremi.bench.procedure import load_procedure, parse_procedure
+    from motoremi.schema.procedure import load_procedure, parse_procedure
 
     source = load_procedure("impedance_only").source
     steps = [

@@ -34,8 +34,8 @@ def instruments_(as_json: AsJson = False, ask: Ask = None) -> None:
     """Known drivers and what answers on the bus."""
     from motoremi.bench.connect import driver_names
     from motoremi.bench.survey import load_trouble, title
-    from motoremi.bench.virtual import VIRTUAL_INSTRUMENTS
     from motoremi.cli.output import emit_json, say
+    from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS
 
     broken = load_trouble()
     known = {name: title(name) for name in driver_names() if name not in broken}

@@ -18,12 +18,12 @@ from motoremi.errors import BadInput
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from motoremi.bench.answer import Answer
-    from motoremi.bench.asked import Asking, Order
-    from motoremi.bench.bench_file import BenchFile
     from motoremi.bench.connect import Bench
     from motoremi.data.conditions import SingleValue
     from motoremi.data.session import Session
+    from motoremi.run.answer import Answer
+    from motoremi.run.requested import MeasurementRequest, RequestedMeasurements
+    from motoremi.schema.bench_file import BenchFile
     from motoremi.workflow_investigate import Investigation, Step, Thought
 
 _MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
@@ -43,8 +43,8 @@ def investigate_(
     as_json: AsJson = False,
 ) -> None:
     """Measure, diagnose, choose, ask, measure again, until one explanation stands. Ctrl-C keeps all; the same command goes on."""
-    from motoremi.bench.bench_file import load_bench_file
     from motoremi.cli.output import emit_json
+    from motoremi.schema.bench_file import load_bench_file
 
     minutes = minutes_of(budget)
     if odds <= 1:
@@ -58,15 +58,15 @@ def investigate_(
 
 def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float, without: tuple[str, ...], *, quiet: bool) -> Investigation:
     """Investigate a session on a bench, told on standard output unless `quiet`."""
-    from motoremi.bench.asked import Asking, procedure_for
-    from motoremi.bench.calibration import refuse_unless_calibrated
-    from motoremi.bench.on_bench import on_bench
-    from motoremi.bench.resume import Done
-    from motoremi.bench.runner import make_bench
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.bench import keeping, tell, warn
     from motoremi.data.session import load, reopen
     from motoremi.interrupts import stopped_by_signals
+    from motoremi.run.calibration_check import refuse_unless_calibrated
+    from motoremi.run.on_bench import on_bench
+    from motoremi.run.requested import RequestedMeasurements, procedure_for
+    from motoremi.run.resume import Done
+    from motoremi.run.runner import make_bench
     from motoremi.workflow_investigate import investigate
     from motoremi.workflow_thinking import Mind
 
@@ -84,14 +84,14 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
             writer.emit(
                 "investigate", procedure=procedure.source, connections=connections, budget_minutes=minutes, odds=odds, without=list(without)
             )
-            hands = _Hands(made, quiet, bars.paused)
-            asking = Asking(procedure, made, writer, hands.prompt, hands.set_up, connections=connections)
-            hands.asking = asking
+            operator = _Operator(made, quiet, bars.paused)
+            requests = RequestedMeasurements(procedure, made, writer, operator.prompt, operator.set_up, connections=connections)
+            operator.requests = requests
             shown: Callable[[Thought, Step | None], None] = (lambda thought, step: None) if quiet else show_step
             try:
-                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), hands, minutes, shown, without)
+                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), operator, minutes, shown, without)
             finally:
-                asking.leave_safe()
+                requests.leave_safe()
     finally:
         made.close()
 
@@ -112,8 +112,8 @@ def minutes_of(text: str) -> float:
 
 def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
     """The bench file, or for `sim` the simulated bench that the session was made on."""
-    from motoremi.bench.hidden_bench import kept_bench
-    from motoremi.bench.runner import was_begun_on
+    from motoremi.run.hidden_bench import kept_bench
+    from motoremi.run.runner import was_begun_on
 
     name = session.path.name
     if session.status != "done":
@@ -132,8 +132,8 @@ def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
 
 def _uncorrected(session: Session) -> tuple[str, ...]:
     """The widest sweep, where what stands between motor and analyser is not known over its span."""
-    from motoremi.bench.asked import WIDE
-    from motoremi.bench.procedure import load_procedure
+    from motoremi.run.requested import WIDE
+    from motoremi.schema.procedure import load_procedure
 
     widest = load_procedure("wide_sweep").sweep
     assert widest is not None
@@ -145,30 +145,30 @@ def _uncorrected(session: Session) -> tuple[str, ...]:
 
 
 @dataclass
-class _Hands:
+class _Operator:
     """The operator of a bench: a person at the terminal, or the simulation."""
 
     made: Bench
     quiet: bool
     paused: Callable[[], AbstractContextManager[None]]
-    asking: Asking | None = None
+    requests: RequestedMeasurements | None = None
     started_s: float = 0.0
 
     @property
     def simulated(self) -> bool:
-        from motoremi.bench.simulated import SimulatedBench
+        from motoremi.virtual.simulated_bench import SimulatedBench
 
         return isinstance(self.made, SimulatedBench)
 
-    def sweep(self, order: Order) -> None:
-        """Have it set up, and measure."""
-        assert self.asking is not None
+    def sweep(self, order: MeasurementRequest) -> None:
+        """Have the condition set up, and measure."""
+        assert self.requests is not None
         self.started_s = time.monotonic()
-        self.asking.measure(order)
+        self.requests.measure(order)
 
-    def value(self, order: Order) -> SingleValue:
+    def value(self, order: MeasurementRequest) -> SingleValue:
         """The number that another meter shows."""
-        from motoremi.bench.simulated import SimulatedBench
+        from motoremi.virtual.simulated_bench import SimulatedBench
 
         self.started_s = time.monotonic()
         if isinstance(self.made, SimulatedBench):
@@ -177,11 +177,11 @@ class _Hands:
             return typed_value(order)
 
     def minutes(self, estimated: float) -> float:
-        """By the clock; on a simulated bench, where nobody warms a motor, as estimated."""
+        """Elapsed minutes; on a simulated bench the estimate, because nothing takes real time there."""
         return estimated if self.simulated else (time.monotonic() - self.started_s) / 60
 
     def prompt(self, text: str) -> Answer | None:
-        """Tell the operator what to do."""
+        """Show the operator an instruction and return the answer."""
         from motoremi.cli.bench import ask_operator
 
         if self.simulated:
@@ -189,20 +189,20 @@ class _Hands:
         with self.paused():
             return ask_operator(text)
 
-    def set_up(self, order: Order | None) -> None:
-        """On a simulated bench, do what the operator was asked to do; None: put it back."""
-        from motoremi.bench.simulated import SimulatedBench
+    def set_up(self, order: MeasurementRequest | None) -> None:
+        """On a simulated bench, do what the operator is asked to do; None: undo it."""
+        from motoremi.virtual.simulated_bench import SimulatedBench
 
         if isinstance(self.made, SimulatedBench):
             self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
 
 
-def typed_value(order: Order) -> SingleValue:
-    """Ask for a number until it is one; `n` says that it cannot be had."""
-    from motoremi.bench.answer import TYPED, NotDone
-    from motoremi.bench.asked import asked_value
+def typed_value(order: MeasurementRequest) -> SingleValue:
+    """Ask for a value until it can be read; `n` means that there is none."""
     from motoremi.data.conditions import VALUES, parse_value
     from motoremi.data.text import clean_text
+    from motoremi.run.answer import TYPED, NotDone
+    from motoremi.run.requested import requested_value
 
     setting = VALUES[order.id].setting
     sys.stderr.write(f"\n{clean_text(order.instruction)}\n")
@@ -210,7 +210,7 @@ def typed_value(order: Order) -> SingleValue:
         sys.stderr.write(f"{order.id}, for example {setting.example}; n not done, s stop: ")
         sys.stderr.flush()
         if not (typed := sys.stdin.readline()):
-            raise BadInput("nobody answers the question: standard input has ended; run from a terminal")
+            raise BadInput("the question was not answered: standard input has ended; run from a terminal")
         text = typed.strip()
         said = TYPED.get(text.casefold()) if text else None
         if said == "stop":
@@ -218,7 +218,7 @@ def typed_value(order: Order) -> SingleValue:
         if said == "not done":
             raise NotDone(f"the operator has no value for {order.id}")
         try:
-            return asked_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
+            return requested_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
         except BadInput as error:
             sys.stderr.write(f"{error}\n")
 

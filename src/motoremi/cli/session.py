@@ -295,7 +295,7 @@ def compare_(
     phase_deg: Annotated[float | None, typer.Option(help="Largest error of phase allowed, in degrees.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Model against measurement: error per sweep and band, where it fails, PASS or FAIL (10 % if no tolerance is given)."""
+    """Model against measurement: error per sweep and band, where it fails, PASS or FAIL (without a tolerance: the last one used, at first 10 %)."""
     from motoremi.cli.output import emit_json, say
     from motoremi.diagnosis.compare import Tolerance
     from motoremi.workflow import compare_session, opened

@@ -11,7 +11,7 @@ import typer
 from motoremi.cli.options import command
 
 if TYPE_CHECKING:
-    from motoremi.bench.simulated import SimulatedBench
+    from motoremi.virtual.simulated_bench import SimulatedBench
 
 
 def simulate_(
@@ -31,11 +31,11 @@ def simulate_(
     from contextlib import closing, suppress
 
     from motoremi.bench.clock import FastClock, WallClock
-    from motoremi.bench.serve import Server, SocketServer, TerminalServer
-    from motoremi.bench.simulated import SimulatedBench
-    from motoremi.bench.virtual import virtual_instrument
     from motoremi.errors import BadInput
     from motoremi.interrupts import stopped_by_signals
+    from motoremi.virtual.serve import Server, SocketServer, TerminalServer
+    from motoremi.virtual.simulated_bench import SimulatedBench
+    from motoremi.virtual.virtual_instruments import virtual_instrument
 
     if (tcp is None) != pty:
         raise BadInput("say where to serve: either --tcp PORT or --pty")

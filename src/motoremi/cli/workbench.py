@@ -31,9 +31,9 @@ def workbench_(
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise BadInput(f"the workbench needs {' and '.join(missing)}: pip install 'motoremi[workbench]'")
 
-    from motoremi.bench.bench_file import load_bench_file
     from motoremi.data.laboratory import read_laboratory
     from motoremi.data.paths import SESSION
+    from motoremi.schema.bench_file import load_bench_file
     from motoremi.workbench.doorway import Opener
     from motoremi.workbench.server import serve
 

@@ -19,7 +19,6 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.bench.bench_file import BenchFile
 from motoremi.data.analyser import ANALYSERS
 from motoremi.data.laboratory import read_laboratory
 from motoremi.data.paths import inside
@@ -30,6 +29,7 @@ from motoremi.errors import BadInput, MotoremiError
 from motoremi.interrupts import Cancelled
 from motoremi.report.kinds import FORMS, SECTIONS
 from motoremi.report.parts import Choice
+from motoremi.schema.bench_file import BenchFile
 from motoremi.workbench import challenge, emission, exports, story, together, views
 from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk

@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.answer import Answer
-from motoremi.bench.bench_file import BenchFile
-from motoremi.bench.calibration import tell_doubts
-from motoremi.bench.procedure import Procedure
-from motoremi.bench.progress import RunProgress
-from motoremi.bench.rehearsal import rehearse
-from motoremi.bench.resume import Done
-from motoremi.bench.runner import make_bench, run
 from motoremi.data.session import SessionWriter
 from motoremi.errors import BadInput, MotoremiError
+from motoremi.run.answer import Answer
+from motoremi.run.calibration_check import tell_doubts
+from motoremi.run.rehearsal import rehearse
+from motoremi.run.resume import Done
+from motoremi.run.run_progress import RunProgress
+from motoremi.run.runner import make_bench, run
+from motoremi.schema.bench_file import BenchFile
+from motoremi.schema.procedure import Procedure
 from motoremi.workbench.events import Events
 from motoremi.workflow import analyse
 

@@ -12,8 +12,8 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from motoremi.bench.bench_file import BenchFile
 from motoremi.errors import BadInput
+from motoremi.schema.bench_file import BenchFile
 from motoremi.workbench.app import Workbench, make_app
 from motoremi.workbench.shelf import Shelf
 

@@ -1,0 +1,49 @@
+"""Input that waits on a socket: with it, a link that is slow or sends without end cannot extend a deadline.
+
+PyVISA-py restarts the deadline of a read on a socket with each byte, and clears a socket for as long as data arrive. A read of no more than
+has already arrived, or of a single byte, keeps its deadline. The vendors' libraries keep the deadline of a read themselves.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import time
+
+from pyvisa.resources import MessageBasedResource
+
+# A link is silent when nothing has arrived for this time.
+_SILENCE_S = 0.1
+
+
+def socket_of(resource: MessageBasedResource) -> socket.socket | None:
+    """The socket of a resource that PyVISA-py serves; None for any other link."""
+    link = getattr(_session(resource), "interface", None)
+    return link if isinstance(link, socket.socket) else None
+
+
+def readable_bytes(resource: MessageBasedResource) -> int:
+    """How many bytes one read may ask for without waiting for more than one byte."""
+    link, most = socket_of(resource), int(resource.chunk_size)
+    if link is None:
+        return most
+    # Bytes that PyVISA-py has already read from the socket, and bytes in the socket.
+    taken = len(getattr(_session(resource), "_pending_buffer", b""))
+    ready, _, _ = select.select([link], [], [], 0)
+    return max(1, taken + (len(link.recv(most, socket.MSG_PEEK)) if ready else 0))
+
+
+def discard_until_silent(link: socket.socket, longest_s: float) -> bool:
+    """Discard input until nothing arrives; False if that takes longer than `longest_s`, or the other side has closed the link."""
+    until = time.monotonic() + longest_s
+    while time.monotonic() < until:
+        ready, _, _ = select.select([link], [], [], _SILENCE_S)
+        if not ready:
+            return True
+        if not link.recv(1 << 16):
+            return False
+    return False
+
+
+def _session(resource: MessageBasedResource) -> object:
+    return getattr(resource.visalib, "sessions", {}).get(resource.session)

@@ -1,0 +1,182 @@
+"""Runs a recorded session again from its own traffic, and compares the results with what was stored."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from motoremi.arrays import JsonDict
+from motoremi.bench.replay import ReplayBench
+from motoremi.bench.replay_difference import RecordedEnd, ReplayDifference
+from motoremi.data.session import Session, SessionWriter, load, reopen
+from motoremi.errors import BadInput, InstrumentError, MotoremiError
+from motoremi.run.answer import ANSWERS, Answer, Prompt
+from motoremi.run.execution import Analyse
+from motoremi.run.rerun_requested import before_investigations, rerun_requested
+from motoremi.run.resume import Done
+from motoremi.run.runner import Outcome, done_by, run
+from motoremi.run.writer import Writer
+from motoremi.schema.procedure import parse_procedure
+
+MEASURED = ("sweep", "spectrum", "final", "standard")
+_KEPT = ("title", "procedure", "operator", "backend", "simulated", "simulated_sha256", "calibrated", "corrections")
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """Result of a replay.
+
+    Parameters
+    ----------
+    path : Path
+        The new session.
+    compared : int
+        How many stored sweeps, spectra and standards were compared with the new ones.
+    differing : tuple of str
+        Files of the recorded session that were not reproduced byte for byte.
+    differences : tuple of ReplayDifference
+        Differences that a lenient replay ignored.
+    ended : str
+        "done", or how the recorded run ended.
+    outcome : Outcome, optional
+        Outcome of a run that was completed.
+    """
+
+    path: Path
+    compared: int
+    differing: tuple[str, ...]
+    differences: tuple[ReplayDifference, ...]
+    ended: str
+    outcome: Outcome | None
+
+    @property
+    def same(self) -> bool:
+        """Whether all exchanges and all data are as recorded."""
+        return not self.differing and not self.differences
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "session": str(self.path),
+            "same": self.same,
+            "compared": self.compared,
+            "differing": list(self.differing),
+            "differences": [difference.to_dict() for difference in self.differences],
+            "ended": self.ended,
+            **(self.outcome.to_dict() if self.outcome else {}),
+        }
+
+
+def rerun(
+    session: Session, folder: Path, analyse: Callable[[], Analyse], lenient: bool = False, listen: Callable[[JsonDict], None] | None = None
+) -> Replayed:
+    """Run a session's procedure again with its recorded traffic in place of the instruments, on a virtual clock.
+
+    Parameters
+    ----------
+    session : Session
+    folder : Path
+        Folder of the new session.
+    analyse : callable
+        Makes the function that does the steps of analysis.
+    lenient : bool
+        Continue after a difference.
+    listen : callable, optional
+        Called with every document.
+
+    Raises
+    ------
+    ReplayDifference
+        If an exchange differs from the record, and `lenient` is off.
+    InstrumentError
+        If the run ends in another way than the recorded one.
+    BadInput
+        If the session was imported.
+    """
+    if "procedure" not in session.start:
+        raise BadInput(f"{session.path.name} was imported, not measured: there is no traffic to replay")
+    procedure = parse_procedure(session.start["procedure"], session.path.name)
+    bench = ReplayBench(session.traffic(), lenient)
+    start = {key: session.start[key] for key in _KEPT if key in session.start}
+    writer = SessionWriter.create(folder, {**start, "replay_of": session.path.name})
+    ended, outcome = "done", None
+    for done, recorded_stop, from_outside, answers, until in _runs(session):
+        bench.begin_run(until)
+        if done is not None:
+            writer = reopen(folder)
+        if listen is not None:
+            writer.subscribe(listen)
+        ended, outcome = "done", None
+        try:
+            outcome = run(procedure, bench, _as_writer(writer), analyse=analyse(), prompt=_answering(answers), done=done)
+        except RecordedEnd:
+            ended = recorded_stop or "killed"
+        except MotoremiError as error:
+            # A failure that occurred in the recorded run as well is a correct replay.
+            if isinstance(error, ReplayDifference) or not recorded_stop.endswith(str(error)):
+                raise
+            ended = recorded_stop
+        else:
+            # A kill or Ctrl-C during a step without an exchange leaves no trace in the traffic, so the replay cannot stop there.
+            if recorded_stop and not from_outside:
+                raise InstrumentError(f"the recorded run ended with {recorded_stop!r}, its replay came to its end")
+    if len(before_investigations(session.documents)) < len(session.documents):
+        with reopen(folder) as writer:
+            if listen is not None:
+                writer.subscribe(listen)
+            rerun_requested(session.documents, bench, writer, session.path.name)
+    bench.finish()
+    again = load(folder)
+    return Replayed(folder, *_compared(session, again), tuple(bench.differences), ended, outcome)
+
+
+def _as_writer(writer: SessionWriter) -> Writer:
+    return writer
+
+
+def _answering(answers: list[Answer]) -> Prompt:
+    """A prompt that gives the recorded answers; None when there are no more, as on a bench without an operator."""
+    recorded = iter(answers)
+
+    def prompt(text: str) -> Answer | None:
+        answer = next(recorded, None)
+        if answer == "stop":
+            raise RecordedEnd("the operator stopped the recorded run here")
+        return answer
+
+    return prompt
+
+
+def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answer], datetime | None]]:
+    """Each run of the session: what was done before it, why it stopped (empty if it was completed), whether that was a kill or Ctrl-C,
+    the operator's answers, and when the next run began.
+    """
+    documents = before_investigations(session.documents)
+    starts = [i for i, d in enumerate(documents) if d["kind"] == "resume"]
+    edges = [0, *starts, len(documents)]
+    for first, end in itertools.pairwise(edges):
+        own = itertools.takewhile(lambda d: d["kind"] != "reopen", documents[first:end])
+        # A run whose report failed has two stop documents: of the measurement and of the run.
+        stop = next(reversed([d for d in own if d["kind"] == "stop"]), None)
+        reason = "killed" if stop is None else "" if stop["status"] == "done" else str(stop["reason"] or stop["status"])
+        answers = [d["answer"] for d in documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
+        from_outside = stop is None or stop["status"] == "interrupted"
+        until = datetime.fromisoformat(session.documents[end]["time"]) if end < len(session.documents) else None
+        yield (done_by(session, session.documents[:first]) if first else None), reason, from_outside, answers, until
+
+
+def _compared(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:
+    """How many files were compared, and which recorded files have no equal in the replay, in order."""
+    recorded = [d for d in session.documents if d["kind"] in MEASURED]
+    # A killed run may have read a sweep without storing it; the replay stores it.
+    reproduced = [d["sha256"] for d in again.documents if d["kind"] in MEASURED]
+    differing, position = [], 0
+    for document in recorded:
+        if document["sha256"] in reproduced[position:]:
+            position = reproduced.index(document["sha256"], position) + 1
+        else:
+            differing.append(str(document["file"]))
+    return len(recorded), tuple(differing)

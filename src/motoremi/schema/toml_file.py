@@ -1,0 +1,51 @@
+"""Reads TOML files and checks them against their schema; errors are one line with file, step and key."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from motoremi.arrays import JsonDict
+from motoremi.errors import BadInput
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not UTF-8 text'}") from error
+
+
+def parsed_toml(text: str, where: str) -> JsonDict:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{where}: not valid TOML: {error}") from error
+
+
+def checked(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        problems = "; ".join(_one_problem(problem, data) for problem in error.errors())
+        raise BadInput(f"{where}: {problems}") from error
+
+
+def _one_problem(problem: Mapping[str, Any], data: Mapping[str, Any]) -> str:
+    place = [str(part) for part in problem["loc"]]
+    if place[:1] == ["steps"] and len(place) > 1:
+        number = int(place[1])
+        kind = data["steps"][number].get("do", "?") if isinstance(data["steps"][number], Mapping) else "?"
+        # The union's tag stands between the number and the key.
+        key = [part for part in place[2:] if part != kind]
+        place = [f"step {number + 1} ({kind})", *key]
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
+        message = "unknown key"
+    return ": ".join(part for part in (".".join(place).replace(").", "): "), message) if part)
