@@ -198,7 +198,8 @@ def from_files(page: Page, address: str, measured: Path) -> int:
         page.click("#write-report")
     if not told.value.ok:
         sys.exit(told.value.text())
-    print(f"{count + 1}. Open the report\n{count + 2}. Choose the laboratory's profile\n{count + 3}. Write the report, signed: {time.perf_counter() - began:.1f} s")
+    spent = time.perf_counter() - began
+    print(f"{count + 1}. Open the report\n{count + 2}. Choose the laboratory's profile\n{count + 3}. Write the report, signed: {spent:.1f} s")
     return count + 3
 
 

@@ -103,7 +103,15 @@ def test_what_cannot_be_used_is_one_sentence_and_keeps_nothing(client, session, 
 
 
 @pytest.mark.parametrize(
-    "body", [{}, {"files": "x"}, {"files": [1]}, {"files": [{"name": "a.toml"}]}, {"files": [{"name": "a.toml", "data": "é"}]}, {"files": [{"name": 1, "data": ""}]}]
+    "body",
+    [
+        {},
+        {"files": "x"},
+        {"files": [1]},
+        {"files": [{"name": "a.toml"}]},
+        {"files": [{"name": "a.toml", "data": "é"}]},
+        {"files": [{"name": 1, "data": ""}]},
+    ],
 )
 def test_a_request_that_holds_no_files_is_one_sentence(client, body):
     answer = client.post(ADDRESS, json=body)
