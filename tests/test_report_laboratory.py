@@ -13,6 +13,7 @@ from datetime import date
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pypdfium2
 import pytest
 from laboratory_cases import PROFILE, measured_session, pages_of, profile, spectrum, squeezed
 from report_cases import HOSTILE, diagnosed_session, parsed
@@ -331,3 +332,13 @@ def test_names_are_broken_at_their_joints_only():
         "0123456789abcdef" * 4: ["0123456789abcdef"] * 4,
     }.items():
         assert _shown(name).split(_BREAK) == pieces
+
+
+def test_a_logo_stands_at_the_margin(session, tmp_path):
+    pdf = report(session, profile(tmp_path, 'logo = "logo.png"\n' + PROFILE), Choice("short"))["short.pdf"]
+    page = pypdfium2.PdfDocument(pdf)[0]
+    images = [one.get_bounds() for one in page.get_objects() if one.type == pypdfium2.raw.FPDF_PAGEOBJ_IMAGE]
+    lines = [one.get_bounds() for one in page.get_objects() if one.type == pypdfium2.raw.FPDF_PAGEOBJ_PATH]
+    # The line under the page's head goes from margin to margin.
+    assert len(images) == 1
+    assert images[0][2] == pytest.approx(max(right for _, _, right, _ in lines), abs=1.0)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any, get_args
 from xml.etree import ElementTree
 
 import pytest
+from laboratory_cases import pages_of
 from report_cases import HOSTILE, diagnosed_session, parsed
 from typer.testing import CliRunner
 
@@ -20,7 +22,7 @@ from motoremi.data.session import load
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.together import together
-from motoremi.report.words import described, findings_of, in_words, lag, mood_of, number, place_of
+from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of
 from motoremi.workbench.views import diagnosis as shown_on_the_page
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
@@ -81,6 +83,30 @@ def test_numbers_are_written_as_engineers_write_them(value: float | None, told: 
     assert number(value, 4) == told
     assert lag(1.32e8) == "> 1000"
     assert lag(12.34) == "12.3"
+
+
+@pytest.mark.parametrize(
+    ("written", "printed"),
+    [
+        ("La rises from 7.094 uH to 18.87 uH.", "La rises from 7.094 µH to 18.87 µH."),
+        ("21.09 Ohm, 1.2 kOhm, 5Ohm", "21.09 Ω, 1.2 kΩ, 5Ω"),
+        ("830 uOhm", "830 µΩ"),
+        ("60.0 dBuV at 1 MHz", "60.0 dBµV at 1 MHz"),
+        ("12 uHz of the menu, Ohm's law, motor_uH", "12 uHz of the menu, Ohm's law, motor_uH"),
+    ],
+)
+def test_units_are_printed_in_symbols(written: str, printed: str) -> None:
+    assert in_symbols(written) == printed
+
+
+def test_pages_and_paper_print_symbols_and_machines_read_plain_units(session: Path) -> None:
+    with opened(session) as store:
+        files = {file.name: file.read_bytes() for file in report_session(store)}
+    page, paper = files["report.html"].decode(), "".join(pages_of(files["report.pdf"]))
+    for text in (page, paper):
+        assert re.search(r"\d Ω", text)
+        assert not re.search(r"\d (Ohm|kOhm|uH|dBuV)", text)
+    assert "Ohm" in files["parameters.csv"].decode()
 
 
 def test_how_well_a_circuit_describes_a_motor() -> None:

@@ -137,7 +137,7 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         watched.drawn("together")
         rows = page.locator("#together-verdicts tbody tr")
         expect(rows).to_have_count(2)
-        expect(rows.nth(0)).to_contain_text("missing-effect eddy-laminations")
+        expect(rows.nth(0)).to_contain_text("missing from the model: eddy-laminations")
         expect(rows.nth(1)).to_contain_text("no fit")
         expect(page.locator("#together-parameters")).to_contain_text("± ")
         # Short, open and the spectrum: magnitude, phase and change of each sweep, the level.

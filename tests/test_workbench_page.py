@@ -256,3 +256,46 @@ def test_a_reload_in_the_middle_of_a_run_shows_the_run(browser, tmp_path):
         expect(page.locator("#run-status")).to_contain_text("the instruments are safe")
         expect(page.locator("#session-choice option:checked")).to_contain_text("interrupted")
         watched.close()
+
+
+# How bright the text and lines of the first plot are, of 255.
+BRIGHTNESS = """() => {
+    const plot = document.querySelector("canvas"), { data } = plot.getContext("2d").getImageData(0, 0, plot.width, plot.height);
+    let sum = 0, count = 0;
+    for (let at = 0; at < data.length; at += 4) if (data[at + 3] === 255) { sum += data[at]; count++; }
+    return sum / count;
+}"""
+
+
+def test_plots_follow_a_machine_that_turns_dark_by_itself(browser, fitted):
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address, color_scheme="light")
+        page = watched.page
+        watched.see("session")
+        light = page.evaluate(BRIGHTNESS)
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_function(f"({BRIGHTNESS})() > {light} + 50")
+        watched.close()
+
+
+def test_what_the_bench_asks_for_can_be_read_to_its_end(browser, tmp_path):
+    with served(bench_of(tmp_path)) as address:
+        watched = Watched(browser, address, viewport={"width": 390, "height": 844})
+        page = watched.page
+        watched.see("bench")
+        page.select_option("#bench-procedure", "impedance_only")
+        page.check("#bench-ask")
+        page.click("#run")
+        for expected in ("Leave the fixture open", "Connect", "Connect"):
+            expect(page.locator(".prompt p")).to_contain_text(expected)
+            assert page.eval_on_selector(".prompt p", "(one) => one.scrollWidth <= one.clientWidth")
+            assert page.inner_text(".prompt pre").strip()
+            # One run at a time.
+            expect(page.locator("#run")).to_be_disabled()
+            before = page.inner_text(".prompt p")
+            page.click("#connected")
+            expect(page.locator(".prompt p")).not_to_have_text(before)
+        page.click("#stop")
+        expect(page.locator("#run-status")).to_contain_text("safe")
+        expect(page.locator("#run")).to_be_enabled()
+        watched.close()

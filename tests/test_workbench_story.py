@@ -10,7 +10,8 @@ from pathlib import Path
 import pypdfium2
 import pytest
 from conftest import simulated_sweeps
-from playwright.sync_api import Page, expect
+from laboratory_cases import PROFILE, SVG
+from playwright.sync_api import Page, Response, expect
 from workbench_browser import PATIENCE_MS, Watched, choose_by_keys, drop, findings, keep, needs_chromium
 from workbench_tools import bench_of, client_of, make_fitted_session, served
 
@@ -27,6 +28,11 @@ from motoremi.workflow import drop_from_session, opened
 from motoremi.workflow_emission import add_source_effect, drop_source_effect, emission_steps, stored_emission_steps
 
 DESKTOP, SMALL, PHONE = {"width": 1440, "height": 900}, {"width": 1024, "height": 768}, {"width": 390, "height": 844}
+# What a laboratory's engineer chooses on the view Report.
+LABORATORY = [
+    {"name": "lab.toml", "mimeType": "application/toml", "buffer": ('logo = "logo.svg"\n' + PROFILE).encode()},
+    {"name": "logo.svg", "mimeType": "image/svg+xml", "buffer": SVG.encode()},
+]
 # A motor for the sweeps, the stand of its spectra.
 MOTOR, STAND = 7, 1004
 
@@ -374,6 +380,17 @@ def test_both_stories_by_clicks_from_dropped_files(browser, measured, tmp_path):
         with page.expect_download() as download:
             page.click("#outcome a:text-is('report.pdf')")
         assert Path(download.value.path()).read_bytes() == (tmp_path / "s" / "report" / "report.pdf").read_bytes()
+        # A laboratory signs it.
+        page.click("#next-step")
+        watched.drawn("report")
+        with page.expect_file_chooser() as asked:
+            page.click("#choose-laboratory")
+        asked.value.set_files(LABORATORY)
+        expect(page.locator("#who-signs")).to_have_text("Signed by EMC Laboratory North.")
+        with page.expect_response(written):
+            page.click("#write-report")
+        page.go_back()
+        watched.drawn("story")
         # The other views are one click away, and the step bar leads to them too.
         page.click("#story-stages a:has-text('Measured')")
         watched.drawn("emission")
@@ -382,8 +399,13 @@ def test_both_stories_by_clicks_from_dropped_files(browser, measured, tmp_path):
         expect(page.locator("#of-emission")).to_have_attribute("aria-pressed", "true")
         watched.close()
     text = pdf_of(tmp_path / "s")
-    assert "eddy-laminations" in text
-    assert "arc-breakdown" in text
+    for told in ("eddy-laminations", "arc-breakdown", "EMC Laboratory North", "EMC-2026-0001"):
+        assert told in text
+
+
+def written(answer: Response) -> bool:
+    """Whether this is the answer to the button that writes the report."""
+    return answer.request.method == "POST" and answer.url.endswith("/report")
 
 
 def fell(page: Page, unit: str) -> tuple[float, float]:
@@ -460,7 +482,22 @@ def test_both_stories_by_keys_alone_from_chosen_files(browser, measured, tmp_pat
         watched.drawn("report")
         expect(page.locator("main")).to_be_focused()
         expect(page.locator("#report-files a").first).to_be_visible()
+        # A laboratory signs it; what to press next is the next stop of Tab each time.
+        with page.expect_file_chooser() as asked:
+            page.keyboard.press("Tab")
+            expect(page.locator("#choose-laboratory")).to_be_focused()
+            page.keyboard.press("Enter")
+        asked.value.set_files(LABORATORY)
+        expect(page.locator("#who-signs")).to_have_text("Signed by EMC Laboratory North.")
+        expect(page.locator("#choose-laboratory")).to_be_focused()
+        assert findings(page) == []
+        page.keyboard.press("Tab")
+        expect(page.locator("#report-form")).to_be_focused()
+        page.keyboard.press("Tab")
+        expect(page.locator("#write-report")).to_be_focused()
+        with page.expect_response(written):
+            page.keyboard.press("Enter")
         watched.close()
     text = pdf_of(tmp_path / "s")
-    assert "eddy-laminations" in text
-    assert "arc-breakdown" in text
+    for told in ("eddy-laminations", "arc-breakdown", "EMC Laboratory North", "EMC-2026-0001"):
+        assert told in text

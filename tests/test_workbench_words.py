@@ -7,10 +7,12 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 from workbench_browser import Watched, needs_chromium
-from workbench_tools import bench_of, client_of, make_fitted_session, served
+from workbench_tools import bench_of, client_of, make_fitted_session, make_session, served
 
-from motoremi.data.session import reopen
+from motoremi.data.session import load, reopen
 from motoremi.diagnosis.compare import Tolerance
+from motoremi.report.cause import diagnosis_section
+from motoremi.report.identity import identity_section
 from motoremi.workbench.desk import Desk
 from motoremi.workflow import compare_session, opened
 
@@ -54,7 +56,7 @@ def said(page: Page, file: str, call: str) -> Any:
         ("duration(1370)", "22\u00a0min 50\u00a0s"),
         ("duration(42.4)", "42\u00a0s"),
         ("duration(7500)", "2\u00a0h 05\u00a0min"),
-        ("symbols('7.094 uH, 24.5 Ohm - 5.58 kOhm, 60.0 dBuV, Ohm')", "7.094 µH, 24.5 Ω - 5.58 kΩ, 60.0 dBµV, Ohm"),
+        ("symbols('7.094 uH, 24.5 Ohm - 5.58 kOhm, 830 uOhm, 60.0 dBuV, Ohm')", "7.094 µH, 24.5 Ω - 5.58 kΩ, 830 µΩ, 60.0 dBµV, Ohm"),
     ],
 )
 def test_numbers_as_engineers_write_them(page, call, text):
@@ -135,5 +137,30 @@ def test_where_nothing_explains_it_no_effect_is_likely(tmp_path):
     workbench = bench_of(tmp_path, folder)
     told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/story").json()
     assert max(one["probability"] for one in told["diagnosis"]["candidates"]) == pytest.approx(0.08, rel=0.01)
+    # The report says the same.
+    section = diagnosis_section(Desk(folder).session.analysis("diagnosis"))
+    ranking = next(table for table in section.tables if table.title.startswith("Ranking"))
+    assert max(float(row[2]) for row in ranking.rows) == pytest.approx(0.08, rel=0.01)
+    sets = next(table for table in section.tables if table.title.startswith("Sets"))
+    assert max(float(row[1]) for row in sets.rows) <= 0.081
     # That no effect was named is no explanation.
     assert {one["title"]: one["done"] for one in told["stages"]}["Explained"] is False
+
+
+def test_what_was_diagnosed_without_a_fit_is_no_step_ahead(tmp_path):
+    folder = make_fitted_session(tmp_path / "s")
+    stored = Desk(folder).session.analysis("diagnosis")
+    measured = make_session(tmp_path / "measured")
+    with reopen(measured) as writer:
+        # Whoever goes on with a session asks the same instruments again.
+        for serial in ("1", "1", "2"):
+            writer.emit("instrument", role="analyser", driver="4294a", resource="GPIB0::17::INSTR", identity={"serial": serial}, settings={})
+        writer.save_analysis("diagnosis", stored)
+        writer.close("done")
+    workbench = bench_of(tmp_path, measured)
+    at = f"/api/sessions/{workbench.shelf.first}"
+    told = client_of(workbench).get(f"{at}/story").json()
+    assert [one["done"] for one in told["stages"]] == [True, False, False, False, False, False]
+    assert [one["identity"]["serial"] for one in client_of(workbench).get(at).json()["instruments"]] == ["1", "2"]
+    settings = next(table for table in identity_section(load(measured), "").tables if table.title.startswith("Settings"))
+    assert len(settings.rows) == 1

@@ -39,6 +39,7 @@ from motoremi.fitting.search import (
     search_base,
 )
 from motoremi.fitting.starts import base_starts, seen
+from motoremi.fitting.vanishing import no_worse
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.seen import Seen
@@ -325,10 +326,11 @@ def refit_with(
     limits: Mapping[str, tuple[float, float]] | None = None,
     thorough: bool = True,
 ) -> Fit:
-    """Add an effect to a fitted motor and fit again."""
+    """Add an effect to a fitted motor and fit again; where that would be worse, the effect is held where it vanishes."""
     added = find_effect(effect).effect
-    before = _shown(before, added.hides)
-    return _hidden(_with_effect(before, effect, held, limits, thorough), added.hides)
+    shown = _shown(before, added.hides)
+    fitted = _hidden(_with_effect(shown, effect, held, limits, thorough), added.hides)
+    return no_worse(before, fitted, effect, (*(held or ()), *(limits or ())))
 
 
 def _shown(fit: Fit, names: Sequence[str]) -> Fit:

@@ -12,7 +12,7 @@ from motoremi.report import plots
 from motoremi.report.conditions import asked_table, path_table
 from motoremi.report.parts import Section, Table
 from motoremi.report.svg import picture
-from motoremi.report.words import described, findings_of, in_words, lag, number, place_of, reasons_of
+from motoremi.report.words import described, findings_of, in_words, lag, number, place_of, probability_of, reasons_of
 
 MOST_CANDIDATES = 10
 # Sets of effects that are less probable are not listed.
@@ -31,7 +31,7 @@ def diagnosis_section(diagnosis: JsonDict, asked: JsonDict | None = None) -> Sec
             (
                 str(candidate["effect"]),
                 str(candidate["family"]),
-                number(candidate["probability"]),
+                number(probability_of(candidate, diagnosis)),
                 lag(candidate["delta_bic"]),
                 f"{number(candidate['rms_error_percent'])} %",
                 f"{number(candidate.get('unexplained_percent'))} %",
@@ -77,8 +77,8 @@ def _findings(diagnosis: JsonDict) -> tuple[Table, ...]:
 
 def _sets(diagnosis: JsonDict) -> tuple[Table, ...]:
     """How probable each set of effects is; a diagnosis of an earlier version does not say."""
-    likely = [one for one in diagnosis.get("sets", ()) if one["probability"] >= LEAST_SHOWN]
-    rows = tuple((" + ".join(one["effects"]) or "nothing", number(one["probability"])) for one in likely)
+    shares = [(" + ".join(one["effects"]) or "nothing", probability_of(one, diagnosis)) for one in diagnosis.get("sets", ())]
+    rows = tuple((name, number(share)) for name, share in shares if share >= LEAST_SHOWN)
     return (Table("Sets of effects, the likeliest first", ("missing", "probability"), rows),) if rows else ()
 
 

@@ -13,7 +13,7 @@ from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_a
 from motoremi.report.parts import Materials, Picture, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
-from motoremi.report.words import in_words, lag
+from motoremi.report.words import in_words, lag, probability_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -248,7 +248,7 @@ def _ranking(diagnosis: JsonDict) -> Table:
     rows = tuple(
         (
             str(one["effect"]),
-            f"{one['probability']:.3g}",
+            f"{probability_of(one, diagnosis):.3g}",
             lag(one["delta_bic"]),
             f"{one['rms_error_db']:.2g} dB",
             "yes" if one["plausible"] else "no, at a bound",

@@ -8,16 +8,26 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from motoremi.report.parts import Report
+from motoremi.report.words import in_symbols
 
 
 @lru_cache(maxsize=1)
 def _template() -> Template:
     environment = Environment(
-        loader=PackageLoader("motoremi.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("motoremi.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_printed,
     )
     # Only our own plots are markup; everything else is escaped.
     environment.filters["drawing"] = Markup
     return environment.get_template("template.html.j2")
+
+
+def _printed(value: object) -> object:
+    return in_symbols(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def render_html(report: Report) -> str:

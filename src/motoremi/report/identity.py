@@ -90,13 +90,14 @@ def identity_section(session: Session, session_sha256: str) -> Section:
         ("SHA-256 over the hashes of the measured files", session_sha256),
     )
     tables = [Table("Session", ("what", "is"), facts)]
-    settings = tuple(
+    # Whoever goes on with a session asks the same instruments again.
+    settings = dict.fromkeys(
         (str(d.get("role")), str(d.get("resource") or "-"), str((d.get("identity") or {}).get("firmware") or "-"), _settings(d))
         for d in session.documents
         if d["kind"] == "instrument"
     )
     if settings:
-        tables.append(Table("Settings of the instruments", ("role", "resource", "firmware", "settings"), settings))
+        tables.append(Table("Settings of the instruments", ("role", "resource", "firmware", "settings"), tuple(settings)))
     measured = [d for d in session.documents if d["kind"] in MEASURED]
     sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
         "sweep": iter(session.sweeps),

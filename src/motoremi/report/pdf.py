@@ -22,6 +22,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 from motoremi.report.parts import Report
+from motoremi.report.words import in_symbols
 
 # A long word may be longer than its column. It may be broken where a name has a joint, never inside of it; what has none for so long is no name.
 _LONG_WORD = re.compile(r"\S{20,}")
@@ -58,8 +59,7 @@ def render_pdf(report: Report) -> bytes:
         source[_picture_name(number)] = picture.svg.encode()
     logo = _logo(report)
     if logo is not None:
-        source[logo[0]] = logo[1]
-        page["letterhead"]["logo"] = logo[0]
+        page["letterhead"]["logo"] = list(logo)
     source["report.json"] = json.dumps(page).encode()
     try:
         return compile_files(source, format="pdf", font_paths=[str(_fonts())], ignore_system_fonts=True)
@@ -69,12 +69,12 @@ def render_pdf(report: Report) -> bytes:
         raise BadInput(f"the laboratory's logo cannot be drawn in a PDF ({clean_text(str(error), 120)}); save it as PNG") from error
 
 
-def _logo(report: Report) -> tuple[str, bytes] | None:
-    """File name and content of the laboratory's logo."""
+def _logo(report: Report) -> bytes | None:
+    """The laboratory's logo; it goes as numbers, since typst takes files in memory for text."""
     head = report.letterhead
     if head is None or not (head.logo_png or head.logo_svg):
         return None
-    return ("logo.png", base64.b64decode(head.logo_png)) if head.logo_png else ("logo.svg", head.logo_svg.encode())
+    return base64.b64decode(head.logo_png) if head.logo_png else head.logo_svg.encode()
 
 
 def _page(report: Report) -> JsonDict:
@@ -118,7 +118,7 @@ def _picture_name(number: int) -> str:
 def _shown(value: Any) -> Any:
     """Plain data, with every text as this file's fonts can show it."""
     if isinstance(value, str):
-        return _LONG_WORD.sub(_broken, "".join(map(_in_font, value)))
+        return _LONG_WORD.sub(_broken, "".join(map(_in_font, in_symbols(value))))
     if isinstance(value, dict):
         return {key: _shown(item) for key, item in value.items()}
     return [_shown(item) for item in value] if isinstance(value, list | tuple) else value

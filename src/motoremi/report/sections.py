@@ -96,7 +96,7 @@ def sweeps_section(materials: Materials) -> Section:
     tables = (table, *beside_tables(session))
     if not results:
         alone = picture("sweeps", plots.measured_figure(measurement), "Measured impedance, mean of the repeats.")
-        return Section("Sweeps", (*texts, *measurement.caveats()), tables, (alone,))
+        return Section("Sweeps", (*texts, *(f"{text[:1].upper()}{text[1:]}." for text in measurement.caveats())), tables, (alone,))
     return Section("Sweeps and model", tuple(texts), tables, (sweeps_picture(results),))
 
 

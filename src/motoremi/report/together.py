@@ -256,7 +256,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
     for index, (one, own) in enumerate(zip(sessions, materials.values(), strict=True)):
         errors = [f"{error:.3g} %" for error in one["rms_error_percent"]]
         found = one["diagnosis"]
-        cause = NO_VALUE if found is None else " ".join((found["verdict"], *found["effects"]))
+        cause = NO_VALUE if found is None else in_words(found)
         if found is not None and found["serious_findings"]:
             cause += f" (found in the data: {', '.join(found['serious_findings'])})"
         rows.append(

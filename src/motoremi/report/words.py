@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
@@ -29,6 +30,12 @@ FAR = 1000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Nobody asks for more.
 FINEST_PERCENT = 0.01
+# Units behind a number, which other programs read without a letter of another alphabet.
+_SYMBOLS = (
+    (re.compile(r"([\d.] ?[a-zA-Z]?)Ohm\b"), r"\1Ω"),
+    (re.compile(r"(\d ?)u([HFsAVmΩ])\b"), r"\1µ\2"),
+    (re.compile(r"dBuV\b"), "dBµV"),
+)
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -56,6 +63,19 @@ def in_words(diagnosis: JsonDict) -> str:
     if verdict == "instrument" and named:
         return f"{text}: {named}"
     return text.replace("{named}", named)
+
+
+def probability_of(candidate: JsonDict, diagnosis: JsonDict) -> float:
+    """How probable an effect, or a set of them, is; where no effect explains it, at most as probable as the verdict is wrong."""
+    left = 1.0 - float(diagnosis["confidence"]) if diagnosis["verdict"] == "unexplained" else 1.0
+    return left * float(candidate["probability"])
+
+
+def in_symbols(text: str) -> str:
+    """A text with its units as they are printed: 18.87 µH, 21.1 Ω, 60 dBµV."""
+    for written, printed in _SYMBOLS:
+        text = written.sub(printed, text)
+    return text
 
 
 def mood_of(verdict: str) -> Mood:

@@ -20,7 +20,6 @@ from starlette.staticfiles import StaticFiles
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.analyser import ANALYSERS
-from motoremi.data.laboratory import read_laboratory
 from motoremi.data.paths import inside
 from motoremi.data.plain import object_from_json, plain
 from motoremi.data.text import clean_text, clean_value
@@ -34,9 +33,10 @@ from motoremi.workbench import challenge, emission, exports, story, together, vi
 from motoremi.workbench.bench import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
-from motoremi.workbench.guard import REPORT_POLICY, UPLOADS, Guard
+from motoremi.workbench.guard import LABORATORY, REPORT_POLICY, UPLOADS, Guard
 from motoremi.workbench.jobs import Jobs
 from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.letterhead import Letterhead
 from motoremi.workbench.listing import Listing, State
 from motoremi.workbench.refusal import refusal
 from motoremi.workbench.shelf import Shelf
@@ -44,7 +44,6 @@ from motoremi.workbench.terms import TERMS
 from motoremi.workbench.thinning import Band
 from motoremi.workbench.tray import Tray
 from motoremi.workbench.watch import Watch
-from motoremi.workflow_issue import laboratory_in
 
 STATIC = Path(str(resources.files("motoremi.workbench") / "static"))
 # What may be taken out of a session's report folder.
@@ -65,18 +64,18 @@ class Workbench:
     shelf : Shelf
     bench_file : BenchFile, optional
     profile : Path, optional
-        The laboratory that signs the reports.
+        The laboratory that signs the reports; without one it can be chosen on the page.
     """
 
     def __init__(self, shelf: Shelf, bench_file: BenchFile | None = None, profile: Path | None = None) -> None:
         self.shelf = shelf
-        self.profile = profile
         self.events = Events()
         self.listing = Listing(shelf)
         self.watch = Watch(self.listing, self.events)
         self.place = Workplace(shelf, self.events, bench_file)
         self.jobs = Jobs(self.events)
         self.tray = Tray(lambda: self.events.publish("files", {}))
+        self.letterhead = Letterhead(shelf.folder, profile, lambda: self.events.publish("files", {}))
 
     def desk(self, request: Request) -> Desk:
         """The session that an address names."""
@@ -156,6 +155,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         Route("/api/together/{name}", _file(w, _comparison)),
         _get(UPLOADS, lambda request: {**w.tray.to_dict(), "analysers": {one.name: one.title for one in ANALYSERS}}),
         Route(UPLOADS, _upload(w), methods=["POST"]),
+        _post(LABORATORY, lambda request, body: w.letterhead.choose(body)),
         _post(UPLOADS + "/fixture", lambda request, body: w.tray.choose_fixture(body.get("fixture"))),
         _post(UPLOADS + "/clear", lambda request, body: w.tray.clear()),
         _post(UPLOADS + "/session", lambda request, body: _import(w, body)),
@@ -256,13 +256,12 @@ def _names(body: JsonDict, key: str) -> list[str]:
 
 def _reports(w: Workbench, desk: Desk) -> JsonDict:
     """The files that were written, what can be chosen, and who signs."""
-    laboratory = laboratory_in(desk.session) if w.profile is None else read_laboratory(w.profile)
-    return {"files": desk.report_files(), "forms": FORMS, "sections": SECTIONS, "laboratory": "" if laboratory is None else laboratory.name}
+    return {"files": desk.report_files(), "forms": FORMS, "sections": SECTIONS, **w.letterhead.told(desk.session)}
 
 
 def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
     choice = Choice(_text(body, "form") or "long", frozenset(_names(body, "sections")))
-    return {"files": desk.report(progress, w.profile, choice)}
+    return {"files": desk.report(progress, w.letterhead.profile, choice)}
 
 
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:

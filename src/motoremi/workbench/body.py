@@ -27,6 +27,8 @@ class Allowance(NamedTuple):
 
 # The largest request is an effect's name with a few settings.
 USUAL = Allowance(64 * 1024, 10.0, "the request")
+# A laboratory's profile with its logo, as text.
+LETTERHEAD = Allowance(4 * 1024**2, 30.0, "the profile with its logo")
 # A file of a measurement; 10 000 points take a megabyte.
 FILE = Allowance(64 * 1024**2, 60.0, "the file")
 

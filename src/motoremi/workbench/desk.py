@@ -17,6 +17,7 @@ from motoremi.diagnosis.element import Inspection, inspect
 from motoremi.diagnosis.ladder import further
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
+from motoremi.fitting.vanishing import no_worse
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
 from motoremi.workbench.ladder import Ladder
@@ -91,7 +92,7 @@ class Desk(Ladder[Fit]):
         found = self.work(lambda store: diagnose_session(store, progress=progress), shown)
         # Under another analyser, or without some points, it was another model.
         if (found.base.objective, found.base.effects) == (self.top.objective, self.top.effects):
-            self._keep_all((one.effect, one.fit) for one in found.candidates)
+            self._keep_all((one.effect, no_worse(self.top, one.fit, one.effect)) for one in found.candidates)
 
     def judge(self, tolerance: Tolerance) -> None:
         """Hold the model that stands against the measurement, by this tolerance from now on."""

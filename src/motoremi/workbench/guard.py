@@ -12,12 +12,13 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from motoremi.workbench.body import FILE, USUAL, TooLong, read_already, whole_body
+from motoremi.workbench.body import FILE, LETTERHEAD, USUAL, TooLong, read_already, whole_body
 from motoremi.workbench.refusal import refusal
 
 SAFE_METHODS = frozenset({"GET", "HEAD"})
 # Where files are taken in; everywhere else requests are JSON.
 UPLOADS = "/api/files"
+LABORATORY = "/api/laboratory"
 # A page of ours is asked for by ourselves, or by somebody who types its address.
 WELCOME_SITES = frozenset({"same-origin", "none"})
 # Trusted types: a browser that knows them refuses to make markup from text, whatever a script tries.
@@ -77,7 +78,7 @@ class Guard:
 
         answer = self._refusal(scope) or self._entrance(scope)
         if answer is None:
-            allowance = FILE if _is_upload(scope) else USUAL
+            allowance = FILE if _is_upload(scope) else LETTERHEAD if scope["path"] == LABORATORY else USUAL
             try:
                 body = await whole_body(receive, allowance)
             except TooLong:

@@ -382,7 +382,7 @@ def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, comin
         ("Measured", chosen.measured, "session" if of == "impedance" else "emission"),
         ("Fitted", fitted, "session" if of == "impedance" else "emission"),
         ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
-        ("What is missing", diagnosed and explained is not None, "next" if of == "impedance" else ""),
+        ("What is missing", fitted and diagnosed and explained is not None, "next" if of == "impedance" else ""),
         # That nothing was named to be added is no explanation.
         ("Explained", bool(explained) and stored is not None and stored["verdict"] not in UNEXPLAINED, ""),
         ("Report", coming["do"] == "go" and coming["view"] == "report", "report"),

@@ -139,7 +139,7 @@ class Tray:
         BadInput
             If it is no text, or kept already, or there are too many.
         """
-        shown = _last_part(name)
+        shown = last_part(name)
         refuse_empty(data, shown)
         decode(data, shown)
         one = Dropped(shown, data)
@@ -264,11 +264,11 @@ def _tables(data: bytes, name: str) -> frozenset[str]:
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{name}: is not TOML: {error}") from error
     if not isinstance(listed, list) or not listed:
-        raise BadInput(f"{name}: holds no [[correction]]; each has name, kind and db or file")
+        raise BadInput(f"{name}: holds no [[correction]]; each has name, kind and db or file (a laboratory's profile is chosen on the view Report)")
     return frozenset(str(entry["file"]) for entry in listed if isinstance(entry, dict) and entry.get("file"))
 
 
-def _last_part(name: str) -> str:
+def last_part(name: str) -> str:
     """A name to look at and to record; a browser sends any text."""
     shown = clean_text(re.split(r"[/\\]", name)[-1], LONGEST_NAME).strip()
     return shown if shown.strip(".") else "unnamed"

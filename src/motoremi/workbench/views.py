@@ -18,7 +18,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import catalogue
 from motoremi.quantities import show, show_band
-from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, reasons_of
+from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, probability_of, reasons_of
 from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
@@ -48,11 +48,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "interrupted": session.interrupted,
         "resumable": "procedure" in start and (session.status != "done" or session.interrupted),
         "start": {key: str(start.get(key, "")) for key in ("motor", "title", "operator", "time", "software", "backend")},
-        "instruments": [
-            {"role": str(document.get("role", "")), "resource": str(document.get("resource", "")), "identity": _texts(document.get("identity"))}
-            for document in session.documents
-            if document["kind"] == "instrument"
-        ],
+        "instruments": _instruments(session),
         "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
         "conditioned": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.conditioned],
         "values": [{"name": one.name, "summary": one.text.partition("=")[2].replace("+-", " ± ")} for one in session.values],
@@ -64,6 +60,21 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "ladder": ladder(desk),
         "elements": [*ELEMENTS, *(desk.steps[-1].effects if desk.steps else ())],
     }
+
+
+def _instruments(session: Session) -> list[JsonDict]:
+    """Who measured; whoever goes on with a session asks the same instruments again."""
+    told: list[JsonDict] = []
+    for document in session.documents:
+        if document["kind"] == "instrument":
+            one = {
+                "role": str(document.get("role", "")),
+                "resource": str(document.get("resource", "")),
+                "identity": _texts(document.get("identity")),
+            }
+            if one not in told:
+                told.append(one)
+    return told
 
 
 def _texts(value: object) -> dict[str, str]:
@@ -169,13 +180,11 @@ def _diagnosis(stored: JsonDict) -> JsonDict:
     told["caveats"] = list(stored.get("caveats", []))
     told["observations"] = [str(one["text"]) for one in stored.get("observations", [])]
     error = "rms_error_db" if stored.get("of") == "emission" else "rms_error_percent"
-    # Where no effect explains it, each is at most as likely as the verdict is wrong.
-    left = 1.0 - float(stored["confidence"]) if stored["verdict"] == "unexplained" else 1.0
     told["candidates"] = [
         {
             **{key: one[key] for key in ("effect", "family", "chi2_reduced", "delta_bic", "plausible")},
             "error": one[error],
-            "probability": left * float(one["probability"]),
+            "probability": probability_of(one, stored),
             "parameters": ", ".join(f"{name} = {show(float(p['value']), str(p.get('unit', '')))}" for name, p in one["parameters"].items()),
         }
         for one in stored["candidates"]

@@ -31,7 +31,7 @@ const KEYS = [
   ["Arrow keys", "in plots: cursor (with Shift in larger steps); in Story: up and down the list of effects"], ["+ - 0", "in plots: zoom in, out, show all"],
   ["A B", "in plots: set marks"], ["N", "in Story: what comes next"], ["Enter", "on an effect: add it"], ["D R", "in Story: drop the effect that was added last, put it back"], ["U", "in Session: units"],
 ];
-const NO_SESSION = "There is no session yet: make one from your files (view Files), run a procedure (view Bench), or take a challenge (view Challenge).";
+const NO_SESSION = ["There is no session yet: ", h("a", { href: "#files" }, "make one from your files"), ", ", h("a", { href: "#bench" }, "run a procedure on the bench"), ", or ", h("a", { href: "#challenge" }, "take a challenge"), "."];
 const VANISHED = "The folder of this session has gone: it was moved, renamed or deleted. What you see was read before; nothing more can be done with it here. Choose another session, or put the folder back.";
 const main = document.getElementById("main");
 const element = (id) => document.getElementById(id);
@@ -322,6 +322,8 @@ async function start() {
     await page.work("reading", () => page.choose(event.target.value));
     await redraw();
   });
+  // The machine may change between light and dark by itself.
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   document.addEventListener("keydown", keydown);
   acceptDrops(page);
   page.session = sessionInAddress();

@@ -212,7 +212,7 @@ export class Plots {
   }
 
   drawMarks(plot) {
-    const { ctx, bbox } = plot;
+    const { ctx, bbox } = plot, { A, B } = this.marks, first = A !== null && B !== null && B < A ? "B" : "A";
     for (const [name, hertz] of Object.entries(this.marks)) {
       if (hertz === null || hertz < plot.scales.x.min || hertz > plot.scales.x.max) continue;
       const x = plot.valToPos(hertz, "x", true);
@@ -224,8 +224,13 @@ export class Plots {
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
-      ctx.textAlign = "left";
-      ctx.fillText(name, x + 4, bbox.top + 12);
+      // On the outer side of its line, readable over any curve: marks may be close together.
+      const px = devicePixelRatio, wide = ctx.measureText(name).width + 6 * px, left = name === first && x - wide > bbox.left;
+      ctx.fillStyle = color("--card");
+      ctx.fillRect(left ? x - wide - px : x + px, bbox.top, wide, 15 * px);
+      ctx.fillStyle = color("--mark");
+      ctx.textAlign = "center";
+      ctx.fillText(name, left ? x - wide / 2 - px : x + wide / 2 + px, bbox.top + 12 * px);
       ctx.restore();
     }
   }

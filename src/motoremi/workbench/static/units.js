@@ -61,7 +61,7 @@ export function duration(seconds) {
 }
 
 // Files and the command line write units in ASCII.
-export const symbols = (text) => text.replace(/([\d.] ?[a-zA-Z]?)Ohm\b/g, "$1Ω").replace(/(\d ?)u([HFsAV])\b/g, "$1µ$2").replace(/dBuV/g, "dBµV");
+export const symbols = (text) => text.replace(/([\d.] ?[a-zA-Z]?)Ohm\b/g, "$1Ω").replace(/(\d ?)u([HFsAV])\b/g, "$1µ$2").replace(/(\d ?)uΩ/g, "$1µΩ").replace(/dBuV/g, "dBµV");
 
 export const share = (value) => `${(100 * value).toFixed(value < 0.0995 && value > 0 ? 1 : 0)}\u00a0%`;
 // A time of the session, as this computer's clock shows it.

@@ -106,12 +106,20 @@ function drawState(place) {
   place.bar.value = progress.share ?? 0;
   place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.doing ? `: ${times(progress)}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
-  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, h("pre", {}, run.prompt.join("\n")), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
+  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, asked(run.prompt), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
+  // One thing at a time.
+  document.getElementById("run").disabled = running;
   if (place.shown === `${run.session} ${run.status}`) return;
   place.shown = `${run.session} ${run.status}`;
   place.controls.replaceChildren(running
     ? button("Stop", () => page.work("stopping: the instruments are made safe", () => post("/api/run/stop")), { id: "stop" })
     : button("Show the session", async () => { await page.choose(run.session); page.go("story"); }, { class: "main", id: "show-session" }));
+}
+
+// The sentence, which goes over as many lines as it needs, and the drawing of the connections as it is.
+function asked(lines) {
+  const blank = lines.findIndex((line) => !line.trim()), until = blank < 0 ? lines.length : blank;
+  return [h("p", {}, lines.slice(0, until).join(" ")), until < lines.length && h("pre", {}, lines.slice(until + 1).join("\n"))];
 }
 
 function answer(page, text, doing, word, attributes) {

@@ -16,7 +16,7 @@ export const next = {
     const procedure = told.procedure?.replace(/\.toml$/, "");
     where.append(card("Measure next",
       h("p", { class: "large", id: "next-id" }, told.id),
-      told.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${told.action}.`), h("p", {}, told.why), h("p", {}, term("next measurement", "How it was found")),
+      told.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${told.action}.`), h("p", { class: "sentence" }, told.why), h("p", {}, term("next measurement", "How it was found")),
       procedure && button(`Set up ${procedure} on the bench`, () => { page.procedure = procedure; page.go("bench"); }, { class: "main" }),
       !procedure && told.action && h("p", { class: "note" }, "No procedure of the bench does this: it is done by hand.")));
     if (told.menu?.length) {

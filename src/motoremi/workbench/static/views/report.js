@@ -1,9 +1,11 @@
 // The report: choose its form, write it, look at it, take its files.
 
-import { get, post, sessionPath } from "../api.js";
-import { card, h } from "../dom.js";
+import { get, post, sessionPath, Trouble } from "../api.js";
+import { button, card, h } from "../dom.js";
 
 const FORMS = { long: "long: what an engineer works with", short: "short: the two pages that a customer reads" };
+// A profile and a logo; the workbench takes no more.
+const LARGEST = 2_000_000;
 const KINDS = { html: "the report as a page", pdf: "the report on paper", json: "all data, for machines", csv: "parameters and bands, for a spreadsheet", xml: "verdicts as JUnit, for CI" };
 // What is chosen stays so when the view is drawn anew.
 const chosen = { form: "long", sections: null };
@@ -17,10 +19,32 @@ export const report = {
     const files = h("ul", { id: "report-files" }, told.files.map((name) => entry(page, name)));
     where.append(card("Report",
       h("p", {}, "Everything as it stands now: what was measured, the model and where it fails, which effect is missing, spectra and verdicts, what was not done."),
-      h("p", { class: "note", id: "who-signs" }, told.laboratory ? `Signed by ${told.laboratory}.` : "No laboratory signs it: start the workbench with --profile FILE, a file that says name, logo, customer, number series and equipment (docs/howto/report.md)."),
-      choice(told, page), files));
+      laboratory(told, page), choice(told, page), files));
+    page.listeners.add((kind) => kind === "files" && page.redraw(true));
   },
 };
+
+// Who signs: a profile, chosen together with the logo that it names.
+function laboratory({ laboratory: name, choosable }, page) {
+  const input = h("input", { type: "file", multiple: true, accept: ".toml,.svg,.png", id: "laboratory-files", class: "unseen", tabindex: -1, "aria-hidden": "true", onchange: () => choose([...input.files], page) });
+  const says = name ? `Signed by ${name}.` : "No laboratory signs it yet: its profile says name, customer, number series and equipment, and may name a logo.";
+  return h("div", {}, h("p", { class: "note", id: "who-signs" }, says),
+    choosable && h("div", { class: "row" }, button(name ? "Choose another profile" : "Choose the laboratory's profile", () => input.click(), { id: "choose-laboratory" }), input,
+      !name && h("a", { href: "/static/laboratory.toml", download: "laboratory.toml" }, "a profile to fill in")));
+}
+
+const choose = (files, page) => page.work("reading the profile", async () => {
+  const large = files.find((file) => file.size > LARGEST);
+  if (large) throw new Trouble(`${large.name}: is larger than 2 MB, which no profile and no logo is`);
+  await post("/api/laboratory", { files: await Promise.all(files.map(async (file) => ({ name: file.name, data: await base64(file) }))) });
+});
+
+const base64 = (file) => new Promise((done, failed) => {
+  const reader = new FileReader();
+  reader.onload = () => done(reader.result.slice(reader.result.indexOf(",") + 1));
+  reader.onerror = () => failed(new Trouble(`${file.name}: cannot be read; is it a folder, or gone?`));
+  reader.readAsDataURL(file);
+});
 
 function choice(told, page) {
   chosen.sections ??= new Set(Object.keys(told.sections));

@@ -37,7 +37,7 @@ export const session = {
       new Plots(box).draw(frames(curves), sweep.points > sweep.frequency_hz.length && more);
     }
     if (!curves.sweeps.length) columns.append(h("p", { class: "empty" }, "No impedance sweep in this session."));
-    const below = h("div", { class: "columns" });
+    const below = h("div", { class: "packed" });
     where.append(below);
     if (head.ladder.length) below.append(model(head));
     below.append(identity(head));

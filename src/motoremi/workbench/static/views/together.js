@@ -40,7 +40,7 @@ export const together = {
     }
     where.append(card("Verdicts", h("p", { class: "note" }, `Held against ${told.names[0]}.`), drawn(told.verdicts, "together-verdicts"),
       h("div", { class: "row" }, "As a report: ", FILES.map((name) => button(name, () => page.work(`writing ${name}`, () => save(address(`/${name}`), name)), { "data-export": name })))));
-    const columns = h("div", { class: "columns" });
+    const columns = h("div", { class: "columns pairs" });
     where.append(columns);
     for (const termination of ["short", "open"]) drawSweeps(columns, told, termination, page);
     drawSpectra(columns, told, page);

@@ -1,0 +1,49 @@
+"""A further effect never fits worse than the circuit without it.
+
+The range of an effect is what a motor can have: copper wire of 0.2 mm and more has some skin effect, whatever is measured. Where none of its values
+fits as well as the circuit without the effect, the data leave no room for it, and it is held where it vanishes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+from motoremi.fitting.result import Fit, summarise
+from motoremi.fitting.search import Found, Solution
+from motoremi.model.effects import find_effect
+
+# An error that is larger by this factor is no matter of which points the likelihood weighs.
+LARGER = 1.05
+
+
+def no_worse(before: Fit, fitted: Fit, effect: str, given: Iterable[str] = ()) -> Fit:
+    """A fit with a further effect, or the circuit without it with the effect held where it vanishes.
+
+    Parameters
+    ----------
+    before : Fit
+        Without the effect.
+    fitted : Fit
+    effect : str
+    given : iterable of str
+        Parameters that somebody holds or bounds: with such the effect is asked for as it is.
+    """
+    found = find_effect(effect)
+    label = found.label_in(before.motor)
+    vanished = {f"{label}.{name}": value for name, value in found.effect.limit_values.items()}
+    if found.effect.describes or not vanished.keys().isdisjoint(given) or not _is_worse(fitted, before):
+        return fitted
+    task = dataclasses.replace(fitted.task, held={**before.held, **vanished})
+    values = {**before.parameters, **before.nuisance}
+    solution = Solution(values, before.sizes, before.marginal, before.converged, before.evaluations + fitted.evaluations)
+    result = summarise(task, Found(solution, before.history, dict(before.search_parameters)), before.method, before.seed)
+    told = (
+        f"{label}: with any values in its range the error would rise from {before.rms_error_percent:.3g} to {fitted.rms_error_percent:.3g} %; "
+        "the data leave no room for it, and it is held where it vanishes"
+    )
+    return dataclasses.replace(result, elapsed_s=fitted.elapsed_s, warnings=(*result.warnings, told))
+
+
+def _is_worse(fitted: Fit, before: Fit) -> bool:
+    return fitted.log_evidence < before.log_evidence and fitted.rms_error_percent > LARGER * before.rms_error_percent
