@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from math import inf
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
@@ -24,6 +25,8 @@ class MotorBoard:
 
     def __init__(self, base: Fit) -> None:
         self._base = base
+        # The best evidence on the thinned grid of all races, which have their points in common, by number of effects.
+        self._top: dict[int, float] = {}
 
     def start(self) -> Candidate:
         """The model with nothing added."""
@@ -76,12 +79,11 @@ class MotorBoard:
         kept: Sequence[tuple[str, ...]] = (),
         progress: Progress | None = None,
     ) -> list[Candidate]:
-        """Candidates from a race, refitted on all points where they are near its best."""
+        """Candidates from a race, refitted on all points where they are near the best of their size."""
         solutions = race(trails, rounds, kept, progress)
-        if not solutions:
-            return []
-        top = max(solution.log_evidence for solution in solutions.values())
-        near = [key for key, solution in solutions.items() if solution.log_evidence >= top - BEHIND]
+        size = len(before.effects) + 1
+        self._top[size] = max([self._top.get(size, -inf), *(solution.log_evidence for solution in solutions.values())])
+        near = [key for key, solution in solutions.items() if solution.log_evidence >= self._top[size] - BEHIND]
         fits = spread(lambda key: told(trails[key], solutions[key], before), near)
         return [candidate(fit, self._base) for fit in fits]
 
@@ -92,6 +94,6 @@ def _near(fit: Fit, under: Fit) -> dict[str, float]:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two effects are known to look alike on many motors: then neither may be left out for a poor first look."""
+    """Whether two effects are known to look alike on many motors, or are one at two places: then neither may be left out for a poor first look."""
     effect, rival = find_effect(one).effect, find_effect(other).effect
-    return bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
+    return effect is rival or bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
