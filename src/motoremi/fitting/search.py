@@ -212,7 +212,7 @@ def rough(found: Marginal, sum_of_squares: float, points: int, unknowns: int) ->
 
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
     """The same with the circuit that has the least relative error over all points, an ideal analyser taken for granted."""
-    logarithmic, problem = task.thinned(ARRIVAL_POINTS), task.relative()
+    logarithmic, problem = task.thinned(None), task.relative()
     near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
     ends = polish(problem, near.distinct(3), iterations=100, precision=ROUGH)
     return _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
