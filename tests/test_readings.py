@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -26,9 +28,10 @@ def frame(film: np.ndarray | float = 0.0) -> np.ndarray:
     return beside(RR + S * LR + 1 / (S * CR) + film, 1 / (S * CF))
 
 
-def measured(winding: np.ndarray, rotor: np.ndarray, terminations: tuple[str, ...] = ("short", "open")) -> Measurement:
+def measured(winding: np.ndarray, rotor: np.ndarray, terminations: tuple[str, ...] = ("short", "open"), added: bool = True) -> Measurement:
+    """The second is the way to the frame, or what the open-circuit sweep shows if it is not to be `added` to the winding."""
     rng = np.random.default_rng(5)
-    true = {"short": winding, "open": winding + rotor}
+    true = {"short": winding, "open": winding + rotor if added else rotor}
     return Measurement.of([
         me.ImpedanceSweep(t, FREQUENCY_HZ, true[t] * (1 + NOISE * (rng.normal(size=401) + 1j * rng.normal(size=401))))
         for t in terminations for _ in range(3)
@@ -149,3 +152,37 @@ def test_what_is_no_motor_gives_no_trouble(impedance, effect):
     """Without noise a quotient of lower degree is exact, and the columns of the linear system vanish."""
     start = read_start(Measurement.of([me.ImpedanceSweep(t, FREQUENCY_HZ, impedance) for t in ("short", "open")]), effect)
     assert all(np.isfinite(value) and value > 0 for value in start.values())
+
+
+SUPPRESSOR = {"capacitance_f": 3e-9, "esr_ohm": 0.3, "esl_h": 1.2e-8}
+
+
+def suppressor() -> np.ndarray:
+    return SUPPRESSOR["esr_ohm"] + S * SUPPRESSOR["esl_h"] + 1 / (S * SUPPRESSOR["capacitance_f"])
+
+
+def suppressed(place: str) -> Measurement:
+    """One capacitor across the terminals, from the terminal to the frame, or from either terminal to the frame."""
+    own, way = winding(S * LA), frame()
+    if not place:
+        return measured(beside(own, suppressor()), way)
+    return measured(beside(own, suppressor()), beside(suppressor(), own + (beside(way, suppressor()) if place == "pair" else way)), added=False)
+
+
+@pytest.mark.parametrize("place", ["", "frame", "pair"])
+def test_a_suppressor_is_read_off_with_the_frame_behind_it(place):
+    reader = next(one.reader for one in catalogue() if one.name == "suppressor-capacitor")
+    assert reader is not None
+    found = dict(reader(dataclasses.replace(seen(suppressed(place)), place=place))[0])
+    assert {name: found[name] for name in SUPPRESSOR} == pytest.approx(SUPPRESSOR, rel=2 * NEAR)
+    assert (found["=Ra"], found["=La"]) == pytest.approx((RA, LA), rel=NEAR)
+    # Behind a capacitor little shows of the frame but its capacitance.
+    assert found["=Cr"] + found["=Cf"] == pytest.approx(CR + CF, rel=2 * NEAR)
+
+
+def test_a_pair_starts_from_one_suppressor_whose_frame_holds_the_other():
+    reader = next(one.reader for one in catalogue() if one.name == "suppressor-capacitor")
+    assert reader is not None
+    starts = list(reader(dataclasses.replace(seen(suppressed("pair")), place="pair")))
+    assert any(start.get("-Cf") == pytest.approx(SUPPRESSOR["capacitance_f"], rel=2 * NEAR) for start in starts)
+    assert not any("-Cf" in start for start in reader(dataclasses.replace(seen(suppressed("frame")), place="frame")))

@@ -8,7 +8,7 @@ their sweeps (`motors`), or sources and their spectra (`emission.diagnose`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Protocol, TypeVar
@@ -59,15 +59,14 @@ class Budget:
 
     Parameters
     ----------
-    beam : tuple of int
-        Models of each size that are added to. Four single effects were enough for the pairs of the blind seeds 5 and 6; one at the size
-        above is for time, since nothing that large is named.
+    beam : int
+        Models of one size that are added to. Four single effects were enough for the pairs of the blind seeds 5 and 6.
     swapped : int
         Models of one size in which effects are swapped. The second is for what ends within the gain of the first.
     swaps : int
         How often at most a size is swapped before it stands still.
     most_effects : int
-        More describe almost any curve, right or wrong.
+        More describe almost any curve, right or wrong, and none such is named.
     share : float
         Models that gain less than this share of what the best of their size gains are not added to: what two effects gain together, one of
         them mostly gains a good part of alone.
@@ -75,10 +74,10 @@ class Budget:
         What a further effect, or a swap, must gain in log score: odds of 20 to 1.
     """
 
-    beam: tuple[int, ...] = (4, 1)
+    beam: int = 4
     swapped: int = 2
     swaps: int = 2
-    most_effects: int = 3
+    most_effects: int = 2
     share: float = 0.3
     gain: float = 3.0
 
@@ -112,26 +111,27 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
         own = part(progress, (size - 1) / budget.most_effects, size / budget.most_effects)
         for place, model in enumerate(beam):
             _take(found, board.added(model, part(own, ADDING * place / len(beam), ADDING * (place + 1) / len(beam))))
-        if size < budget.most_effects:
-            _swap(board, found, size, budget, part(own, ADDING, 1.0))
+        # Where no further effect is worth having, neither is another in its place.
+        if best_of(found.values()).score - before.score < budget.gain:
+            break
+        _swap(board, found, size, budget, part(own, ADDING, 1.0))
         best = best_of(found.values())
         if len(best.added) == size > 1:
-            _take(found, (board.dropped(best, effect) for effect in best.added if _unsought(found, best, effect, budget)))
-            best = best_of(found.values())
-        if best.done or best.score - before.score < budget.gain:
+            _take(found, (board.dropped(best, effect) for effect in best.added))
+        if best.done:
             break
-        if size < budget.most_effects:
-            ranked = _ranked(found, size)[: budget.beam[min(size, len(budget.beam)) - 1]]
-            worth = budget.share * (ranked[0].score - base.score)
-            beam = [model for model in ranked if model.score - base.score >= worth]
+        beam = _worth_adding_to(_ranked(found, size)[: budget.beam], base, budget)
     return found
 
 
-def _unsought(found: Mapping[Key, M], model: M, effect: str, budget: Budget) -> bool:
-    """Whether a model without one of its effects was not found before; of the largest size only, where what is below was sought at length."""
-    rest = list(model.added)
-    rest.remove(effect)
-    return len(model.added) < budget.most_effects or tuple(sorted(rest)) not in found
+def _worth_adding_to(ranked: Sequence[M], base: M, budget: Budget) -> list[M]:
+    """Those that gain a good part of what the best gains; of twins only the better, since the other is swapped in where it is meant."""
+    least = base.score + budget.share * (ranked[0].score - base.score)
+    kept: list[M] = []
+    for model in ranked:
+        if model.score >= least and all(one.score - model.score >= budget.gain for one in kept):
+            kept.append(model)
+    return kept
 
 
 def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progress: Progress | None) -> None:

@@ -18,7 +18,7 @@ from motoremi.model.effects import find_effect
 
 BUDGET = Budget()
 # A search for one effect.
-GLANCE = Budget(most_effects=1)
+GLANCE = Budget(most_effects=1, swaps=0)
 # What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
 # no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
 # a part of the motor of their size.
@@ -59,7 +59,7 @@ class Judgement:
         while len(best.added) > 1:
             fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
             under = max(fewer, key=lambda one: one.score, default=None)
-            if under is None or under.fit.marginal.nothing_left < 0.5 or _comes_closer(under, best) or _relieves(under, best):
+            if under is None or _leaves_less(under, best) or _comes_closer(under, best) or _relieves(under, best):
                 break
             best = under
         return best
@@ -104,8 +104,8 @@ class Judgement:
 
     @property
     def _pair_is_credible(self) -> bool:
-        """Two effects bend to almost anything: they are believed only where they leave nothing, and not with values that few motors have."""
-        nothing_left = self.model.fit.marginal.nothing_left >= 0.5 or self.base.measurement.accuracy_percent is not None
+        """Whether two effects, which bend to almost anything, leave nothing (or nothing beyond a stated accuracy) with values that motors have."""
+        nothing_left = self.model.fit.marginal.nothing_left >= 0.5 or accurate(self.model.fit)
         return nothing_left and not self.model.unusual and not self.distributed
 
     @property
@@ -126,7 +126,7 @@ class Judgement:
     @property
     def accurate(self) -> bool:
         """Whether the base is as good as the accuracy that the owner of the data stated."""
-        return self.base.measurement.accuracy_percent is not None and self.base.explained
+        return accurate(self.base)
 
     @cached_property
     def closest(self) -> Candidate:
@@ -197,6 +197,17 @@ class Judgement:
         return (*path, last.fit) if last.added else (self.base,)
 
 
+def accurate(base: Fit) -> bool:
+    """Whether a circuit is as good as the accuracy that the owner of the data stated."""
+    return base.measurement.accuracy_percent is not None and base.explained
+
+
+def _leaves_less(before: Candidate, after: Candidate) -> bool:
+    """Whether it describes some of what is left: what only lets the analyser take up more describes nothing."""
+    left = after.fit.unexplained_percent["value"] < before.fit.unexplained_percent["value"]
+    return before.fit.marginal.nothing_left < 0.5 and left
+
+
 def _comes_closer(before: Candidate, after: Candidate) -> bool:
     """Whether it halves an error that noise and specification do not account for."""
     return before.fit.rms_error_percent > before.fit.floor_percent and after.fit.rms_error_percent <= HALF * before.fit.rms_error_percent
@@ -217,11 +228,15 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:
     """Search what is missing from a fit, and decide."""
     board = MotorBoard(base)
-    return decided(base, explore(board, board.start(), budget, progress))
+    # Of a circuit that is good enough, effects are shown and none is named.
+    found = explore(board, board.start(), GLANCE if accurate(base) else budget, progress)
+    return decided(base, found)
 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER) -> Judgement:
     """What the models that were found let one believe of a fit; `together` as in `belief.believe`."""
     judgement = Judgement(base, found, believe(found, together))
+    if judgement.accurate:
+        return dataclasses.replace(judgement, none_named=True)
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
     return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement

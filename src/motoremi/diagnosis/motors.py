@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
 from motoremi.fitting.fit import task_without, told, trail_to
-from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Rounds, Trail, behind_best, race
+from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Best, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.spread import spread
@@ -24,6 +24,8 @@ class MotorBoard:
 
     def __init__(self, base: Fit) -> None:
         self._base = base
+        # Of all races, which have their points in common, by number of effects.
+        self._best: dict[int, Best] = {}
 
     def start(self) -> Candidate:
         """The model with nothing added."""
@@ -76,9 +78,11 @@ class MotorBoard:
         kept: Sequence[tuple[str, ...]] = (),
         progress: Progress | None = None,
     ) -> list[Candidate]:
-        """Candidates from a race, refitted on all points where they are near its best."""
+        """Candidates from a race, refitted on all points where they are near the best of their size."""
         solutions = race(trails, rounds, kept, progress)
-        near = [key for key, behind in behind_best(solutions).items() if behind <= BEHIND]
+        size = len(before.effects) + 1
+        best = self._best.setdefault(size, Best())
+        near = [key for key, behind in best.behind(solutions).items() if behind <= BEHIND]
         fits = spread(lambda key: told(trails[key], solutions[key], before), near)
         return [candidate(fit, self._base) for fit in fits]
 
@@ -89,6 +93,6 @@ def _near(fit: Fit, under: Fit) -> dict[str, float]:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two effects are known to look alike on many motors: then neither may be left out for a poor first look."""
+    """Whether two effects are known to look alike on many motors, or are one at two places: then neither may be left out for a poor first look."""
     effect, rival = find_effect(one).effect, find_effect(other).effect
-    return bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))
+    return effect is rival or bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))

@@ -225,7 +225,7 @@ def trail_to(
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
     if added.effect.reader is not None:
-        tried += [dict(start) for start in added.effect.reader(_seen_by(before))]
+        tried += [dict(start) for start in added.effect.reader(_seen_by(before, added.place))]
     if near:
         bases = [{**own, **near}, own]
     else:
@@ -301,11 +301,11 @@ def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Pr
 
 
 @lru_cache(maxsize=4)
-def _seen_by(fit: Fit) -> Seen:
-    """The sweeps beside what a fit makes of them."""
+def _seen_by(fit: Fit, place: str = "") -> Seen:
+    """The sweeps beside what a fit makes of them, for an effect at a place."""
     sweeps = seen(fit.measurement.coarse)
     model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
-    return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters)
+    return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters, place=place)
 
 
 def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:

@@ -147,16 +147,23 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
         told = _Told(progress, len(rounds.rounds), len(rounds.rounds) + 1)
         found = team.each(_arrive, {name: (standing[name], rounds.points) for name in chosen}, told)
         leading = sorted(found, key=lambda name: -found[name].log_evidence)
-        behind = behind_best(found)
+        behind = Best().behind(found)
         near = [name for name in leading if name in leading[:FINISHING] or behind[name] <= _reach(found[name])]
         found |= team.each(_finish, {name: (found[name], rounds.points) for name in near}, told)
     return dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence))
 
 
-def behind_best(found: Mapping[Name, Solution]) -> dict[Name, float]:
-    """By how much each solution is behind the best of its kind in log evidence: rough ones, and those of a likelihood."""
-    best = {kind: max((one.log_evidence for one in found.values() if one.rough == kind), default=-np.inf) for kind in (False, True)}
-    return {name: best[one.rough] - one.log_evidence for name, one in found.items()}
+class Best:
+    """The best solutions of races between the same models: the rough one, and the one of a likelihood, which are not held against each other."""
+
+    def __init__(self) -> None:
+        self._log_evidence = {False: -np.inf, True: -np.inf}
+
+    def behind(self, found: Mapping[Name, Solution]) -> dict[Name, float]:
+        """By how much each solution is behind the best of its kind in log evidence, these ones among them."""
+        for one in found.values():
+            self._log_evidence[one.rough] = max(self._log_evidence[one.rough], one.log_evidence)
+        return {name: self._log_evidence[one.rough] - one.log_evidence for name, one in found.items()}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,18 +17,9 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import informative_points
 from motoremi.model.effects.seen import Seen
+from motoremi.model.frames import frames
 
 FRAME_POINTS = 80
-# Around the band: a resonance further away than this shows only by its slope.
-BEYOND_BAND = (0.3, 10.0)
-RESONANCES = 44
-DAMPINGS = np.geomspace(0.01, 100.0, 13)
-MOST_FRAMES = 2
-# A narrow resonance hides between the points of the scan.
-ZOOMS = 4
-ZOOM = np.linspace(-1, 1, 5)
-# Either of Cr and Cf may be too small to be seen, but none is nothing.
-LEAST_SHARE = 0.01
 
 
 @lru_cache(maxsize=8)
@@ -43,7 +33,8 @@ def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], .
         return (winding,)
     at, seen, through = apart
     chosen = informative_points(at, seen, FRAME_POINTS)
-    return tuple({**winding, **frame} for frame in _frames(at[chosen], seen[chosen], through[chosen]))
+    uncertain = np.hypot(np.abs(seen), np.abs(through))
+    return tuple({**winding, **frame} for frame in frames(at[chosen], (seen - through)[chosen], uncertain[chosen]))
 
 
 def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray, ComplexArray] | None:
@@ -86,67 +77,6 @@ def _winding(measurement: Measurement) -> Mapping[str, float]:
     if b1 <= 0 or a2 <= 0:
         return {}
     return {"Ra": max(float(b0), 1e-3), "La": float(b1 / found.middle), "Ca": float(a2 / b1 / found.middle)}
-
-
-@dataclass(frozen=True)
-class _FrameScan:
-    """The frame's impedance for given resonance and damping, the rest solved for.
-
-    With w the resonance of Lr with Cr and Cf in series, d the damping there and q = (s/w)(d + s/w), the frame is
-    (1/s) (a + b q/(1 + q)) where a = 1/(Cr + Cf) and b = 1/Cf - a, neither below zero.
-    """
-
-    omega: FloatArray
-    elastance: ComplexArray
-    weight: FloatArray
-
-    def at(self, resonance: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Cost, a and b for all pairs of resonance and damping, each of shape (resonances, dampings)."""
-        p = 1j * self.omega / resonance[:, None, None]
-        q = p * (damping[:, None] + p)
-        branch = q / (1 + q)
-        n11, n12, n22 = self.weight.sum(), branch.real @ self.weight, (branch.real**2 + branch.imag**2) @ self.weight
-        r1, r2 = float(self.elastance.real @ self.weight), (branch.conj() @ (self.weight * self.elastance)).real
-        both = n11 * n22 - n12**2
-        a, b = (n22 * r1 - n12 * r2) / both, (n11 * r2 - n12 * r1) / both
-        a, b = np.where(b > 0, a, r1 / n11), np.maximum(b, 0.0)
-        a, b = np.maximum(a, 0.0), np.where(a > 0, b, np.maximum(r2, 0.0) / n22)
-        cost = n11 * a**2 + 2 * n12 * a * b + n22 * b**2 - 2 * (r1 * a + r2 * b)
-        return np.where(np.isfinite(cost), cost, np.inf), a, b
-
-
-def _frames(frequency_hz: FloatArray, open_ohm: ComplexArray, winding_ohm: ComplexArray) -> list[dict[str, float]]:
-    """Rr, Lr, Cr, Cf at the best local minima of a scan over resonance and damping."""
-    omega = 2 * np.pi * frequency_hz
-    weight = 1 / (omega * np.hypot(np.abs(open_ohm), np.abs(winding_ohm))) ** 2
-    scan = _FrameScan(omega, 1j * omega * (open_ohm - winding_ohm), weight)
-    resonances = np.geomspace(BEYOND_BAND[0] * omega[0], BEYOND_BAND[1] * omega[-1], RESONANCES)
-    cost = scan.at(resonances, DAMPINGS)[0]
-    rows, columns = cost.shape
-    around = np.pad(cost, 1, constant_values=np.inf)
-    lowest = np.min([around[i : i + rows, k : k + columns] for i in range(3) for k in range(3)], axis=0)
-    places = np.argwhere((cost == lowest) & np.isfinite(cost))
-    best = places[np.argsort(cost[tuple(places.T)])][:MOST_FRAMES]
-    found = [_zoomed(scan, resonances[row], DAMPINGS[column]) for row, column in best]
-    return [frame for _, frame in sorted(found, key=lambda pair: pair[0])]
-
-
-def _zoomed(scan: _FrameScan, resonance: float, damping: float) -> tuple[float, dict[str, float]]:
-    """Cost and elements at a minimum between the points of the scan."""
-    by_resonance = (BEYOND_BAND[1] / BEYOND_BAND[0] * scan.omega[-1] / scan.omega[0]) ** (1 / (RESONANCES - 1))
-    by_damping = DAMPINGS[1] / DAMPINGS[0]
-    for _ in range(ZOOMS):
-        resonances, dampings = resonance * by_resonance**ZOOM, damping * by_damping**ZOOM
-        cost, a, b = scan.at(resonances, dampings)
-        row, column = np.unravel_index(np.argmin(cost), cost.shape)
-        resonance, damping = float(resonances[row]), float(dampings[column])
-        by_resonance, by_damping = by_resonance**0.4, by_damping**0.4
-    whole, extra = float(a[row, column]), float(b[row, column])
-    least = LEAST_SHARE * max(whole + extra, 1.0)
-    total, cf = 1 / max(whole, least), 1 / (max(whole, least) + max(extra, least))
-    cr = total - cf
-    series = cr * cf / total
-    return float(cost[row, column]), {"Rr": damping / (resonance * series), "Lr": 1 / (resonance**2 * series), "Cr": cr, "Cf": cf}
 
 
 def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool) -> list[dict[str, float]]:

@@ -11,7 +11,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.effects.seen import Seen
+from motoremi.model.frames import frames
 from motoremi.model.rational import Rational
 
 # Sets of start values of an effect by short name, those of elements as `=La`; none where these data allow for none.
@@ -29,10 +31,14 @@ CAGE_SHARE = 0.3
 # how much of that acts there (a quarter of a wave), how much of Cf it is at most, and how the sections are linked.
 LINES = frozenset({"machine-winding.slots_f", "distributed-winding.share"})
 SPREAD_PARTS, ACTING, MOST_SPREAD, LINKS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02, 0.3, 0.6, 0.85)
-# How much of all capacitance is the suppressor's, and what a small motor's winding has to its frame.
-SUPPRESSOR_SHARES, SMALL_FRAME_F = (0.6, 0.9, 0.99), 1e-9
+# How much of all capacitance is the suppressor's, and what a small motor's way to its frame is.
+SUPPRESSOR_SHARES = (0.6, 0.9, 0.99)
+SMALL_FRAME = {"Rr": 40.0, "Lr": 2e-6, "Cr": 5e-10, "Cf": 5e-10}
 # A bare line: at least so many resonances, their distances alike within this share; points of the mean; next to nothing between its turns.
 LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
+# Points of the open-circuit sweep from which a frame is read beside a capacitor, of which so many at least must tell of it: those where what
+# is taken off leaves a thirtieth. Below this no resistance shows.
+FRAME_POINTS, LEAST_POINTS, MOST_LOST, LEAST_OHM = 80, 10, 30.0, 1e-3
 # Of a choke, what shows least: its turns' capacitance and its wire.
 CHOKE_REST = {"capacitance_f": 2e-12, "resistance_ohm": 0.02}
 # Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
@@ -248,10 +254,71 @@ def winding_sections(seen: Seen) -> list[dict[str, float]]:
 
 
 def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
-    """From the capacitance of the open-circuit sweep at its low end and the dip of its impedance; what is left is a small motor's frame.
+    """The capacitor and the winding off the short-circuit sweep, and the frame off what they leave of the open one.
 
-    A fit without the capacitor takes it for the frame, so all elements start anew.
+    Without the capacitor a fit takes it for the frame, so all elements start anew. Where noise or another effect hides some of that: from
+    the capacitance of the open-circuit sweep at its low end and the dip of its impedance, with a small motor's frame.
     """
+    read = _from(seen.resonating, _suppressed)
+    return [{**start, **frame} for start in read for frame in _unsuppressed(seen, start)] + _shares(seen)
+
+
+def _suppressed(short: Rational) -> dict[str, float]:
+    """The winding, and the capacitor with its wires across it, from the partial fractions of their admittance."""
+    numerator, middle = short.numerator[::-1], short.middle
+    straight, rest = np.polydiv(short.denominator[::-1], numerator)
+    poles = np.roots(numerator)
+    real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
+    if real.size != 1 or paired.size != 1 or straight.size != 2:
+        return {"=La": np.nan}
+    (by_winding,), (by_capacitor,) = (np.polyval(rest, p) / np.polyval(np.polyder(numerator), p) for p in (real, paired))
+    inductance = 1 / (by_winding * middle)
+    esl = (paired[0] / (2j * paired[0].imag * by_capacitor * middle)).real
+    capacitance = 1 / (esl * np.abs(paired[0] * middle) ** 2)
+    return {
+        "=Ra": float(max(-real[0] * middle * inductance, LEAST_OHM)),
+        "=La": float(inductance),
+        # A winding's own capacitance is next to nothing beside it.
+        "=Ca": float(max(straight[0] / middle, LEAST_SHARE * capacitance)),
+        "capacitance_f": float(capacitance),
+        "esr_ohm": float(max(-2 * paired[0].real * middle * esl, LEAST_OHM)),
+        "esl_h": float(esl),
+    }
+
+
+def _unsuppressed(seen: Seen, start: Mapping[str, float]) -> list[dict[str, float]]:
+    """The way to the frame from what winding and capacitor leave of the open-circuit sweep; a small motor's, since that may be little."""
+    if seen.frame_hz is None or seen.open_ohm is None:
+        return [{}]
+    step = max(1, seen.frame_hz.size // FRAME_POINTS)
+    frequency, measured = seen.frame_hz[::step], seen.open_ohm[::step]
+    s: ComplexArray = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
+    winding: ComplexArray = 1 / (1 / (start["=Ra"] + s * start["=La"]) + s * start["=Ca"])
+    branch: ComplexArray = 1 / (start["esr_ohm"] + s * start["esl_h"] + 1 / (s * start["capacitance_f"]))
+    short: ComplexArray = 1 / (1 / winding + branch)
+    with np.errstate(all="ignore"):
+        if seen.place:
+            left, error = _less(measured, np.abs(measured), branch)
+            frame, error = left - winding, np.hypot(error, _less(short, np.abs(short), branch)[1])
+        else:
+            frame, error = measured - short, np.hypot(np.abs(measured), np.abs(short))
+        known = error <= MOST_LOST * np.abs(frame)
+        if seen.place == "pair":
+            frame, error = _less(frame, error, branch)
+            known &= error <= MOST_LOST * np.abs(frame)
+    found = frames(frequency[known], frame[known], error[known]) if np.count_nonzero(known) >= LEAST_POINTS else []
+    # A fit without the second of a pair takes its capacitance for the frame's.
+    taken = [{"-Cf": start["capacitance_f"]}] if seen.place == "pair" else []
+    return [{f"={name}": value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
+
+
+def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """An impedance without an admittance beside it, and its error; admittance and impedance are known equally well."""
+    alone = 1 / (1 / impedance - branch)
+    return alone, np.abs(alone) ** 2 * np.hypot(error / np.abs(impedance) ** 2, np.abs(branch))
+
+
+def _shares(seen: Seen) -> list[dict[str, float]]:
     henry = seen.lowest_inductance_h
     if henry is None or seen.frame_hz is None or seen.open_ohm is None or seen.frequency_hz is None:
         return []
@@ -263,10 +330,10 @@ def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
     for share in SUPPRESSOR_SHARES:
         capacitance = share * whole
         esl = 1 / ((2 * np.pi * seen.frame_hz[dip]) ** 2 * capacitance)
-        half = 0.5 * min((1 - share) * whole, SMALL_FRAME_F)
+        half = min(0.5 * (1 - share) * whole, SMALL_FRAME["Cf"])
         # The capacitor raises the inductance that a sweep shows below their resonance.
         own = henry / (1 + (2 * np.pi * seen.frequency_hz[0]) ** 2 * henry * capacitance)
-        frame = {"=Cf": half, "=Cr": half, "=Lr": 2e-6, "=Rr": 40.0}
+        frame = {"=Cf": half, "=Cr": half, "=Lr": SMALL_FRAME["Lr"], "=Rr": SMALL_FRAME["Rr"]}
         part = {"capacitance_f": capacitance, "esr_ohm": max(0.5 * abs(seen.open_ohm[dip].real), 2e-3), "esl_h": float(np.clip(esl, 1e-9, 1e-7))}
         starts += [{"=La": own, "=Ca": ca, **frame, **part} for ca in (2e-11, 2e-10)]
     return starts

@@ -26,6 +26,8 @@ class Seen:
         What the model gives in the short-circuit sweep.
     parameters : mapping
         The model's, SI units.
+    place : str
+        Where the effect that is started attaches.
     """
 
     frequency_hz: FloatArray | None = None
@@ -35,6 +37,7 @@ class Seen:
     through_ohm: ComplexArray | None = None
     model_ohm: ComplexArray | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    place: str = ""
 
     @property
     def lowest_inductance_h(self) -> float | None:

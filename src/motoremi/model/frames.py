@@ -1,0 +1,86 @@
+"""The way to the frame, read off the difference of the two sweeps: a scan over its resonance and damping, in which all else is linear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+
+# Around the band: a resonance further away than this shows only by its slope.
+BEYOND_BAND = (0.3, 10.0)
+RESONANCES = 44
+DAMPINGS = np.geomspace(0.01, 100.0, 13)
+MOST_FRAMES = 2
+# A narrow resonance hides between the points of the scan.
+ZOOMS = 4
+ZOOM = np.linspace(-1, 1, 5)
+# Either of Cr and Cf may be too small to be seen, but none is nothing.
+LEAST_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class _FrameScan:
+    """The frame's impedance for given resonance and damping, the rest solved for.
+
+    With w the resonance of Lr with Cr and Cf in series, d the damping there and q = (s/w)(d + s/w), the frame is
+    (1/s) (a + b q/(1 + q)) where a = 1/(Cr + Cf) and b = 1/Cf - a, neither below zero.
+    """
+
+    omega: FloatArray
+    elastance: ComplexArray
+    weight: FloatArray
+
+    def at(self, resonance: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cost, a and b for all pairs of resonance and damping, each of shape (resonances, dampings)."""
+        p = 1j * self.omega / resonance[:, None, None]
+        q = p * (damping[:, None] + p)
+        branch = q / (1 + q)
+        n11, n12, n22 = self.weight.sum(), branch.real @ self.weight, (branch.real**2 + branch.imag**2) @ self.weight
+        r1, r2 = float(self.elastance.real @ self.weight), (branch.conj() @ (self.weight * self.elastance)).real
+        both = n11 * n22 - n12**2
+        a, b = (n22 * r1 - n12 * r2) / both, (n11 * r2 - n12 * r1) / both
+        a, b = np.where(b > 0, a, r1 / n11), np.maximum(b, 0.0)
+        a, b = np.maximum(a, 0.0), np.where(a > 0, b, np.maximum(r2, 0.0) / n22)
+        cost = n11 * a**2 + 2 * n12 * a * b + n22 * b**2 - 2 * (r1 * a + r2 * b)
+        return np.where(np.isfinite(cost), cost, np.inf), a, b
+
+
+def frames(frequency_hz: FloatArray, frame_ohm: ComplexArray, error_ohm: FloatArray) -> list[dict[str, float]]:
+    """Rr, Lr, Cr, Cf at the best local minima of a scan over resonance and damping.
+
+    Parameters
+    ----------
+    frequency_hz, frame_ohm, error_ohm : ndarray, shape (n,)
+        The impedance of the way to the frame, and how uncertain it is, up to a factor.
+    """
+    omega = 2 * np.pi * frequency_hz
+    scan = _FrameScan(omega, 1j * omega * frame_ohm, 1 / (omega * error_ohm) ** 2)
+    resonances = np.geomspace(BEYOND_BAND[0] * omega[0], BEYOND_BAND[1] * omega[-1], RESONANCES)
+    cost = scan.at(resonances, DAMPINGS)[0]
+    rows, columns = cost.shape
+    around = np.pad(cost, 1, constant_values=np.inf)
+    lowest = np.min([around[i : i + rows, k : k + columns] for i in range(3) for k in range(3)], axis=0)
+    places = np.argwhere((cost == lowest) & np.isfinite(cost))
+    best = places[np.argsort(cost[tuple(places.T)])][:MOST_FRAMES]
+    found = [_zoomed(scan, resonances[row], DAMPINGS[column]) for row, column in best]
+    return [frame for _, frame in sorted(found, key=lambda pair: pair[0])]
+
+
+def _zoomed(scan: _FrameScan, resonance: float, damping: float) -> tuple[float, dict[str, float]]:
+    """Cost and elements at a minimum between the points of the scan."""
+    by_resonance = (BEYOND_BAND[1] / BEYOND_BAND[0] * scan.omega[-1] / scan.omega[0]) ** (1 / (RESONANCES - 1))
+    by_damping = DAMPINGS[1] / DAMPINGS[0]
+    for _ in range(ZOOMS):
+        resonances, dampings = resonance * by_resonance**ZOOM, damping * by_damping**ZOOM
+        cost, a, b = scan.at(resonances, dampings)
+        row, column = np.unravel_index(np.argmin(cost), cost.shape)
+        resonance, damping = float(resonances[row]), float(dampings[column])
+        by_resonance, by_damping = by_resonance**0.4, by_damping**0.4
+    whole, extra = float(a[row, column]), float(b[row, column])
+    least = LEAST_SHARE * max(whole + extra, 1.0)
+    total, cf = 1 / max(whole, least), 1 / (max(whole, least) + max(extra, least))
+    cr = total - cf
+    series = cr * cf / total
+    return float(cost[row, column]), {"Rr": damping / (resonance * series), "Lr": 1 / (resonance**2 * series), "Cr": cr, "Cf": cf}
