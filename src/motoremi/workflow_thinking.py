@@ -10,7 +10,7 @@ from motoremi.data.session import load
 from motoremi.diagnosis.asking import next_question
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.informed import NOT_AS_ASKED, of_the_operator
-from motoremi.diagnosis.rivals import Rivals, update
+from motoremi.diagnosis.rivals import Lessons
 from motoremi.fitting.fit import fit
 from motoremi.model.motor import dc_motor
 from motoremi.workflow import Store, measurement_of
@@ -35,16 +35,16 @@ class Mind:
     store: Store
     odds: float
     progress: Progress | None = None
-    _searched: dict[int, Diagnosis] = field(default_factory=dict)
+    _searched: dict[int, tuple[Diagnosis, Lessons]] = field(default_factory=dict)
 
     def __call__(self) -> Thought:
         session = load(self.store.path)
         measurement = measurement_of(session)
         count = len(session.sweeps)
         if count not in self._searched:
-            self._searched[count] = searched(Measurement.of(session.corrected_sweeps), self.progress)
-        found = self._searched[count]
-        rivals = after(found, measurement)
+            self._searched[count] = with_lessons(searched(Measurement.of(session.corrected_sweeps), self.progress))
+        found, lessons = self._searched[count]
+        rivals = lessons.after(measurement)
         return Thought(
             rivals.by_label,
             rivals.likeliest.fit.rms_error_percent,
@@ -64,7 +64,7 @@ def searched(reference: Measurement, progress: Progress | None = None) -> Diagno
     return diagnose(fit(dc_motor(), reference), progress)
 
 
-def after(found: Diagnosis, measurement: Measurement) -> Rivals:
-    """What stands after all that was measured beside the reference sweeps that a diagnosis is of."""
+def with_lessons(found: Diagnosis) -> tuple[Diagnosis, Lessons]:
+    """A diagnosis of reference sweeps with what can be learnt beside them."""
     assert found.rivals is not None
-    return update(found.rivals, measurement)
+    return found, Lessons(found.rivals)

@@ -20,7 +20,8 @@ from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.asking import next_question
 from motoremi.diagnosis.diagnosis import Diagnosis
-from motoremi.workflow_thinking import after, searched
+from motoremi.diagnosis.rivals import Lessons
+from motoremi.workflow_thinking import searched, with_lessons
 
 ODDS, BUDGET_MINUTES = 20.0, 240.0
 # A policy that asks for more than so much never ends.
@@ -38,7 +39,7 @@ class Product:
     """What the product says of evidence; what it found in the reference sweeps is kept while only other things are added."""
 
     def __init__(self) -> None:
-        self._searched: dict[bytes, Diagnosis] = {}
+        self._searched: dict[bytes, tuple[Diagnosis, Lessons]] = {}
 
     def __call__(self, evidence: Evidence) -> Standing:
         """What stands, and what to measure next."""
@@ -47,9 +48,9 @@ class Product:
         key = b"".join(sweep.impedance_ohm.tobytes() for sweep in reference)
         started = time.perf_counter()
         if key not in self._searched:
-            self._searched[key] = searched(Measurement.of(reference))
-        found, ready = self._searched[key], time.perf_counter()
-        rivals = after(found, measurement)
+            self._searched[key] = with_lessons(searched(Measurement.of(reference)))
+        (found, lessons), ready = self._searched[key], time.perf_counter()
+        rivals = lessons.after(measurement)
         question = next_question(rivals, measurement, (), ODDS).to_dict()
         took = time.perf_counter() - ready
         listed = ([question] if question["id"] else []) + list(question["alternatives"])

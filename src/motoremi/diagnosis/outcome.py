@@ -55,6 +55,12 @@ class Observed:
     sigma: FloatArray
     impedance_ohm: ComplexArray | None = None
 
+    @property
+    def key(self) -> bytes:
+        """The same for the same data only."""
+        values = b"" if self.impedance_ohm is None else self.impedance_ohm.tobytes()
+        return f"{self.condition} {self.termination}".encode() + self.frequency_hz.tobytes() + self.sigma.tobytes() + values
+
 
 class Outcome:
     """The prediction of one model for the sweeps of one condition.

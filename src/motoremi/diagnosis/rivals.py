@@ -8,9 +8,9 @@ is an explanation of each sweep as well, so that no wrong sweep decides anything
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
@@ -173,11 +173,38 @@ def update(rivals: Rivals, measurement: Measurement) -> Rivals:
     measurement : Measurement
         Of which `conditioned` and `values` are new.
     """
-    for option, sweeps in by_condition(measurement):
-        rivals = _after_sweeps(rivals, measurement, option, sweeps)
-    for value in measurement.values:
-        rivals = _after_value(rivals, value)
-    return rivals
+    return Lessons(rivals).after(measurement)
+
+
+class Lessons:
+    """What stands after each further measurement, kept: what comes next is weighed on top of it.
+
+    Parameters
+    ----------
+    start : Rivals
+        As the reference sweeps left them.
+    """
+
+    def __init__(self, start: Rivals) -> None:
+        self._start = start
+        self._learnt: dict[tuple[bytes, ...], Rivals] = {}
+
+    def after(self, measurement: Measurement) -> Rivals:
+        """What stands after all sweeps under conditions and single values of a measurement of these reference sweeps."""
+        rivals = self._start
+        taken: tuple[bytes, ...] = ()
+        for option, sweeps in by_condition(measurement):
+            taken = (*taken, b"".join(sweep.key for sweep in sweeps))
+            rivals = self._kept(taken, partial(_after_sweeps, rivals, measurement, option, sweeps))
+        for value in measurement.values:
+            taken = (*taken, str(value).encode())
+            rivals = self._kept(taken, partial(_after_value, rivals, value))
+        return rivals
+
+    def _kept(self, taken: tuple[bytes, ...], learn: Callable[[], Rivals]) -> Rivals:
+        if taken not in self._learnt:
+            self._learnt[taken] = learn()
+        return self._learnt[taken]
 
 
 def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, sweeps: Sequence[Observed]) -> Rivals:
