@@ -317,10 +317,10 @@ def test_a_judgement_takes_over_what_was_learnt() -> None:
     judgement = Judgement(bare, found, believe(found))
     untouched = rivals_in(judgement)
     assert informed(judgement, untouched) is judgement
-    measured = Measurement.of(sweeps({}), values=[parse_value("insulation-resistance=9Gohm")])
-    sound = Judgement(replace(bare, measurement=measured), found, believe(found))
-    learnt = informed(sound, rivals_in(sound))
-    assert learnt.belief.posterior[()] > judgement.belief.posterior[()]
+    measured = Measurement.of(sweeps({}), values=[parse_value("insulation-resistance=100Mohm")])
+    leaks = Judgement(replace(bare, measurement=measured), found, believe(found))
+    learnt = informed(leaks, rivals_in(leaks))
+    assert learnt.belief.posterior[()] < judgement.belief.posterior[()]
 
 
 def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:

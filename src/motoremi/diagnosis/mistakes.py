@@ -12,15 +12,15 @@ from motoremi.data.kernels import logarithm, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.menu import BY_NAME, Option
 from motoremi.diagnosis.outcome import SMOOTH, Observed, Outcome
-from motoremi.diagnosis.weighing import Known, weigh
+from motoremi.diagnosis.weighing import Known, anything, weigh
 from motoremi.fitting.result import Fit
 
 # One action in twenty goes wrong. An assumption; unconfirmed.
 WRONG = 0.05
 # A sweep that nothing explains at all is rarer.
 STRANGE = 0.005
-# What such a sweep may be off by, and what a repeated one is.
-ANYTHING = {1.5: 1.0}
+# What such a sweep may be off by at each point, as a logarithm; and what a repeated one is.
+STRANGE_BY = (0.3, 1.0, 3.0)
 THE_SAME = {5e-4: 0.5, 2e-3: 0.5}
 # Measurements that cannot leave a sweep as it was, beside those that move elements of the motor.
 MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", *STANDARDS)
@@ -73,8 +73,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             found.append(Mistake("wrong-termination", f"{asked}: the far end of the winding was as for the {other_end} sweep", log))
     share = np.log(WRONG / max(len(found), 1))
     weighed = [replace(one, log_likelihood=one.log_likelihood + share) for one in found]
-    middle: ComplexArray = np.full(sweep.frequency_hz.size, np.exp(np.mean(np.log(np.abs(_impedance(sweep))))), dtype=np.complex128)
-    strange = _log_likelihood(sweep, middle, ANYTHING) + np.log(STRANGE)
+    strange = anything(Outcome(likeliest, [sweep]), known, STRANGE_BY) + np.log(STRANGE)
     weighed.append(Mistake("strange", f"{asked}: neither what was asked for nor any known mistake gives it", float(strange)))
     best = max(weighed, key=lambda one: one.log_likelihood)
     return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))

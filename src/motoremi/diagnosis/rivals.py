@@ -23,7 +23,7 @@ from motoremi.diagnosis.conditioned import by_condition
 from motoremi.diagnosis.menu import BY_NAME, Option
 from motoremi.diagnosis.mistakes import WRONG, Mistake, mistakes
 from motoremi.diagnosis.outcome import Observed, Outcome, ValueOutcome
-from motoremi.diagnosis.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, weigh, weigh_either
+from motoremi.diagnosis.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, weigh, weigh_either
 from motoremi.fitting.result import Fit
 
 Key = tuple[str, ...]
@@ -36,6 +36,8 @@ MOST_RIVALS = 10
 DOUBT = 0.02
 # What the catalogue does not hold is like one of so many that lead.
 LIKE = 3
+# How often what the catalogue does not hold departs at each point by itself, and by how much, as a logarithm. An assumption; unconfirmed.
+DEPARTS, DEPARTS_BY = 0.1, (0.03, 0.1, 0.3)
 # A mistake is looked at where it is within these log odds of what was asked for.
 PLAUSIBLE = 8.0
 
@@ -263,7 +265,21 @@ def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
     if BY_NAME[sweeps[0].condition.id].kind == "standard":
         sound = weigh(Outcome(near[0].fit, sweeps, sound=True), near[0].known).log_likelihood
         like_them = float(np.logaddexp(like_them, sound) - np.log(2))
+    if departs:
+        like_them = float(np.logaddexp.reduce([np.log(1 - DEPARTS) + like_them, *_departing(sweeps, near[0])]))
     return dataclasses.replace(own[0], log_likelihood=like_them)
+
+
+def _departing(sweeps: Sequence[Observed], nearest: Rival) -> list[float]:
+    """Log likelihood, prior included, of some of the sweeps departing at each point by itself while the others answer like a rival's."""
+    found = []
+    subsets = [chosen for size in range(1, len(sweeps) + 1) for chosen in combinations(range(len(sweeps)), size)]
+    for chosen in subsets:
+        free = sum(anything(Outcome(nearest.fit, [sweeps[at]]), nearest.known, DEPARTS_BY) for at in chosen)
+        others = [sweep for at, sweep in enumerate(sweeps) if at not in chosen]
+        like = weigh(Outcome(nearest.fit, others, listed=False), nearest.known).log_likelihood if others else 0.0
+        found.append(free + like + float(np.log(DEPARTS / len(subsets))))
+    return found
 
 
 # A value that somebody read off wrongly.

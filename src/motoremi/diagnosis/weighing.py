@@ -6,7 +6,7 @@ open has its range); the response numbers; the analyser's errors; and what no mo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Protocol, TypeAlias
@@ -174,6 +174,18 @@ def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth:
         if abs(gained) < CONVERGED:
             break
     return best
+
+
+def anything(prediction: Prediction, known: Known, sizes: Sequence[float]) -> float:
+    """Log likelihood of data that depart from a prediction at each point by itself, by one of these sizes: from what is no law at all.
+
+    Without it, what no smooth departure describes would be put down to the least wrong explanation.
+    """
+    mean, _, _ = prediction.at(known.centre, np.zeros(prediction.size))
+    squares = prediction.residual(mean) ** 2
+    variance = prediction.sigma**2 + np.array(sizes)[:, None] ** 2
+    logs = -0.5 * np.sum(np.log(2 * np.pi * variance) + squares / variance, axis=1)
+    return prediction.density + float(logsumexp(logs) - np.log(len(sizes)))
 
 
 def weigh_either(predictions: tuple[Prediction, Prediction | None], known: Known, sizes: dict[float, float] | None = None) -> Weighed:
