@@ -48,7 +48,7 @@ bench: install
 docs: install
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
-# Every fault at every exchange of the full procedure (some ten minutes); `make test` strikes at the first and last exchange of each step.
+# Every fault at every exchange of the full procedure (about ten minutes); the tests apply each at the first and last exchange of each step.
 faults: install
 	$(BIN)/python tests/fault_matrix.py
 

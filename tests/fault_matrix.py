@@ -26,7 +26,7 @@ from motoremi.virtual.faults import FAULTS, FaultLayer
 from motoremi.virtual.simulated_bench import SimulatedBench
 
 SEED = 5
-# What a repeated sweep may differ by: another draw of the analyser's noise, whose largest sigma here is some 0.1 %.
+# Largest difference of a repeated sweep, due to another draw of the analyser's noise, whose largest sigma here is about 0.1 %.
 NOISE = 0.02
 # A motor that was waited for a little longer is a little warmer.
 STATE_NOISE = 0.02
@@ -57,9 +57,9 @@ def measured(folder: Path, procedure: Procedure, bench: SimulatedBench) -> Sessi
 
 @dataclass(frozen=True)
 class Cell:
-    """Where a fault strikes: the exchanges of one instrument in one step, or in the leaving after the last one.
+    """Where a fault is applied: the exchanges of one instrument in one step, or in the safe state after the last step.
 
-    `stored` is how many sweeps and spectra a healthy run has stored before.
+    `stored` is how many sweeps and spectra a run without the fault has stored before.
     """
 
     step: int
@@ -105,7 +105,7 @@ def places(cell: Cell, count: int) -> list[int]:
 
 
 def placed(procedure: Procedure) -> SimulatedBench:
-    """A bench on which every instrument of the procedure stands already."""
+    """A bench that has every instrument of the procedure from the start."""
     bench = SimulatedBench(SEED)
     for role, spec in procedure.instruments.items():
         bench.open(role, spec.driver, spec.resource, lambda record: None, {role: spec.options}).close()
@@ -113,7 +113,7 @@ def placed(procedure: Procedure) -> SimulatedBench:
 
 
 def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path, name: str = "full_motor_test") -> str:
-    """How a run with this fault ends: "error", "recovered", "marked", "not struck", or "BAD: ..."."""
+    """How a run with this fault ends: "error", "recovered", "marked", "no fault", or "BAD: ..."."""
     procedure = small(name)
     bench = placed(procedure)
     layer = FaultLayer(bench.devices[cell.role], kind, at)
@@ -130,14 +130,14 @@ def ending(kind: str, cell: Cell, at: int, reference: Session, folder: Path, nam
     finally:
         bench.close()
     if not layer.occurred:
-        return "not struck"
-    # Without a supply of the bench it is the operator who feeds the motor.
+        return "no fault"
+    # Without a supply on the bench, the operator switches the motor's supply.
     if (
         "supply" in procedure.instruments
         and bench.stand.driven
         and not any("switch the supply off by hand" in document.get("problem", "") for document in acknowledged)
     ):
-        return "BAD: the motor is left running, and nobody is told"
+        return "BAD: the motor is left running without a message"
     return _judged(error, acknowledged, reference, folder, cell.stored)
 
 
@@ -145,10 +145,10 @@ def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference
     if problems := verify(folder):
         return f"BAD: {problems[0]}"
     session = load(folder)
-    told = [document["file"] for document in acknowledged if document["kind"] in MEASURED]
+    shown = [document["file"] for document in acknowledged if document["kind"] in MEASURED]
     stored = [document["file"] for document in session.documents if document["kind"] in MEASURED]
-    if told != stored:
-        return "BAD: what was told and what is stored differ"
+    if shown != stored:
+        return "BAD: the documents shown to listeners and those stored differ"
     if len(stored) < least:
         return f"BAD: {len(stored)} stored, {least} were measured before"
     if wrong := _wrong_data(session, reference):
@@ -156,7 +156,7 @@ def _judged(error: MotoremiError | None, acknowledged: list[JsonDict], reference
     if error is not None:
         line = str(error)
         if error.exit_status != InstrumentError.exit_status or not line or "\n" in line or len(line) > 500:
-            return f"BAD: told as {line!r} with status {error.exit_status}"
+            return f"BAD: error {line!r} with status {error.exit_status}"
         return "error" if session.status == "failed" else f"BAD: status {session.status}"
     if session.status != "done" or len(stored) != len(reference.sweeps) + len(reference.spectra) + len(reference.finals):
         return "BAD: ended well without all data"
@@ -222,7 +222,7 @@ def matrix(
 
 
 def rendered(table: dict[str, dict[str, Counter[str]]]) -> str:
-    """The table in Markdown; in each cell how many runs ended in which way, empty where the fault cannot strike."""
+    """The table in Markdown; in each cell how many runs ended in which way, empty where the fault cannot occur."""
     columns = list(next(iter(table.values())))
     letters = {"error": "e", "recovered": "r", "marked": "m", "BAD": "BAD"}
     lines = ["| fault | " + " | ".join(columns) + " |", "|---" * (len(columns) + 1) + "|"]
@@ -236,8 +236,10 @@ def main() -> int:
     """Print the table; the number of runs that ended badly."""
     found, problems = matrix(int(sys.argv[1]) if len(sys.argv) > 1 else 0, sys.argv[2:] or FAULTS)
     total = Counter(end for row in found.values() for count in row.values() for end in count.elements())
-    struck = sum(count for end, count in total.items() if end != "not struck")
-    summary = f"{struck} runs with a fault: {total['error']} end in one clear error (e), {total['recovered']} with the same data as without (r), "
+    with_fault = sum(count for end, count in total.items() if end != "no fault")
+    summary = (
+        f"{with_fault} runs with a fault: {total['error']} end in one clear error (e), {total['recovered']} with the same data as without (r), "
+    )
     summary += f"{total['marked']} with the doubtful points marked (m), {total['BAD']} badly"
     sys.stdout.write("\n".join([rendered(found), "", summary, *problems]) + "\n")
     return total["BAD"]

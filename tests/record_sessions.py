@@ -62,7 +62,7 @@ def with_state(data: JsonDict, role: str, driver: str) -> Procedure:
     """The procedure with one instrument beside the receiver, and the steps that these two can do."""
     data["instruments"] = {"receiver": data["instruments"]["receiver"], role: {**data["instruments"][role], "driver": driver}}
     if driver == "line-reader":
-        # One that is asked: the faults of the fault layer strike at what is sent.
+        # An instrument that is asked, because a fault can only change the answer to a message.
         data["instruments"][role]["lines"]["ask"] = "?"
     quantity = {"tachometer": "speed", "supply": "voltage", "voltmeter": "voltage"}[role]
     data["steps"] = [step for step in data["steps"] if step["do"] != "wait-for" and (step["do"] != "supply" or role == "supply")]

@@ -22,7 +22,7 @@ def test_every_fault_at_every_step_ends_well(kinds: list[str]) -> None:
     assert bad == [], f"{rendered(table)}\n{bad}"
     for kind, row in table.items():
         ends = Counter(end for count in row.values() for end in count.elements())
-        assert ends["error"] + ends["recovered"] + ends["marked"] > 0, f"{kind} never struck"
+        assert ends["error"] + ends["recovered"] + ends["marked"] > 0, f"{kind} never occurred"
         assert len(row) == 2 * len(small().instruments) + sum(step.do in ("compensate", "sweep", "spectrum") for step in small().steps)
         if kind in ("dead", "dropped-link", "silence", "garbled"):
             assert ends["error"] == ends.total(), kind

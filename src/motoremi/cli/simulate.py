@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 def simulate_(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A driver: 4294a, esr, ...; motoremi instruments lists them.")],
-    tcp: Annotated[int | None, typer.Option(metavar="PORT", help="Serve on this TCP port of 127.0.0.1; 0 takes any free one.")] = None,
+    tcp: Annotated[int | None, typer.Option(metavar="PORT", help="Serve on this TCP port of 127.0.0.1; 0 for any free one.")] = None,
     pty: Annotated[bool, typer.Option("--pty", help="Serve on a pseudo-terminal, which is a serial port to other programs.")] = False,
-    effect: Annotated[list[str] | None, typer.Option(metavar="ID", help="Something for the motor or the instrument to hide.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Which motor, which instrument.")] = 1,
+    effect: Annotated[list[str] | None, typer.Option(metavar="ID", help="Hidden effect of the motor or the instrument.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Number from which motor, errors and noise are drawn.")] = 1,
     connected: Annotated[str | None, typer.Option(metavar="WHAT", help="What is connected at first.", show_default=False)] = None,
-    speed: Annotated[float, typer.Option(min=0.001, help="How much faster than real time the instrument is.")] = 1.0,
+    speed: Annotated[float, typer.Option(min=0.001, help="Speed of the instrument's time: 10 is ten times real time.")] = 1.0,
 ) -> None:
     """Serve a virtual instrument on loopback until Ctrl-C; prints {"resource": ...} when ready.
 
@@ -38,7 +38,7 @@ def simulate_(
     from motoremi.virtual.virtual_instruments import virtual_instrument
 
     if (tcp is None) != pty:
-        raise BadInput("say where to serve: either --tcp PORT or --pty")
+        raise BadInput("give either --tcp PORT or --pty")
     instrument = virtual_instrument(name)
     clock = WallClock() if speed == 1 else FastClock(speed)
     with stopped_by_signals(), closing(SimulatedBench(seed, tuple(effect or ()), clock)) as bench:
@@ -48,12 +48,12 @@ def simulate_(
         with closing(server), suppress(KeyboardInterrupt):
             sys.stdout.write(json.dumps({"resource": server.resource, "instrument": name}) + "\n")
             sys.stdout.flush()
-            threading.Thread(target=_obey_operator, args=(bench,), daemon=True).start()
+            threading.Thread(target=_read_connections, args=(bench,), daemon=True).start()
             server.serve_forever()
 
 
-def _obey_operator(bench: SimulatedBench) -> None:
-    """Connect what is typed, a line at a time."""
+def _read_connections(bench: SimulatedBench) -> None:
+    """Change the connection to what is typed, line by line."""
     from motoremi.data.text import clean_text
     from motoremi.errors import BadInput
 
@@ -66,7 +66,7 @@ def _obey_operator(bench: SimulatedBench) -> None:
 
 
 def _connect(bench: SimulatedBench, what: str) -> None:
-    """Connect what is named."""
+    """Change the connection."""
     bench.connect(what)  # type: ignore[arg-type]  # the bench checks names from outside
 
 
