@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from motoremi.data.files import read_impedance
+from motoremi.data import session as session_module
+from motoremi.data.files import parse_impedance_csv, read_impedance
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
@@ -647,3 +648,19 @@ def test_documented_file_that_is_garbage(tmp_path: Path, document: dict[str, Any
     with pytest.raises(BadInput) as caught:
         load(path)
     assert Path(document["file"]).name in str(caught.value)
+
+
+def test_the_same_files_are_read_once(tmp_path, monkeypatch):
+    sweep = ImpedanceSweep("short", np.geomspace(1e5, 3e7, 21), np.full(21, 50 + 7j))
+    with SessionWriter.create(tmp_path / "s", {"title": "x"}) as writer:
+        writer.add_sweep(sweep)
+        writer.close("done")
+    read = []
+    monkeypatch.setattr(session_module, "parse_impedance_csv", lambda *given: read.append(given) or parse_impedance_csv(*given))
+    first, second = load(tmp_path / "s").sweeps[0], load(tmp_path / "s").sweeps[0]
+    assert len(read) == 1
+    assert np.array_equal(first.impedance_ohm, second.impedance_ohm)
+    # What somebody does with one is not seen in the other.
+    first.metadata["note"] = "mine"
+    assert "note" not in load(tmp_path / "s").sweeps[0].metadata
+    assert "note" not in second.metadata

@@ -16,12 +16,16 @@ from report_cases import HOSTILE, diagnosed_session, parsed
 from typer.testing import CliRunner
 
 import motoremi as me
+from motoremi.bench.quantity import Quantity
+from motoremi.bench.steps import Check, Compensate, Final, JudgeStep, Scan, Wait
 from motoremi.cli.app import app
 from motoremi.data.measurement import Measurement
-from motoremi.data.session import load
+from motoremi.data.session import SessionWriter, load
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.together import together
+from motoremi.report.plots import SPECTRUM_LOOKS
+from motoremi.report.steps import UNITS, planned_steps
 from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of
 from motoremi.workbench.views import diagnosis as shown_on_the_page
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
@@ -222,3 +226,28 @@ def test_what_is_known_is_held_through_the_ladder(session: Path, tmp_path: Path)
 def test_what_cannot_be_held_is_refused(session: Path, held: dict[str, float]) -> None:
     with pytest.raises(me.BadInput):
         me.fit(me.dc_motor(), load(session).sweeps, held=held)
+
+
+def test_steps_say_their_units(tmp_path: Path) -> None:
+    settings = {"limit": "cispr32-b", "detectors": ["quasi-peak", "cispr-average"], "dwell": 1.0, "margin": 10.0, "maxima": 6, "apart": 50e3}
+    planned = {"procedure": {"steps": [{"do": "final", **settings}, {"do": "wait", "time": "soon"}]}}
+    with SessionWriter.create(tmp_path / "s", {"title": "x", **planned}) as writer:
+        writer.close("done")
+    (_, _, final, _), (_, _, wait, _) = planned_steps(load(tmp_path / "s"))
+    assert final == "limit cispr32-b, detectors quasi-peak and cispr-average, dwell 1 s, margin 10 dB, maxima 6, apart 50 kHz"
+    assert wait == "time soon"
+
+
+def test_every_unit_of_a_step_is_one_that_the_bench_reads() -> None:
+    told = {
+        (name, quantity.unit)
+        for step in (Compensate, Check, Scan, Final, Wait, JudgeStep)
+        for name, field in step.model_fields.items()
+        for quantity in [*field.metadata, *(one for part in get_args(field.annotation) for one in getattr(part, "__metadata__", ()))]
+        if isinstance(quantity, Quantity)
+    }
+    assert told == set(UNITS.items())
+
+
+def test_spectra_differ_without_colour() -> None:
+    assert len({str(style) for _, style in SPECTRUM_LOOKS}) == len(SPECTRUM_LOOKS) >= 8

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Session", "SessionWriter", "StorageError", "load", "reopen", "verify"]
+# A page reads its session again after every change; so many files are kept as they were read.
+KEPT = 32
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -225,15 +227,14 @@ def load(path: str | os.PathLike[str]) -> Session:
             stored = _stored(folder, document, vouched)
             file = str(document["file"])
             if document["kind"] == "sweep":
-                text, label = decode(stored, file), f"{name}/{file}"
-                sweep = parse_impedance_csv(text, label, str(document.get("termination")))
+                sweep = _sweep_of(stored, file, f"{name}/{file}", str(document.get("termination"))).with_metadata()
                 # The document, not the header, says it: in older sessions a line `# condition:` is a remark of its user.
                 if "condition" in document:
                     conditioned.append(_under(sweep, document["condition"]))
                 else:
                     sweeps.append(sweep)
             elif document["kind"] in spectra:
-                spectra[document["kind"]].append(parse_spectrum_csv(decode(stored, file), f"{name}/{file}"))
+                spectra[document["kind"]].append(_spectrum_of(stored, file, f"{name}/{file}").with_metadata())
             else:
                 _check_json(stored, f"{name}/{file}")
                 analyses[str(document.get("name"))] = stored
@@ -251,6 +252,17 @@ def load(path: str | os.PathLike[str]) -> Session:
         conditioned=tuple(conditioned),
         values=tuple(SingleValue.restored(document) for document in chain.documents if document["kind"] == "value"),
     )
+
+
+@lru_cache(maxsize=KEPT)
+def _sweep_of(data: bytes, file: str, label: str, termination: str) -> ImpedanceSweep:
+    """The sweep that a file holds; the same bytes are read once."""
+    return parse_impedance_csv(decode(data, file), label, termination)
+
+
+@lru_cache(maxsize=KEPT)
+def _spectrum_of(data: bytes, file: str, label: str) -> Spectrum:
+    return parse_spectrum_csv(decode(data, file), label)
 
 
 def _under(sweep: ImpedanceSweep, written: object) -> ImpedanceSweep:

@@ -276,18 +276,25 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
     return figure
 
 
+# A prescan with two detectors on both lines, and its backgrounds; no two alike in grey print.
+SPECTRUM_LOOKS = (
+    (BLUE, "-"), (ORANGE, "--"), (PURPLE, "-."), (BLACK, ":"),
+    (GREEN, (0, (8, 2))), (SKY, (0, (3, 1, 1, 1, 1, 1))), (VERMILION, (0, (1, 3))), (GREY, (0, (6, 1, 1, 1))),
+)  # fmt: skip
+
+
 def spectrum_figure(spectra: Sequence[Spectrum]) -> Figure:
     """Level over frequency for each detector; repeats of one detector look alike."""
     figure, axes = panels(9.0, 3.6)
     panel = axes[0, 0]
     kinds = [(spectrum.detector, spectrum.condition, str(spectrum.metadata.get("line", ""))) for spectrum in spectra]
     detectors = dict.fromkeys(kinds)
-    looks = dict(zip(detectors, itertools.cycle(((BLUE, "-"), (ORANGE, "--"), (PURPLE, "-."), (BLACK, ":"))), strict=False))
+    looks = dict(zip(detectors, itertools.cycle(SPECTRUM_LOOKS), strict=False))
     for spectrum, kind in zip(spectra, kinds, strict=True):
         colour, style = looks[kind]
         told = [spectrum.detector, show(spectrum.resolution_bandwidth_hz, "Hz"), str(spectrum.metadata.get("line", ""))]
         label = ", ".join(text for text in (*told, "motor off" if spectrum.is_background else "") if text)
-        panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=label)
+        panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, linestyle=style, color=colour, linewidth=0.8, label=label)
         if spectrum.overload.any():
             marked = spectrum.overload
             panel.plot(spectrum.frequency_hz[marked], spectrum.level_dbuv[marked], "x", color=VERMILION, label="receiver overloaded: not judged")

@@ -6,6 +6,13 @@ from collections.abc import Iterator
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
+from motoremi.quantities import show
+
+# Of settings whose names do not say it, as `bench.steps` has them.
+UNITS = {
+    "nominal": "Ohm", "resistance": "Ohm", "inductance": "H", "conductance": "S", "capacitance": "F",
+    "dwell": "s", "time": "s", "apart": "Hz", "margin": "dB", "uncertainty": "dB",
+}  # fmt: skip
 
 
 def being_written(session: Session) -> bool:
@@ -32,8 +39,15 @@ def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
             state = "not begun"
         else:
             state = "this report" if name == "report" and being_written(session) else "not finished"
-        rows.append((number, name, ", ".join(f"{key} {value}" for key, value in settings.items()), state))
+        rows.append((number, name, ", ".join(f"{key} {_told(key, value)}" for key, value in settings.items()), state))
     return rows
+
+
+def _told(key: str, value: object) -> str:
+    if isinstance(value, list | tuple):
+        return " and ".join(map(str, value))
+    unit = UNITS.get(key)
+    return show(value, unit) if unit and isinstance(value, int | float) else str(value)
 
 
 def _unrolled(steps: object) -> Iterator[JsonDict]:
