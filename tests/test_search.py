@@ -81,7 +81,7 @@ def test_a_pair_is_found_though_neither_is_the_best_alone():
     # From the fourth best single effect, no further down.
     assert [call for call in made.calls if call.startswith("add")] == ["add ", "add a", "add b", "add c", "add d"]
     narrow = board({"": 0, "a": 50, "b": 40, "c": 30, "d": 20, "e": 10, "f": 5, "de": 200, "ab": 60})
-    assert key_of(best_of(narrow.explored(Budget(beam=1, swaps=0)).values())) == ("a", "b")
+    assert key_of(best_of(narrow.explored(Budget(beam=1, swaps=(0, 0))).values())) == ("a", "b")
 
 
 def test_what_gains_little_beside_the_best_is_not_added_to():
@@ -124,7 +124,7 @@ def test_beside_one_that_leaves_nothing_only_its_own_look_alikes_are_tried():
 def test_what_is_no_longer_needed_is_dropped():
     # "b" alone is nothing at a first look, but from the pair's solution.
     made = board({"": 0, "a": 30, "ab": 80, "b": 85}, finished=("b", "ab"), overlooked=("b",))
-    found = made.explored(Budget(swaps=0))
+    found = made.explored(Budget(swaps=(0, 0)))
     assert best_of(found.values()).added == ("b",)
     assert {"drop a of ab", "drop b of ab"} <= set(made.calls)
 

@@ -63,10 +63,9 @@ class Budget:
         Models of one size that are added to. Four single effects were enough for the pairs of the blind seeds 5 and 6.
     swapped : int
         Models of one size in which effects are swapped. The second is for what ends within the gain of the first.
-    swaps : int
-        How often at most a size is swapped before it stands still.
-    most_effects : int
-        More describe almost any curve, right or wrong, and none such is named.
+    swaps : tuple of int
+        How often at most each size is swapped before it stands still. There are no larger sets: more than two effects describe almost any
+        curve, right or wrong, and none such is named.
     share : float
         Models that gain less than this share of what the best of their size gains are not added to: what two effects gain together, one of
         them mostly gains a good part of alone.
@@ -76,10 +75,14 @@ class Budget:
 
     beam: int = 4
     swapped: int = 2
-    swaps: int = 2
-    most_effects: int = 2
+    swaps: tuple[int, ...] = (2, 2)
     share: float = 0.3
     gain: float = 3.0
+
+    @property
+    def most_effects(self) -> int:
+        """Size of the largest sets."""
+        return len(self.swaps)
 
 
 def key_of(model: Model) -> Key:
@@ -138,8 +141,9 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
     """Swap effects of the best models of one size until that changes nothing."""
     swapped: set[Key] = set()
     best = -inf
-    done, most = 0, budget.swaps * budget.swapped * size
-    for _ in range(budget.swaps):
+    times = budget.swaps[size - 1]
+    done, most = 0, times * budget.swapped * size
+    for _ in range(times):
         ranked = _ranked(found, size)
         if not ranked or ranked[0].score < best + budget.gain:
             return

@@ -18,7 +18,7 @@ from motoremi.model.effects import find_effect
 
 BUDGET = Budget()
 # A search for one effect.
-GLANCE = Budget(most_effects=1, swaps=0)
+GLANCE = Budget(swaps=(0,))
 # What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
 # no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
 # a part of the motor of their size.

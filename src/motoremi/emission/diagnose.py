@@ -26,7 +26,7 @@ __all__ = ["EmissionDiagnosis", "add_effect", "diagnose_emission", "fit_base", "
 
 # Six effects look less alike than a motor's. The second single one, and look-alikes in the place of the best, are for two effects that together
 # look like a third: they take a quarter of the time. Odds of 20 to 1 after the prior are 150 to 1 (5 log units) of evidence.
-BUDGET = Budget(beam=2, swapped=1, swaps=1, share=0.0)
+BUDGET = Budget(beam=2, swapped=1, swaps=(1, 0), share=0.0)
 # A model whose robust chi2 is above this leaves something unexplained; with the right effect it comes to 0.1 to 1.3.
 GOOD_CHI2 = 3.0
 # An effect that takes away so much of the squared error, this far ahead of all others, is named even if it does not explain everything.
