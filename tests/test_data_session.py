@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from motoremi.data import noise as noise_module
 from motoremi.data import session as session_module
 from motoremi.data.files import parse_impedance_csv, read_impedance
+from motoremi.data.noise import estimate_noise
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep
 from motoremi.errors import BadInput
 
 NATIVE = Path(__file__).parent / "data" / "eth_4294A_inductor" / "impedance.txt"
@@ -470,7 +472,7 @@ def test_interrupted_session_loads(session: Path, tail: bytes) -> None:
 WRITER = """
 import sys, numpy as np
 from motoremi.data.session import SessionWriter
-from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep
 writer = SessionWriter.create(sys.argv[1], {})
 frequency = np.arange(1, 401) * 1e5
 for n in range(100_000):
@@ -664,3 +666,18 @@ def test_the_same_files_are_read_once(tmp_path, monkeypatch):
     first.metadata["note"] = "mine"
     assert "note" not in load(tmp_path / "s").sweeps[0].metadata
     assert "note" not in second.metadata
+
+
+def test_the_noise_of_the_same_sweeps_is_estimated_once(monkeypatch):
+    rng = np.random.default_rng(3)
+    impedance_ohm = 50 * (1 + 1e-3 * rng.standard_normal((3, 41)))
+    asked = []
+    monkeypatch.setattr(noise_module, "_estimated", lambda sweep, own=noise_module._estimated: asked.append(sweep) or own(sweep))
+
+    def sigma(factor: float) -> np.ndarray:
+        return estimate_noise(RepeatedSweep("short", np.geomspace(1e5, 3e7, 41), impedance_ohm * factor + 0j, None)).sigma
+
+    assert np.array_equal(sigma(1.0), sigma(1.0))
+    assert len(asked) == 1
+    sigma(1.5)
+    assert len(asked) == 2

@@ -142,7 +142,7 @@ def test_the_report_shows_readings_corrections_and_final_values(whole: tuple[Ses
     text = (tmp_path / "s" / "report" / "report.html").read_text(encoding="utf-8")
     value = load(tmp_path / "s").analysis("prediction")["finals"][0]  # type: ignore[index]
     assert value["level_dbuv"] == pytest.approx(value["reading_dbuv"] + 10.0)
-    for shown in ("Final values", "Corrections of the receiver", "+10.0 dB", f"{value['reading_dbuv']:.1f} dBuV", f">{value['level_dbuv']:.1f}<"):
+    for shown in ("Final values", "Corrections of the receiver", "+10.0 dB", f"{value['reading_dbuv']:.1f} dBµV", f">{value['level_dbuv']:.1f}<"):
         assert shown in text
 
 
