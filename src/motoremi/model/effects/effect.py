@@ -64,6 +64,8 @@ class Effect:
         True for what tells how a motor behaves and not why: the search names it no cause, a person can add it.
     below_hz : float
         The search looks for it only where the sweeps begin below this: elsewhere nothing of it shows.
+    of_ranges : bool
+        Only an analyser that switches ranges by impedance has it: the search looks for it in no reflection measurement.
     tried : mapping
         Of a parameter that does not vary: the values among which the search chooses; none for a frequency, which is scanned.
     hides : tuple of str
@@ -96,6 +98,7 @@ class Effect:
     seen_as: tuple[str, ...] = ()
     describes: bool = False
     below_hz: float = math.inf
+    of_ranges: bool = False
     tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     hides: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()

@@ -163,6 +163,7 @@ EFFECTS = (
         starts=({"real_step": 0.0, "imaginary_step": 0.0, "frequency_hz": 5e6},),
         repeatable=True,
         responds={"sweep-downwards": {"real_step": 0.0, "imaginary_step": 0.0}},
+        of_ranges=True,
     ),
     Effect(
         name="temperature-drift",

@@ -1,0 +1,83 @@
+"""Searches behind a fixture that nobody compensated: what a network analyser at its own connector sees of a motor."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+
+from motoremi.blind.sealed import Pocket
+from motoremi.data.measurement import Measurement
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.diagnosis.candidates import possible_effects
+from motoremi.fitting.fit import fit, trail_to
+from motoremi.fitting.problem import Problem
+from motoremi.fitting.race import LOOK, Best, race
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import Task, rough
+from motoremi.model.motor import dc_motor
+from motoremi.simulate.motor import SimulatedMotor
+
+# A motor whose proximity effect was lost in the race behind 30 nH of fixture.
+MOTOR_SEED = 20261123
+
+
+@cache
+def sweeps() -> tuple[ImpedanceSweep, ...]:
+    motor, analyser = SimulatedMotor.random(MOTOR_SEED, ("proximity-effect",)), Pocket(5)
+    frequency = np.geomspace(150e3, 30e6, 201)
+    found = []
+    for number, termination in enumerate(TERMINATIONS):
+        seen = analyser.measure(termination, frequency, motor.impedance(termination, frequency), number)
+        found.append(ImpedanceSweep(termination, frequency, seen, metadata={"analyser": "nanovna"}))
+    return tuple(found)
+
+
+@cache
+def base() -> Fit:
+    return fit(dc_motor(), Measurement.of(sweeps()))
+
+
+def test_a_search_knows_the_fixture_and_the_error_that_is_shown_does_not() -> None:
+    log, relative = (Problem(dc_motor(), base().measurement, weights=weights) for weights in ("log", "relative"))
+    assert [p.name for p in log.unknowns[7:]] == ["fixture R", "fixture L", "fixture G", "fixture C"]
+    assert len(relative.unknowns) == 7
+    # Three standard deviations of what a fixture of a few centimetres has.
+    assert (log.low[7:], log.high[7:]) == (pytest.approx([-3.0] * 4), pytest.approx([3.0] * 4))
+
+
+def test_where_the_analyser_sees_nothing_a_point_counts_less() -> None:
+    problem = Problem(dc_motor(), base().measurement, weights="log")
+    systematic, weight = problem.observed.systematic, problem.observed.weight
+    assert weight == pytest.approx(1 / np.hypot(1, systematic / 0.1))
+    assert weight[np.argmax(systematic)] < 0.9 < weight.max()
+
+
+def test_a_loss_of_the_winding_arrives_behind_the_fixture() -> None:
+    trails = {name: trail_to(base(), name) for name in possible_effects(base())}
+    solutions = race(trails, LOOK)
+    behind = Best().behind(solutions)
+    assert min((name for name in solutions if not solutions[name].rough), key=lambda name: behind[name]) in (
+        "proximity-effect",
+        "eddy-laminations",
+        "skin-effect",
+    )
+    assert behind["proximity-effect"] < 15
+
+
+def test_rough_evidence_pays_for_what_the_analyser_may_err_by() -> None:
+    """An error within the specification is no better for being called white."""
+    nothing = dataclasses.replace(base().marginal, log_evidence=-np.inf)
+    evidence = {}
+    for analyser in ("nanovna", "none"):
+        measurement = Measurement.of(sweeps(), analyser)
+        problem = Task(dc_motor(), measurement, {}, {}).thinned(80)
+        evidence[analyser] = rough(nothing, problem, problem.vector(base().parameters)).log_evidence
+    assert evidence["nanovna"] < evidence["none"] - 10
+
+
+def test_a_network_analyser_switches_no_ranges_of_impedance() -> None:
+    assert "range-step" not in possible_effects(base())
+    assert "gain-error" in possible_effects(base())
