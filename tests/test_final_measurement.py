@@ -316,6 +316,6 @@ def test_a_line_switch_that_does_not_follow_ends_the_run_and_keeps_what_was_meas
     del data["steps"][1]["line"]
     procedure = parse_procedure(data, "test")
     writer = SessionWriter.create(tmp_path / "run", start_document(procedure, BenchFile(backend="sim", seed=SEED)))
-    with pytest.raises(InstrumentError, match="told to switch to L1, but reports"):
+    with pytest.raises(InstrumentError, match="switched to L1, but reports"):
         run(procedure, Stuck(SEED), writer, analyse=analyse(), prompt=lambda text: None)
     assert len(load(tmp_path / "run").spectra) == 1

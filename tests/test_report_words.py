@@ -16,8 +16,6 @@ from report_cases import HOSTILE, diagnosed_session, parsed
 from typer.testing import CliRunner
 
 import motoremi as me
-from motoremi.bench.quantity import Quantity
-from motoremi.bench.steps import Check, Compensate, Final, JudgeStep, Scan, Wait
 from motoremi.cli.app import app
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load
@@ -27,6 +25,8 @@ from motoremi.fleet.together import together
 from motoremi.report.plots import SPECTRUM_LOOKS
 from motoremi.report.steps import UNITS, planned_steps
 from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of
+from motoremi.schema.procedure_steps import Check, Compensate, Final, JudgeStep, Scan, Wait
+from motoremi.schema.quantity_field import Quantity
 from motoremi.workbench.views import diagnosis as shown_on_the_page
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
