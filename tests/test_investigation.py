@@ -323,6 +323,21 @@ def test_a_judgement_takes_over_what_was_learnt() -> None:
     assert learnt.belief.posterior[()] < judgement.belief.posterior[()]
 
 
+def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it() -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import Judgement
+    from motoremi.diagnosis.rivals import Taught
+
+    bare, leak = base(), ("insulation-leakage@Cf",)
+    found = {(): Candidate((), bare, 0.0, ()), leak: Candidate(leak, rivals().members[1].fit, 0.5, ())}
+    judgement = Judgement(bare, found, believe(found))
+    before = rivals_in(judgement)
+    for gained, named in ((1.0, ()), (6.0, leak)):
+        members = tuple(replace(one, log_weight=one.log_weight + gained) if one.key == leak else one for one in before.members)
+        assert informed(judgement, replace(before, members=members, taught=(Taught("shaft-turned", 1.0, {}),))).named == named
+    assert judgement.named == ()
+
+
 def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
     from motoremi.diagnosis.informed import confidence_of, departs, reasons_of
 

@@ -42,7 +42,8 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     # What was too unlikely to be weighed keeps its distance from the one that gained most.
     most = max(changes.values())
     found = {key: dataclasses.replace(one, score=one.score + changes.get(key, most)) for key, one in judgement.found.items()}
-    return decided(judgement.base, found, STANDS)
+    proven = rivals.probabilities[rivals.likeliest.key] >= STANDS
+    return dataclasses.replace(decided(judgement.base, found, STANDS), proven=proven)
 
 
 def departs(rivals: Rivals) -> bool:

@@ -45,12 +45,15 @@ class Judgement:
     belief : Belief
     none_named : bool
         Whether the base is to stand without what could be added, since no such model stands and the base errs within the specification.
+    proven : bool
+        Whether measurements beside the sweeps speak for the likeliest model: it is then named, however little the sweeps alone show of it.
     """
 
     base: Fit
     found: Mapping[Key, Candidate]
     belief: Belief
     none_named: bool = False
+    proven: bool = False
 
     @cached_property
     def best(self) -> Candidate:
@@ -67,7 +70,7 @@ class Judgement:
     @cached_property
     def named(self) -> Effects:
         """The effects that are believed: those of the likeliest model, if they matter."""
-        return self.best.added if self.belief.named and self._matters and not self.none_named else ()
+        return self.best.added if self.belief.named and (self._matters or self.proven) and not self.none_named else ()
 
     @property
     def _matters(self) -> bool:
