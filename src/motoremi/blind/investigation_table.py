@@ -15,7 +15,7 @@ def markdown(result: JsonDict) -> str:
     """All tables of a board."""
     lines = [f"# Investigations: {result['cases']} sealed motors, seed {result['seed']}", "", *goal_lines(result["goals"])]
     if result["too_weak_to_see"]:
-        lines += ["", f"{result['too_weak_to_see']} motors hide something too weak to be seen in their two sweeps: they are in no figure below."]
+        lines += ["", f"{result['too_weak_to_see']} motors hide something too weak to be seen in their two sweeps: they count in no figure here."]
     for title, key in (("policy", "by_policy"), ("start", "by_start")):
         lines += [
             "",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -19,6 +19,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
+from motoremi.fitting.result import Fit
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.analyser import SimulatedAnalyser
 from motoremi.simulate.arrangement import Analyser, Arrangement
@@ -201,16 +202,10 @@ class Sealed:
         return Given(self._measured(arrangement, asked.id, 2 + zlib.crc32(f"{asked.id} {turn}".encode()) % 2**20, 1), arrangement.mistake)
 
     def detectable(self) -> bool:
-        """Whether the sweeps of both terminations show each hidden effect that the catalogue knows, where the model has all the others."""
+        """Whether the sweeps of both terminations show each hidden effect, where the model has all the others."""
         both = Measurement.of(self._measured(Arrangement(self.specimen), "begin", 0, REPEATS).sweeps)
         base = fit(dc_motor(), both)
-        for name in self.hidden:
-            rest = base
-            for other in self.hidden:
-                rest = rest.add(other) if other != name else rest
-            if not visible(rest):
-                return False
-        return True
+        return all(visible(reduce(Fit.add, (other for other in self.hidden if other != name), base)) for name in self.hidden)
 
     def _measured(self, arrangement: Arrangement, purpose: str, connection: int, repeats: int) -> Evidence:
         span = SPAN_HZ

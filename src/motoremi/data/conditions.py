@@ -76,6 +76,8 @@ CONDITIONS: Mapping[str, Setting | None] = {
 REFERENCE = ("short-sweep", "open-sweep", "repeats")
 # Conditions under which a known part stands in the motor's place.
 STANDARDS = ("standards", "fixture-open", "fixture-short", "fixture-load")
+# Of these, what shows next to no impedance or next to no admittance.
+NEXT_TO_NOTHING = ("fixture-open", "fixture-short")
 
 
 @dataclass(frozen=True)

@@ -37,12 +37,12 @@ MOST_ASKED, LEAST_ASKED = 6, 2e-3
 NOTHING_BITS, LITTLE_BITS = 0.03, 0.1
 # Size of what no model describes of a change; in another circuit or span; and for a motor that no model describes, each with its share.
 # Of a value, as a logarithm.
-UNDESCRIBED = {2e-3: 1.0}
-UNDESCRIBED_ELSEWHERE = {2e-3: 0.5, 3e-2: 0.5}
-UNDESCRIBED_OUTSIDE = {2e-3: 0.5, 8e-3: 0.2, 0.06: 0.3}
+AHEAD = {2e-3: 1.0}
+AHEAD_ELSEWHERE = {2e-3: 0.5, 3e-2: 0.5}
+AHEAD_OUTSIDE = {2e-3: 0.5, 8e-3: 0.2, 0.06: 0.3}
 OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 # As `weighing.UNFORESEEN`, coarser: of changes that reach the effects, and of the others.
-UNFORESEEN, UNFORESEEN_BESIDE = {0.05: 0.6, 1.0: 0.4}, {0.1: 1.0}
+MOVED_AHEAD, MOVED_AHEAD_BESIDE = {0.05: 0.6, 1.0: 0.4}, {0.1: 1.0}
 # Draws of the outcome under each explanation.
 DRAWS = 40
 # Pairs are made of so many measurements that teach most alone.
@@ -301,10 +301,10 @@ def _foreseen(option: Option, rival: Rival, measurement: Measurement, points: in
     if option.kind == "value":
         sizes = OF_VALUE_OUTSIDE if rival.outside else OF_VALUE
     elif rival.outside and option.reaches_motor:
-        sizes = UNDESCRIBED_OUTSIDE
+        sizes = AHEAD_OUTSIDE
     else:
-        sizes = UNDESCRIBED_ELSEWHERE if option.kind == "sweep" else UNDESCRIBED
-    widths = UNFORESEEN if option.reaches else UNFORESEEN_BESIDE
+        sizes = AHEAD_ELSEWHERE if option.kind == "sweep" else AHEAD
+    widths = MOVED_AHEAD if option.reaches else MOVED_AHEAD_BESIDE
     found = []
     for share, prediction in _predictions(option, rival, measurement, points):
         mean, own, by_eta = prediction.at(rival.known.centre, np.zeros(prediction.size))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.data.conditions import Condition
+from motoremi.data.conditions import NEXT_TO_NOTHING, Condition
 from motoremi.data.measurement import Conditioned, Measurement
 from motoremi.data.noise import Noise
 from motoremi.diagnosis.menu import BY_NAME, Option
@@ -47,7 +47,7 @@ def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Obs
         # Beyond the reference sweep there is no change to see.
         inside &= (sweep.frequency_hz >= frequency[0] * (1 - 1e-9)) & (sweep.frequency_hz <= frequency[-1] * (1 + 1e-9))
         sigma = np.hypot(sigma, np.interp(np.log(sweep.frequency_hz), np.log(frequency), np.sqrt(noise.variance)))
-    inside &= one.noise.regular & ((sigma < LARGEST_NOISE) | (option.name in ("fixture-short", "fixture-open")))
+    inside &= one.noise.regular & ((sigma < LARGEST_NOISE) | (option.name in NEXT_TO_NOTHING))
     kept = np.flatnonzero(inside)
     if kept.size < 2:
         return None

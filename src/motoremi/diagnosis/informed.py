@@ -6,13 +6,14 @@ import dataclasses
 from collections.abc import Mapping
 
 from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.asking import ODDS
 from motoremi.diagnosis.belief import MOST_NAMES, Belief
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
 from motoremi.diagnosis.rivals import Key, Rivals, rivals_of, update
 
-# An explanation with odds of 20 to 1 stands alone once measurements were made to tell it from others.
-STANDS = 20 / 21
+# An explanation at which an investigation stops stands alone.
+STANDS = ODDS / (1 + ODDS)
 # Of the finding that a sweep or value is none of what was asked for.
 NOT_AS_ASKED = "not-as-asked"
 # How often the truth is none of the models found, by what the leading one leaves. As `belief.RELIABLE` has it for such answers.

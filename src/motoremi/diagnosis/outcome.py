@@ -17,7 +17,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
-from motoremi.data.conditions import Condition, SingleValue
+from motoremi.data.conditions import NEXT_TO_NOTHING, Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
 from motoremi.diagnosis.menu import BY_NAME, Option
 from motoremi.diagnosis.responses import Responses, factors, responses
@@ -131,7 +131,7 @@ class Outcome:
     def _unit(self, sweep: Observed) -> _Unit | None:
         """Of a sweep of next to nothing; None for one that is a logarithm."""
         analyser = self.fit.measurement.analyser
-        if analyser.ideal or self.option.name not in ("fixture-short", "fixture-open"):
+        if analyser.ideal or self.option.name not in NEXT_TO_NOTHING:
             return None
         resistance, inductance, _, capacitance = (float(p.sigma or 0.0) for p in residual_parameters(analyser, sweep.termination))
         omega = 2 * np.pi * sweep.frequency_hz

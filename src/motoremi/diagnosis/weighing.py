@@ -242,61 +242,60 @@ class _System:
         self._k = k
         self._unforeseen = np.zeros(len(self._rows), dtype=np.intp)
         self._unforeseen[k : k + eta.size] = prediction.unforeseen
-        self._solutions: dict[Scale, tuple[FloatArray, FloatArray, float]] = {}
+        self._equations: dict[Scale, tuple[FloatArray, FloatArray]] = {}
         self._away = np.concatenate([away, np.zeros(len(smooth))])
         # In these the prediction is looked at where they are, in all others it is linear.
         self._moving = np.arange(len(self._rows)) < self._own
         self._moving[:k] &= prediction.absolute
 
-    def _scaled(self, at: Scale) -> tuple[FloatArray, FloatArray]:
-        size, *widths = at
-        factor = np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unforeseen]
-        return self._gram * factor * factor[:, None], self._pull * factor
-
-    def _solve(self, at: Scale) -> tuple[FloatArray, FloatArray, float]:
-        if at not in self._solutions:
-            gram, pull = self._scaled(at)
-            matrix = gram + self._prior
-            scale = 1 / np.sqrt(np.diag(matrix))
-            factor = cho_factor(matrix * scale * scale[:, None] + 1e-13 * np.eye(len(scale)), lower=True)
-            solution = scale * cho_solve(factor, scale * pull)
-            logdet = 2 * float(np.sum(np.log(np.diag(factor[0])))) - 2 * float(np.sum(np.log(scale)))
-            self._solutions[at] = solution, matrix, logdet
-        return self._solutions[at]
+    def _normal(self, at: Scale) -> tuple[FloatArray, FloatArray]:
+        """Matrix, priors included, and right-hand side of the normal equations."""
+        if at not in self._equations:
+            size, *widths = at
+            factor = np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unforeseen]
+            self._equations[at] = self._gram * factor * factor[:, None] + self._prior, self._pull * factor
+        return self._equations[at]
 
     def damped(self, at: Scale, damping: float) -> FloatArray:
         """The best of the model's unknowns, less their centre, and of eta, if the prediction were linear and a step cost something."""
-        gram, pull = self._scaled(at)
-        matrix = gram + self._prior
+        matrix, pull = self._normal(at)
         held = np.where(self._moving, damping * np.diag(matrix), 0.0)
-        scale = 1 / np.sqrt(np.diag(matrix) + held)
-        factor = cho_factor((matrix + np.diag(held)) * scale * scale[:, None] + 1e-13 * np.eye(len(scale)), lower=True)
-        solution: FloatArray = scale * cho_solve(factor, scale * (pull + held * self._away))
+        solution, _ = _solved(matrix + np.diag(held), pull + held * self._away)
         return solution[: self._own]
 
     def cost(self, at: Scale) -> float:
         """Minus twice the log of likelihood times prior at this very point, all in which the prediction is linear at its best."""
-        gram, pull = self._scaled(at)
+        matrix, pull = self._normal(at)
         moving, still = np.flatnonzero(self._moving), np.flatnonzero(~self._moving)
         away = self._away[moving]
-        left = pull[still] - gram[np.ix_(still, moving)] @ away
-        squares = self._squares - 2 * float(away @ pull[moving]) + float(away @ (gram + self._prior)[np.ix_(moving, moving)] @ away)
-        taken = float(left @ np.linalg.solve((gram + self._prior)[np.ix_(still, still)], left)) if left.size else 0.0
+        left = pull[still] - matrix[np.ix_(still, moving)] @ away
+        squares = self._squares - 2 * float(away @ pull[moving]) + float(away @ matrix[np.ix_(moving, moving)] @ away)
+        taken = float(left @ np.linalg.solve(matrix[np.ix_(still, still)], left)) if left.size else 0.0
         return squares - taken
 
     def log_integral(self, at: Scale) -> float:
         """Log of likelihood times prior, integrated over all unknowns, less the noise's own term."""
-        solution, _, logdet = self._solve(at)
-        _, pull = self._scaled(at)
+        matrix, pull = self._normal(at)
+        solution, logdet = _solved(matrix, pull)
         least = self._squares - float(pull @ solution)
         return -0.5 * least - 0.5 * (logdet - float(np.linalg.slogdet(self.known.precision)[1]))
 
     def learnt(self, at: Scale) -> Known:
         """What is then known of the model's own unknowns."""
-        solution, matrix, _ = self._solve(at)
+        matrix, pull = self._normal(at)
+        solution, _ = _solved(matrix, pull)
         k = self._k
         inner = matrix[k:, k:]
         precision = matrix[:k, :k] - matrix[:k, k:] @ np.linalg.solve(inner, matrix[k:, :k])
         known = self.known
         centre = np.clip(known.centre + solution[:k], known.low, known.high)
         return Known(centre, 0.5 * (precision + precision.T), known.low, known.high)
+
+
+def _solved(matrix: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
+    """Solution of a positive definite system, and the logarithm of the determinant."""
+    scale = 1 / np.sqrt(np.diag(matrix))
+    # The arithmetic of nearly singular matrices.
+    factor = cho_factor(matrix * scale * scale[:, None] + 1e-13 * np.eye(len(scale)), lower=True)
+    logdet = 2 * float(np.sum(np.log(np.diag(factor[0])))) - 2 * float(np.sum(np.log(scale)))
+    return scale * cho_solve(factor, scale * right), logdet

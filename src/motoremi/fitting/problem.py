@@ -174,14 +174,13 @@ class Problem:
         analyser = self.measurement.analyser
         if self.weights == "relative" or analyser.ideal:
             return ()
-        return nuisance_parameters(analyser, self.measurement.terminations) if self.weights == "likelihood" else fixture_parameters(analyser)
+        if self.weights == "likelihood":
+            return nuisance_parameters(analyser, self.measurement.terminations)
+        # Ants and far steps stay where a fixture can be.
+        return fixture_parameters(analyser, ALLOWED)
 
     def _limits_si(self) -> tuple[FloatArray, FloatArray]:
         pairs = [self.bounds.get(parameter.name, (parameter.low, parameter.high)) for parameter in self.unknowns]
-        if self.weights == "log":
-            own = {parameter.name for parameter in self.motor.parameters}
-            likely = [None if p.name in own or p.sigma is None else ALLOWED * p.sigma for p in self.unknowns]
-            pairs = [pair if limit is None else (-limit, limit) for pair, limit in zip(pairs, likely, strict=True)]
         low, high = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
         return low, high
 
@@ -515,14 +514,14 @@ def residual_parameters(analyser: Analyser, termination: str) -> tuple[Parameter
     )
 
 
-def fixture_parameters(analyser: Analyser) -> tuple[Parameter, ...]:
-    """The fixture that nobody compensated, the same in all sweeps; empty for one that was."""
+def fixture_parameters(analyser: Analyser, farthest: float = FAR) -> tuple[Parameter, ...]:
+    """The fixture that nobody compensated, the same in all sweeps, within so many standard deviations; empty for one that was."""
     fixture = analyser.fixture
     if fixture is None:
         return ()
 
     def one(name: str, unit: str, sigma: float) -> Parameter:
-        return Parameter(f"fixture {name}", unit, -FAR * sigma, FAR * sigma, "a fixture of a few centimetres", "linear", sigma)
+        return Parameter(f"fixture {name}", unit, -farthest * sigma, farthest * sigma, "a fixture of a few centimetres", "linear", sigma)
 
     return (
         one("R", "Ohm", fixture.resistance_ohm),

@@ -8,7 +8,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
 from motoremi.quantities import show
 
-# Of settings whose names do not say it, as `bench.steps` has them.
+# Of settings whose names do not say it, as `schema.procedure_steps` has them.
 UNITS = {
     "nominal": "Ohm", "resistance": "Ohm", "inductance": "H", "conductance": "S", "capacitance": "F",
     "dwell": "s", "time": "s", "apart": "Hz", "margin": "dB", "uncertainty": "dB",

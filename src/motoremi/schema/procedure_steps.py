@@ -19,6 +19,11 @@ from motoremi.schema.strict import Strict
 Repeats = Annotated[int, Field(ge=1, le=100, description="number of measurements on the same connection")]
 
 
+def _only_a_load_has(standard: str, nominal: float | None) -> None:
+    if (standard == "load") != (nominal is not None):
+        raise BadInput("nominal: belongs to the load standard, and to no other")
+
+
 class Identify(Strict):
     """Connect to every instrument, check its identity, reset it and set it up. Must be the first step of a measurement."""
 
@@ -35,8 +40,7 @@ class Compensate(Strict):
 
     @model_validator(mode="after")
     def _load_has_a_value(self) -> Self:
-        if (self.standard == "load") != (self.nominal is not None):
-            raise BadInput("nominal: belongs to the load standard, and to no other")
+        _only_a_load_has(self.standard, self.nominal)
         return self
 
     def parameters(self) -> JsonDict:
@@ -83,8 +87,7 @@ class Check(Strict):
 
     @model_validator(mode="after")
     def _load_has_a_value(self) -> Self:
-        if (self.standard == "load") != (self.nominal is not None):
-            raise BadInput("nominal: belongs to the load standard, and to no other")
+        _only_a_load_has(self.standard, self.nominal)
         return self
 
     def parameters(self) -> JsonDict:

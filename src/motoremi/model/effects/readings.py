@@ -263,25 +263,37 @@ def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
     return [{**start, **frame} for start in read for frame in _unsuppressed(seen, start)] + _shares(seen)
 
 
-def _suppressed(short: Rational) -> dict[str, float]:
-    """The winding, and the capacitor with its wires across it, from the partial fractions of their admittance."""
-    numerator, middle = short.numerator[::-1], short.middle
-    straight, rest = np.polydiv(short.denominator[::-1], numerator)
-    poles = np.roots(numerator)
+def _fractions(numerator: FloatArray, denominator: FloatArray) -> tuple[float, float, float, complex, complex] | None:
+    """Partial fractions of a quotient of polynomials: the slope of its straight part, its real pole and one of its pair, each with its residue.
+
+    None where it has other poles or no such straight part.
+    """
+    straight, rest = np.polydiv(numerator, denominator)
+    poles = np.roots(denominator)
     real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
     if real.size != 1 or paired.size != 1 or straight.size != 2:
+        return None
+    (of_real,), (of_pair,) = (np.polyval(rest, p) / np.polyval(np.polyder(denominator), p) for p in (real, paired))
+    return float(straight[0]), float(real[0]), float(of_real), complex(paired[0]), complex(of_pair)
+
+
+def _suppressed(short: Rational) -> dict[str, float]:
+    """The winding, and the capacitor with its wires across it, from the partial fractions of their admittance."""
+    middle = short.middle
+    parts = _fractions(short.denominator[::-1], short.numerator[::-1])
+    if parts is None:
         return {"=La": np.nan}
-    (by_winding,), (by_capacitor,) = (np.polyval(rest, p) / np.polyval(np.polyder(numerator), p) for p in (real, paired))
+    slope, real, by_winding, pair, by_capacitor = parts
     inductance = 1 / (by_winding * middle)
-    esl = (paired[0] / (2j * paired[0].imag * by_capacitor * middle)).real
-    capacitance = 1 / (esl * np.abs(paired[0] * middle) ** 2)
+    esl = (pair / (2j * pair.imag * by_capacitor * middle)).real
+    capacitance = 1 / (esl * np.abs(pair * middle) ** 2)
     return {
-        "=Ra": float(max(-real[0] * middle * inductance, LEAST_OHM)),
+        "=Ra": float(max(-real * middle * inductance, LEAST_OHM)),
         "=La": float(inductance),
         # A winding's own capacitance is next to nothing beside it.
-        "=Ca": float(max(straight[0] / middle, LEAST_SHARE * capacitance)),
+        "=Ca": float(max(slope / middle, LEAST_SHARE * capacitance)),
         "capacitance_f": float(capacitance),
-        "esr_ohm": float(max(-2 * paired[0].real * middle * esl, LEAST_OHM)),
+        "esr_ohm": float(max(-2 * pair.real * middle * esl, LEAST_OHM)),
         "esl_h": float(esl),
     }
 
@@ -362,19 +374,16 @@ def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
 
 def _choke(short: Rational) -> dict[str, float]:
     """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: of the poles, the real one is the rod's."""
-    denominator = short.denominator[::-1]
-    straight, rest = np.polydiv(short.numerator[::-1], denominator)
-    poles = np.roots(denominator)
-    real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
-    if real.size != 1 or paired.size != 1 or straight.size != 2:
+    parts = _fractions(short.numerator[::-1], short.denominator[::-1])
+    if parts is None:
         return {"=La": np.nan}
-    (by_rod,), (by_winding,) = (np.polyval(rest, p) / np.polyval(np.polyder(denominator), p) for p in (real, paired))
-    corner = -real[0] * short.middle
-    ferrite, air = -by_rod * short.middle / corner**2, straight[0] / short.middle
+    slope, real, by_rod, pair, by_winding = parts
+    corner = -real * short.middle
+    ferrite, air = -by_rod * short.middle / corner**2, slope / short.middle
     capacitance = 1 / (2 * by_winding.real * short.middle)
-    inductance = 1 / (np.abs(paired[0] * short.middle) ** 2 * capacitance)
+    inductance = 1 / (np.abs(pair * short.middle) ** 2 * capacitance)
     return {
-        "=Ra": float(-(by_winding * paired[0].conj()).real / by_winding.real * short.middle * inductance),
+        "=Ra": float(-(by_winding * pair.conjugate()).real / by_winding.real * short.middle * inductance),
         "=La": float(inductance),
         "=Ca": float(capacitance),
         "inductance_h": float(air + ferrite),
