@@ -140,10 +140,10 @@ def stands(base: Fit, best: Fit) -> Standing:
     """Whether a model leaves so little that it can be called the motor's."""
     left = best.unexplained_percent["value"]
     # Where only an analyser far beyond its specification is asked for, that is what is wrong, and the findings say so.
-    if best.explained or best.marginal.nothing_left >= 0.5:
+    if best.marginal.nothing_left >= 0.5 or (best.explained and best.measurement.accuracy_percent is None):
         return "explained"
     if left <= SLIGHT_SHARE * best.floor_percent:
         return "slight"
-    if best is not base and left <= MOSTLY * base.unexplained_percent["value"]:
+    if best is not base and (left <= MOSTLY * base.unexplained_percent["value"] or best.explained):
         return "mostly"
     return "slight" if best.within_specification else "not"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, Analyser
-from motoremi.diagnosis.judgement import GLANCE, Judgement, judge
+from motoremi.diagnosis.judgement import GLANCE, Judgement, accurate, judge
 from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -49,7 +49,8 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
         Under the declared analyser.
     progress : callable, optional
     """
-    if first.described or (first.standing == "explained" and first.model.fit.analyser_sigma <= BEYOND_SIGMA):
+    enough = first.standing == "explained" or accurate(first.model.fit)
+    if first.described or (enough and first.model.fit.analyser_sigma <= BEYOND_SIGMA):
         return Declared(first)
     refitted = [(_refitted(first.base, other), _refitted(first.best.fit, other)) for other in hypotheses(first.base.measurement.analyser)]
     # The bare circuit and the likeliest model each say which analyser they would rather have.

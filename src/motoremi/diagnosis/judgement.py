@@ -163,6 +163,18 @@ class Judgement:
         return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *self._alike)))}
 
     @property
+    def of_accurate(self) -> Judgement | None:
+        """The judgement among the single effects that reach the accuracy that was stated, where one does; None elsewhere.
+
+        What a second effect, or a likelier one that misses the accuracy, does to the rest is then of no interest to the owner of the data.
+        """
+        enough = {key: one for key, one in self.found.items() if not key or (len(key) == 1 and accurate(one.fit))}
+        if len(enough) == 1 or self.best.done:
+            return None
+        single = Judgement(self.base, enough, believe(enough))
+        return single if single.named and single.stands else None
+
+    @property
     def _alike(self) -> Key:
         """Other single effects whose circuit errs about as little as the likeliest one's, the likeliest of them first."""
         limit = ALIKE * self.model.fit.rms_error_percent
@@ -241,5 +253,7 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     judgement = Judgement(base, found, believe(found, together))
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
+    if (enough := judgement.of_accurate) is not None:
+        return enough
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
     return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement

@@ -45,6 +45,8 @@ class ObservedSweep:
         The sweep with its noise, and which of its points these are.
     systematic : ndarray, shape (n,)
         What the analyser may err by, relative to Z: standard deviation.
+    variance : ndarray, shape (n,)
+        Of the white noise of real and of imaginary part, relative to Z, whatever the weights.
     expected : float
         What noise and analyser leave of the sum of squares where all points count alike.
     """
@@ -57,6 +59,7 @@ class ObservedSweep:
     smooth: ComplexArray
     part: Part
     systematic: FloatArray
+    variance: FloatArray
     expected: float
 
 
@@ -102,6 +105,11 @@ class Observed:
     def systematic(self) -> FloatArray:
         """What the analyser may err by at each point, relative to Z."""
         return np.concatenate([sweep.systematic for sweep in self.sweeps])
+
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Of the white noise of real and of imaginary part, relative to Z, whatever the weights."""
+        return np.concatenate([sweep.variance for sweep in self.sweeps])
 
     @cached_property
     def slices(self) -> dict[str, slice]:
@@ -169,6 +177,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 smooth=smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
                 systematic=systematic,
+                variance=noise.variance[chosen],
                 expected=float(np.sum(np.where(outlying, 0.0, (2 * noise.variance[chosen] + systematic**2) / blurred**2))),
             )
         )

@@ -47,6 +47,9 @@ STEPS, POOR_STEPS = 60, 20
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
+# Degrees of freedom of a white error of unknown size (Student's t): a few points that stand out do not decide between models. Four is usual
+# (Lange, Little and Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
+TAILS = 4.0
 ABSORBING = 10.0
 
 
@@ -191,7 +194,12 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
     sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
     problem = task.likelihood(None, sizes)
     u, evaluations = sharpened(problem, problem.vector(solution.values))
-    return dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
+    sharp = dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
+    if sharp.marginal.nothing_left >= 0.5:
+        return sharp
+    # What is left may be no smooth error: models are comparable only where each is weighed both ways.
+    plain = least_relative(task, sharp, starts)
+    return plain if plain.log_evidence > sharp.log_evidence else sharp
 
 
 def misses_by_far(sizes: Sizes) -> bool:
@@ -200,7 +208,7 @@ def misses_by_far(sizes: Sizes) -> bool:
 
 
 def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
-    """The same, if that is likelier, for an error that is no smooth one: white, of unknown size, every point alike; beside it the analyser's.
+    """The same, if that is likelier, for an error that is no smooth one: white, of unknown size, every point alike; beside it noise and analyser.
 
     Where a circuit misses a sharp resonance, it errs by a lot from one point to the next, which no smooth discrepancy describes.
 
@@ -210,16 +218,17 @@ def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
         Of weights `log` or `relative`.
     u : ndarray, shape (k,)
     """
-    observed, squares = problem.observed, np.abs(problem.residual(u)) ** 2
+    observed, squares, noise = problem.observed, np.abs(problem.residual(u)) ** 2, problem.observed.variance
     if problem.weights == "relative":
         # Of averages of so many points each, as large as those of single points.
-        squares = squares * observed.weight**2 * problem.size / problem.measurement.points
+        averaged = observed.weight**2 * problem.size / problem.measurement.points
+        squares, noise = squares * averaged, noise * averaged
     kept = observed.weight > 1 / OUT_OF_SIGHT
-    squares, systematic = squares[kept], observed.systematic[kept] ** 2
+    squares, known = squares[kept], noise[kept] + observed.systematic[kept] ** 2
     # From nothing beside the error that is left to far beyond it, in steps of 1.5: near the likeliest size the evidence hardly depends on it.
     white = np.geomspace(1e-8, 1e2, 61) * max(float(np.mean(squares)), 1e-12)
-    variance = systematic + white[:, None]
-    logs = -np.sum(np.log(variance) + squares / (2 * variance), axis=1)
+    variance = known + white[:, None]
+    logs = -np.sum(np.log(variance) + (0.5 * TAILS + 1) * np.log1p(squares / (TAILS * variance)), axis=1)
     evidence = float(np.max(logs) - 0.5 * len(problem.unknowns) * np.log(2 * squares.size))
     return dataclasses.replace(found, log_evidence=max(found.log_evidence, evidence))
 

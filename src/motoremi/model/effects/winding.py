@@ -140,7 +140,7 @@ EFFECTS = (
             Parameter(
                 "exponent",
                 "",
-                0.3,
+                0.5,
                 1.0,
                 "1 is one time constant (Debye), less is many (Cole-Cole); 0.55 - 1 in cores, 0.5 of laminations",
                 special=1.0,
