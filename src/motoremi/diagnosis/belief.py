@@ -46,6 +46,7 @@ RELIABLE: Mapping[str, float] = {
     "instrument": 0.95,
     "instrument, an effect unnamed": 0.5,
     "data": 0.6,
+    "the same sweep twice": 0.98,
     "unexplained": 0.95,
     "with a serious finding": 0.8,
 }

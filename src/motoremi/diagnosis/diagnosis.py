@@ -16,7 +16,7 @@ from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
-from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps
+from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps, the_same_twice
 from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, judge
@@ -290,6 +290,8 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judg
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
     judgement = declared.judgement
     found = of_the_noise(judgement.base) + of_the_analyser(judgement.model.fit, judgement.stands) + of_the_sweeps(left) + of_the_amount(fit)
+    if (same := the_same_twice(fit.measurement)) is not None:
+        found.insert(0, same)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
     return tuple(found)
@@ -342,6 +344,8 @@ def _closeness(one: Candidate) -> tuple[bool, float]:
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:
+    if the_same_twice(judgement.base.measurement) is not None:
+        return "data"
     serious = {finding.id for finding in findings if finding.serious}
     if not judgement.stands:
         about_data = left is not None and left.about_the_data
@@ -356,6 +360,8 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
 
 def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
     """How often such an answer is true: what the posterior says of the names, times what goes wrong beyond it."""
+    if the_same_twice(judgement.base.measurement) is not None:
+        return RELIABLE["the same sweep twice"]
     kinds: list[str] = [
         verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name" if len(named) == 1 else "two names"
     ]
@@ -376,6 +382,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
 
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:
     base, closest = judgement.base, judgement.closest
+    if (same := the_same_twice(base.measurement)) is not None:
+        return [same.why]
     if verdict in ("unexplained", "data"):
         tried = len(possible_effects(base))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])

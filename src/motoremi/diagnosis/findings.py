@@ -8,6 +8,8 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
+from motoremi.data.kernels import logarithm
+from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.diagnosis.remainder import Remainder
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
@@ -17,6 +19,8 @@ from motoremi.quantities import show
 COULD_PASS = 3.0
 # Standard deviations by which the fixture differs from none.
 SEEN = 4.0
+# Two sweeps that differ by less at nine points of ten are one sweep measured twice: what the far end does to a motor is seen over more of the band.
+THE_SAME, OF_POINTS = 0.02, 0.9
 # Fewer points than these a sweep cannot carry seven elements and a doubt.
 FEW_POINTS = 30
 
@@ -147,6 +151,27 @@ def of_the_sweeps(left: Remainder | None) -> list[Finding]:
     if left is None or left.together is None or left.together.belong:
         return []
     return [Finding("sweeps-disagree", left.together.sentence, "repeat both sweeps in one go, at one temperature, on one connection", True)]
+
+
+def the_same_twice(measurement: Measurement) -> Finding | None:
+    """That the open-circuit sweep is the short-circuit sweep again, or the other way round."""
+    if len(measurement.sweeps) < 2:
+        return None
+    one, other = measurement.sweeps
+    low, high = max(one.frequency_hz[0], other.frequency_hz[0]), min(one.frequency_hz[-1], other.frequency_hz[-1])
+    common = (one.frequency_hz >= low) & (one.frequency_hz <= high)
+    if not common.any():
+        return None
+    between = np.exp(np.interp(np.log(one.frequency_hz[common]), np.log(other.frequency_hz), logarithm(other.mean_ohm)))
+    apart = float(np.quantile(np.abs(np.log(one.mean_ohm[common] / between)), OF_POINTS))
+    if apart > THE_SAME:
+        return None
+    return Finding(
+        "sweeps-disagree",
+        f"the open-circuit and the short-circuit sweep are the same to {show(100 * apart, '%', 2)} at nine points of ten: one was measured twice",
+        "measure both again, the short-circuit sweep with the far end connected and the open-circuit sweep with it free",
+        True,
+    )
 
 
 def of_the_amount(fit: Fit) -> list[Finding]:

@@ -1,0 +1,44 @@
+"""Two sweeps of one termination under two names are no motor's: the finding says so, and no motor's own pair of sweeps is taken for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import motoremi as me
+from motoremi.data.measurement import Measurement
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.diagnosis.findings import the_same_twice
+from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.motor import SimulatedMotor
+
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
+
+
+def measured(seed: int, termination: str, as_termination: str, connection: int) -> ImpedanceSweep:
+    motor, analyser = SimulatedMotor.random(seed), SimulatedAnalyser(seed)
+    ohm = analyser.measure(termination, FREQUENCY_HZ, motor.impedance(termination, FREQUENCY_HZ), connection)
+    return ImpedanceSweep(as_termination, FREQUENCY_HZ, ohm, metadata={"analyser": "4294a"})
+
+
+@pytest.mark.parametrize("twice", ["short", "open"])
+def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
+    sweeps = [measured(7, twice, "short", 0), measured(7, twice, "open", 1)]
+    found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.verdict == "data"
+    assert found.effects == ()
+    assert "sweeps-disagree" in {finding.id for finding in found.findings if finding.serious}
+    assert "measured twice" in str(found)
+
+
+def test_no_motors_own_sweeps_are_taken_for_it():
+    for seed in range(200):
+        assert the_same_twice(Measurement.of([measured(seed, "short", "short", 0), measured(seed, "open", "open", 1)])) is None
+
+
+def test_sweeps_over_different_bands_are_compared_where_they_overlap():
+    whole = measured(7, "short", "short", 0)
+    part = measured(7, "short", "open", 1)
+    inside = part.frequency_hz > 1e6
+    again = ImpedanceSweep("open", part.frequency_hz[inside], part.impedance_ohm[inside], metadata=part.metadata)
+    assert the_same_twice(Measurement.of([whole, again])) is not None
