@@ -469,8 +469,6 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         held=problem.held,
         search_parameters=found.searched,
     )
-    # Spares the cached property from building it again.
-    vars(result)["problem"], vars(result)["weighed"] = problem, weighed
     return _with_sigma(result, problem, own)
 
 
@@ -483,10 +481,7 @@ def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
             unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
     warnings = result.warnings if result.exchange is None else (*result.warnings, EXCHANGEABLE)
-    told = dataclasses.replace(result, sigma=sigma, warnings=warnings)
-    for name in ("problem", "weighed", "linearised", "unknowns", "covariance", "shown_covariance", "exchange"):
-        vars(told)[name] = vars(result)[name]
-    return told
+    return dataclasses.replace(result, sigma=sigma, warnings=warnings)
 
 
 def _rms_percent(error: ComplexArray) -> float:
