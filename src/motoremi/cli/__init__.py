@@ -12,9 +12,6 @@ STOPPED = 130
 
 def main() -> None:
     """Run a command; every expected trouble is one line on standard error and an exit status."""
-    # The matrices here are small: a second thread in the linear algebra costs more than it brings.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     try:
         status = _obeyed()
     except KeyboardInterrupt:

@@ -26,6 +26,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Scaled, Tape, ThroughCable, Wrapped, walk
 from motoremi.model.parameter import Parameter
 from motoremi.quantities import show, show_band
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -190,6 +191,7 @@ def _unit_of(name: str) -> str:
     return next((unit for ending, unit in endings.items() if name.endswith(ending)), "")
 
 
+@one_blas_thread
 def inspect(fit: Fit, element: str) -> Inspection:
     """What an element would have to be, at each frequency, for the model to be exact.
 

@@ -16,6 +16,7 @@ from motoremi.fitting.scaling import scaled_starts
 from motoremi.model.circuit import Tape, walk
 from motoremi.model.effects import find_effect
 from motoremi.model.parameter import Parameter
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,6 +89,7 @@ class Signature:
 _DB = 20 / np.log(10)
 
 
+@one_blas_thread
 def signature(fit: Fit, effect: str) -> Signature:
     """How an effect would show on the motor of a fit.
 

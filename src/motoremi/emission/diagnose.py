@@ -18,6 +18,7 @@ from motoremi.emission.effects import find_source_effect
 from motoremi.emission.fit import EmissionFit
 from motoremi.emission.observe import observations
 from motoremi.emission.problem import Problem
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,6 +105,7 @@ class EmissionDiagnosis:
         return ranking_figure(self.to_dict())
 
 
+@one_blas_thread
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:
     """Which effect of source or path is missing.
 

@@ -14,6 +14,7 @@ from motoremi.emission.posterior import Posterior, to_unit
 from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup
 from motoremi.progress import part
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,6 +96,7 @@ class EmissionFit:
         return emission_fit_figure(self)
 
 
+@one_blas_thread
 def fit_spectra(
     problem: Problem, effects: Sequence[str], starts: Sequence[Mapping[str, float]], keep: int = 2, progress: Progress | None = None
 ) -> EmissionFit:

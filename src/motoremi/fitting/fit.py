@@ -46,7 +46,7 @@ from motoremi.model.effects.seen import Seen
 from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 from motoremi.model.parameter import Parameter
-from motoremi.spread import one_blas_thread
+from motoremi.threads import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
@@ -472,8 +472,10 @@ def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
     return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
 
 
-def told(trail: Trail, solution: Solution, before: Fit) -> Fit:
-    """A solution on a thinned grid, taken to all points, as a fit."""
+@one_blas_thread
+def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
+    """A solution on a thinned grid, taken to all points, as a fit like the one before."""
+    trail, solution, before = job
     whole = arrived_on_all(trail.task, [solution.values], solution.sizes)
     return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
 

@@ -13,6 +13,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.polish import Precision, polish
 from motoremi.fitting.problem import Problem
 from motoremi.quantities import show
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from motoremi.fitting.result import Fit
@@ -56,6 +57,7 @@ class Interval:
         return f"anything from {low} to {high} fits {self.name}"
 
 
+@one_blas_thread
 def profile(fit: Fit, name: str) -> Interval:
     """The 95 % interval of a parameter, all others refitted at each value (Raue et al., Bioinformatics 25, 2009).
 

@@ -104,6 +104,10 @@ class Fit:
     held: Mapping[str, float] = field(default_factory=dict)
     search_parameters: Mapping[str, float] = field(default_factory=dict)
 
+    def __getstate__(self) -> dict[str, object]:
+        """What goes to another process: what follows from it is worked out there."""
+        return {own.name: getattr(self, own.name) for own in dataclasses.fields(self)}
+
     @property
     def log_evidence(self) -> float:
         """Of the model, summed over the sizes; comparable among models of the same data only."""
