@@ -10,6 +10,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from motoremi import drawing
+
 if TYPE_CHECKING:
     from motoremi.data.files import read_impedance, read_spectra
     from motoremi.data.session import Session, load, verify
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from motoremi.model.motor import Motor, dc_motor
 
 __version__ = "0.1.0"
+
+# Results are drawn by the report, which is above them: it registers how when the first figure is asked for.
+drawing.DRAWN_BY.append("motoremi.report.figures")
 
 # Loaded when first asked for, so that `import motoremi` and `motoremi --help` stay quick.
 _HOMES = {

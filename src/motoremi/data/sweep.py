@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.text import clean_text
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.quantities import parse, show, show_band
 
@@ -172,10 +173,7 @@ class ImpedanceSweep:
 
     def plot(self) -> Figure:
         """Magnitude and phase over frequency, resonances marked."""
-        from motoremi.data.measurement import Measurement
-        from motoremi.report.plots import measured_figure
-
-        return measured_figure(Measurement.of([self]))
+        return figure_of(self)
 
 
 def checked_accuracy(percent: object) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
@@ -155,9 +156,7 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Error over frequency against the uncertainty, a panel for each sweep."""
-        from motoremi.report.plots import comparison_figure
-
-        return comparison_figure(self)
+        return figure_of(self)
 
 
 def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:

@@ -25,6 +25,7 @@ from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.rivals import Rivals
 from motoremi.diagnosis.validation import cross_validated
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
@@ -216,9 +217,7 @@ class Diagnosis:
 
     def plot(self) -> Figure:
         """The candidates by evidence, those named and those not told apart marked."""
-        from motoremi.report.plots import ranking_figure
-
-        return ranking_figure(self.to_dict())
+        return figure_of(self)
 
 
 def _figures(fit: Fit) -> JsonDict:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
@@ -81,9 +82,7 @@ class Signature:
 
     def plot(self) -> Figure:
         """Change in dB and degrees, a column for each sweep."""
-        from motoremi.report.signature import signature_figure
-
-        return signature_figure(self)
+        return figure_of(self)
 
 
 _DB = 20 / np.log(10)

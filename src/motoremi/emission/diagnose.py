@@ -13,6 +13,7 @@ from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.spectrum import Spectrum
 from motoremi.diagnosis.belief import Belief, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
+from motoremi.drawing import figure_of
 from motoremi.emission.board import Candidate, SpectrumBoard, add_effect, fit_base
 from motoremi.emission.effects import find_source_effect
 from motoremi.emission.fit import EmissionFit
@@ -100,9 +101,7 @@ class EmissionDiagnosis:
 
     def plot(self) -> Figure:
         """The candidates by evidence, those named and those not told apart marked."""
-        from motoremi.report.plots import ranking_figure
-
-        return ranking_figure(self.to_dict())
+        return figure_of(self)
 
 
 @one_blas_thread

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict, Progress
+from motoremi.drawing import figure_of
 from motoremi.emission.effects import find_source_effect
 from motoremi.emission.posterior import Posterior, to_unit
 from motoremi.emission.problem import Problem
@@ -91,9 +92,7 @@ class EmissionFit:
 
     def plot(self) -> Figure:
         """Measured levels and the model, the difference below."""
-        from motoremi.report.emission import emission_fit_figure
-
-        return emission_fit_figure(self)
+        return figure_of(self)
 
 
 @one_blas_thread

@@ -21,7 +21,7 @@ from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import THOROUGH, Trail, race
-from motoremi.fitting.result import METHODS, Fit, summarise
+from motoremi.fitting.result import METHODS, Fit, on_fits, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import (
     FOLLOWED,
@@ -507,3 +507,7 @@ def _scanned_step(before: Fit, label: str) -> dict[str, float]:
         gain = np.where((below >= 2) & (above >= 2), np.abs(jump) ** 2 / noise, 0.0)
     step = problem.observed.frequency_hz[order][np.searchsorted(position, places[int(np.argmax(gain))])]
     return {f"{label}.frequency_hz": float(step)}
+
+
+on_fits.refit_with = lambda before, effect, held, thorough: refit_with(before, effect, held, thorough=thorough)
+on_fits.refit_without = refit_without

@@ -6,7 +6,7 @@ import json
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
@@ -20,7 +20,7 @@ from motoremi.fitting.result import Fit, restore
 from motoremi.fitting.vanishing import no_worse
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
-from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.ladder import FileStamp, Ladder
 from motoremi.workbench.source import SourceDesk
 from motoremi.workbench.stamps import Stamp, stamp_of
 from motoremi.workflow import (
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from motoremi.report.parts import Choice
 
 LADDER = "analysis/ladder.json"
-FileStamp: TypeAlias = tuple[int, int] | None
 Made = TypeVar("Made")
 
 
