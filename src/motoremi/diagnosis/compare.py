@@ -18,6 +18,7 @@ from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 # The bands of the paper's discussion; what a sweep covers beyond them gets bands of its own.
@@ -127,6 +128,16 @@ class Comparison:
             "bands": [dict(band) for band in self.bands],
             "where": [dict(span) for span in self.where],
         }
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table with a row for each sweep and band: sweep, low_hz, high_hz, points, errors in percent, dB and degrees, verdict."""
+        import pandas as pd
+
+        rows = []
+        for band in self.bands:
+            rest = {name: value for name, value in band.items() if name not in ("sweep", "band_hz", "fails_hz")}
+            rows.append({"sweep": band["sweep"], "low_hz": band["band_hz"][0], "high_hz": band["band_hz"][1], **rest})
+        return pd.DataFrame(rows)
 
     def _lines(self) -> list[tuple[str, str, str, str, str, str]]:
         return [

@@ -37,6 +37,7 @@ from motoremi.threads import one_blas_thread
 from motoremi.workers import Map, own_processes
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "data", "unexplained"]
@@ -194,6 +195,14 @@ class Diagnosis:
             "cross_validation": dict(self.validation) or None,
             "caveats": self.base.measurement.caveats(),
         }
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table of the candidates by effect: family, probability, chi2_reduced, errors in percent, delta_bic, plausible."""
+        import pandas as pd
+
+        rows = [{name: value for name, value in one.items() if name != "parameters"} for one in self.to_dict()["candidates"]]
+        columns = ["family", "probability", "chi2_reduced", "rms_error_percent", "unexplained_percent", "delta_bic", "plausible"]
+        return pd.DataFrame(rows, columns=["effect", *columns]).set_index("effect")
 
     @property
     def likeliest_sets(self) -> list[tuple[Key, float]]:
