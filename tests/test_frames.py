@@ -90,7 +90,7 @@ def result(number: int, inductance: float) -> dict:
         "Cf": {"value": 1e-9, "unit": "F"},
     }
     best = {"converged": True, "parameters": parameters, "rms_error_percent": 0.1 * number}
-    return {"session": f"m{number}", "status": "done", "time": f"2026-01-{number:02d}T00:00:00+00:00", "serial": f"A-{number}", "best": best}
+    return {"session": f"m{number:02d}", "status": "done", "time": f"2026-01-{number:02d}T00:00:00+00:00", "serial": f"A-{number}", "best": best}
 
 
 def test_a_fleet_has_its_units_in_the_names_of_its_columns(tmp_path):
@@ -100,7 +100,7 @@ def test_a_fleet_has_its_units_in_the_names_of_its_columns(tmp_path):
     values = tables["values"]
     assert values.columns.tolist() == ["La_h", "Cf_f", "rms_error_percent", "skin-effect.corner_hz", "time_s", "serial"]
     assert values["La_h"].tolist() == [1e-5 * number for number in range(1, 13)]  # the last result of a session counts
-    assert values.loc["m2", "time_s"] - values.loc["m1", "time_s"] == 86400
+    assert values.loc["m02", "time_s"] - values.loc["m01", "time_s"] == 86400
     assert tables["parameters"].loc["La_h", "n"] == 12
     assert tables["limits"].loc["La_h", "high"] == together(results, "m*")["limits"]["La"]["high"]
     assert set(tables["drift"].columns) >= {"parameter", "along", "change_percent"}
