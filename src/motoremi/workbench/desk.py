@@ -32,6 +32,7 @@ from motoremi.workflow import (
     opened,
     report_session,
     save_ladder,
+    stored_tolerance,
 )
 
 if TYPE_CHECKING:
@@ -185,8 +186,7 @@ class Desk(Ladder[Fit]):
 
     def comparison(self, step: Fit) -> Comparison:
         """A model against the measurement, by the tolerance used last."""
-        stored = self.session.analysis("comparison")
-        return compare(step, None if stored is None else _tolerance(stored))
+        return compare(step, stored_tolerance(self.session))
 
     def inspection(self, element: str) -> Inspection:
         """What an element would have to be; the last one is kept, for a page that zooms."""
@@ -266,10 +266,3 @@ def _ladder(session: Session) -> list[JsonDict]:
 def _measured(session: Session) -> list[object]:
     """What the measured files are: analyses come and go without changing it."""
     return [document.get("sha256", document.get("seq")) for document in session.documents if document["kind"] in ("sweep", "value")]
-
-
-def _tolerance(stored: JsonDict) -> Tolerance:
-    try:
-        return Tolerance(**stored["tolerance"])
-    except (KeyError, TypeError) as error:
-        raise BadInput("the stored comparison cannot be read: judge this session again") from error
