@@ -16,6 +16,7 @@ from motoremi.export.spice import spice_model, subcircuit
 from motoremi.fitting.fit import fit
 from motoremi.model.circuit import Leaf, Parallel, Series
 from motoremi.model.effects import catalogue, find_effect
+from motoremi.model.effects.start import with_start
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.model.parameter import Parameter
 
@@ -47,13 +48,7 @@ def motor_with(*identifiers: str) -> tuple[Motor, dict[str, float]]:
     for identifier in identifiers:
         added = find_effect(identifier)
         label = added.label_in(motor)
-        for name, value in added.effect.starts[len(added.effect.starts) // 2].items():
-            if name.startswith("*"):
-                values[name[1:]] *= value
-            elif name.startswith("-"):
-                values[name[1:]] -= value
-            else:
-                values[f"{label}.{name}"] = value
+        values = with_start(values, added.effect.starts[len(added.effect.starts) // 2], label)
         motor = added.added_to(motor)
     return motor, values
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +18,7 @@ from motoremi.cli.app import app
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.errors import BadInput
 from motoremi.model.effects import catalogue, catalogue_sha256, find_effect
-from motoremi.model.effects.own import VARIABLE
+from motoremi.model.effects.own import VARIABLE, effects_in
 
 EXAMPLE = Path(__file__).parents[1] / "docs" / "examples" / "ferrite_bead.py"
 
@@ -111,3 +112,12 @@ def test_from_an_installed_package(forgotten, monkeypatch):
     catalogue.cache_clear()
     with pytest.raises(BadInput, match="not an Effect"):
         catalogue()
+
+
+def test_the_old_spelling_of_changed_elements_is_told(tmp_path: Path) -> None:
+    text = EXAMPLE.read_text("utf-8")
+    own = tmp_path / "old.py"
+    own.write_text(re.sub(r"starts=\(?\{", lambda found: f'{found.group(0)}"*La": 0.9, ', text, count=1))
+    assert '"*La"' in own.read_text()
+    with pytest.raises(BadInput, match=r"write Scale\('La'\)"):
+        effects_in(own)

@@ -11,6 +11,7 @@ import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.starts import seen
 from motoremi.model.effects import catalogue
+from motoremi.model.effects.start import Set, Subtract
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
 S = 2j * np.pi * FREQUENCY_HZ
@@ -65,19 +66,21 @@ def relaxing(share: float, corner_hz: float) -> np.ndarray:
 def test_a_second_cell_is_read_off_the_short_sweep():
     cell = beside(S * 4e-7, 1 / (S * 3e-10), np.full_like(S, 500.0))
     found = read_start(measured(winding(S * LA) + cell, frame()), "second-resonance")
-    truth = {"=Ra": RA, "=La": LA, "=Ca": CA, "inductance_h": 4e-7, "resistance_ohm": 500.0}
+    truth = {Set("Ra"): RA, Set("La"): LA, Set("Ca"): CA, "inductance_h": 4e-7, "resistance_ohm": 500.0}
     assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
     assert found["resonance_hz"] == pytest.approx(1 / (2 * np.pi * np.sqrt(4e-7 * 3e-10)), rel=NEAR)
 
 
 def test_a_coupled_winding_is_read_off_the_short_sweep():
     found = read_start(measured(winding(coupled(0.25, 3e6, 8.0)), frame()), "field-coupling")
-    assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "coupling": 0.25, "resonance_hz": 3e6, "quality": 8.0}, rel=NEAR)
+    assert found == pytest.approx({Set("Ra"): RA, Set("La"): LA, Set("Ca"): CA, "coupling": 0.25, "resonance_hz": 3e6, "quality": 8.0}, rel=NEAR)
 
 
 def test_a_relaxing_core_is_read_off_the_short_sweep():
     found = read_start(measured(winding(relaxing(0.4, 3e6)), frame()), "permeability-relaxation")
-    assert found == pytest.approx({"=Ra": RA, "=La": LA, "=Ca": CA, "share": 0.4, "corner_hz": 3e6, "exponent": 1.0, "quality": 0.02}, rel=NEAR)
+    assert found == pytest.approx(
+        {Set("Ra"): RA, Set("La"): LA, Set("Ca"): CA, "share": 0.4, "corner_hz": 3e6, "exponent": 1.0, "quality": 0.02}, rel=NEAR
+    )
 
 
 def test_a_damped_core_is_read_off_the_short_sweep():
@@ -87,14 +90,14 @@ def test_a_damped_core_is_read_off_the_short_sweep():
     reader = next(one.reader for one in catalogue() if one.name == "permeability-relaxation")
     assert reader is not None
     found = list(reader(seen(measured(winding(core), frame()))))[-1]
-    truth = {"=Ra": RA, "=La": LA, "=Ca": CA, "share": share, "corner_hz": corner_hz, "quality": quality}
+    truth = {Set("Ra"): RA, Set("La"): LA, Set("Ca"): CA, "share": share, "corner_hz": corner_hz, "quality": quality}
     assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
 
 
 def test_a_choke_is_read_off_the_short_sweep():
     rod = S * 7.6e-6 * 0.24 + beside(S * 7.6e-6 * 0.76, np.full_like(S, 2 * np.pi * 5e6 * 7.6e-6 * 0.76))
     found = read_start(measured(winding(S * LA) + rod, frame()), "suppressor-choke")
-    truth = {"=La": LA, "=Ca": CA, "inductance_h": 7.6e-6, "share": 0.76, "corner_hz": 5e6}
+    truth = {Set("La"): LA, Set("Ca"): CA, "inductance_h": 7.6e-6, "share": 0.76, "corner_hz": 5e6}
     assert {name: found[name] for name in truth} == pytest.approx(truth, rel=NEAR)
 
 
@@ -106,9 +109,9 @@ def test_a_line_is_read_off_its_resonances():
         series, shunt = 3.0 + 2j * np.pi * frequency * inductance, 2j * np.pi * frequency * capacitance
         impedance = np.sqrt(series / shunt) * np.tanh(np.sqrt(series * shunt))
         found = read_start(Measurement.of([me.ImpedanceSweep("short", frequency, impedance)]), "distributed-winding")
-        assert found["=La"] == pytest.approx(inductance, rel=NEAR)
-        assert found["share"] * found["=Cf"] == pytest.approx(capacitance, rel=NEAR)
-        assert found["=Ra"] == pytest.approx(3.0, rel=0.3)
+        assert found[Set("La")] == pytest.approx(inductance, rel=NEAR)
+        assert found["share"] * found[Set("Cf")] == pytest.approx(capacitance, rel=NEAR)
+        assert found[Set("Ra")] == pytest.approx(3.0, rel=0.3)
 
 
 def test_resonances_that_are_not_evenly_spaced_are_no_line():
@@ -119,16 +122,16 @@ def test_resonances_that_are_not_evenly_spaced_are_no_line():
 def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
     film = beside(np.full_like(S, 2e3), 1 / (S * 1.5e-10))
     found = read_start(measured(winding(S * LA), frame(film)), "bearing-film")
-    assert (found["=Cf"], found["=Lr"]) == pytest.approx((CF, LR), rel=NEAR)
+    assert (found[Set("Cf")], found[Set("Lr")]) == pytest.approx((CF, LR), rel=NEAR)
     # Of these the noise of the low end, where the frame is far above the winding, leaves more.
-    assert (found["=Cr"], found["resistance_ohm"], found["capacitance_f"]) == pytest.approx((CR, 2e3, 1.5e-10), rel=4 * NEAR)
+    assert (found[Set("Cr")], found["resistance_ohm"], found["capacitance_f"]) == pytest.approx((CR, 2e3, 1.5e-10), rel=4 * NEAR)
 
 
 def test_a_film_slower_than_the_band_still_gives_a_start():
     film = beside(np.full_like(S, 3e4), 1 / (S * 1.8e-10))  # 29 kHz
     found = read_start(measured(winding(S * LA), frame(film)), "bearing-film")
-    assert found["=Cf"] == pytest.approx(CF, rel=NEAR)
-    in_series = 1 / (1 / found["=Cr"] + 1 / found["capacitance_f"])
+    assert found[Set("Cf")] == pytest.approx(CF, rel=NEAR)
+    in_series = 1 / (1 / found[Set("Cr")] + 1 / found["capacitance_f"])
     assert in_series == pytest.approx(1 / (1 / CR + 1 / 1.8e-10), rel=2 * NEAR)
 
 
@@ -175,14 +178,14 @@ def test_a_suppressor_is_read_off_with_the_frame_behind_it(place):
     assert reader is not None
     found = dict(reader(dataclasses.replace(seen(suppressed(place)), place=place))[0])
     assert {name: found[name] for name in SUPPRESSOR} == pytest.approx(SUPPRESSOR, rel=2 * NEAR)
-    assert (found["=Ra"], found["=La"]) == pytest.approx((RA, LA), rel=NEAR)
+    assert (found[Set("Ra")], found[Set("La")]) == pytest.approx((RA, LA), rel=NEAR)
     # Behind a capacitor little shows of the frame but its capacitance.
-    assert found["=Cr"] + found["=Cf"] == pytest.approx(CR + CF, rel=2 * NEAR)
+    assert found[Set("Cr")] + found[Set("Cf")] == pytest.approx(CR + CF, rel=2 * NEAR)
 
 
 def test_a_pair_starts_from_one_suppressor_whose_frame_holds_the_other():
     reader = next(one.reader for one in catalogue() if one.name == "suppressor-capacitor")
     assert reader is not None
     starts = list(reader(dataclasses.replace(seen(suppressed("pair")), place="pair")))
-    assert any(start.get("-Cf") == pytest.approx(SUPPRESSOR["capacitance_f"], rel=2 * NEAR) for start in starts)
-    assert not any("-Cf" in start for start in reader(dataclasses.replace(seen(suppressed("frame")), place="frame")))
+    assert any(start.get(Subtract("Cf")) == pytest.approx(SUPPRESSOR["capacitance_f"], rel=2 * NEAR) for start in starts)
+    assert not any(Subtract("Cf") in start for start in reader(dataclasses.replace(seen(suppressed("frame")), place="frame")))

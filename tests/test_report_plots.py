@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +13,7 @@ from report_cases import whole_session
 from typer.testing import CliRunner
 
 import motoremi as me
+from motoremi import drawing
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
 from motoremi.diagnosis.signature import signature
@@ -115,3 +119,16 @@ def test_wrong_use_is_one_line(session, measure, tmp_path):
     for what in ("fit", "ranking", "spectrum", "prediction", "emission-ranking"):
         with pytest.raises(me.BadInput, match=r"empty (has|holds) no"):
             figure_of(empty, what)
+
+
+def test_what_nobody_can_draw_is_told():
+    with pytest.raises(TypeError, match="nobody can draw a Tolerance"):
+        drawing.figure_of(me.Tolerance())
+
+
+def test_results_are_drawn_without_asking_for_the_report_first():
+    code = (
+        "import numpy as np, motoremi as me; f = np.geomspace(1e5, 1e7, 21); z = 50 + 2j * np.pi * f * 1e-6; "
+        "import sys; sweep = me.ImpedanceSweep('short', f, z); assert 'motoremi.report.figures' not in sys.modules; assert sweep.plot().axes"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "MPLBACKEND": "agg"})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,6 @@ from test_fitting import DAMPED, impedance
 from test_measurement_model import complex_normal
 
 import motoremi as me
-from motoremi import spread as spreading
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
@@ -247,10 +247,9 @@ def told(solutions):
     return {name: (dict(solution.values), solution.sizes, solution.log_evidence) for name, solution in solutions.items()}
 
 
-def test_a_race_is_the_same_each_time_and_with_and_without_a_helper(trails, monkeypatch):
-    monkeypatch.setattr(spreading, "core_to_spare", lambda: True)
-    together, again = (race(trails, SHORT_RACE) for _ in range(2))
-    monkeypatch.setattr(spreading, "core_to_spare", lambda: False)
+def test_a_race_is_the_same_each_time_and_in_another_process(trails):
+    with ProcessPoolExecutor(1) as pool:
+        together, again = (race(trails, SHORT_RACE, each=pool.map) for _ in range(2))
     alone = race(trails, SHORT_RACE)
     assert told(together) == told(again) == told(alone)
     assert list(together) == list(alone)

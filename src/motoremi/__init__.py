@@ -10,7 +10,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from motoremi import drawing
+
 if TYPE_CHECKING:
+    from motoremi.blind.frames import scoreboard_frames
     from motoremi.data.files import read_impedance, read_spectra
     from motoremi.data.session import Session, load, verify
     from motoremi.data.spectrum import Spectrum
@@ -25,10 +28,14 @@ if TYPE_CHECKING:
     from motoremi.export.tables import sweep_table, to_xarray
     from motoremi.fitting.fit import fit
     from motoremi.fitting.result import Fit
+    from motoremi.fleet.frames import fleet_frames
     from motoremi.model.effects import effects_from
     from motoremi.model.motor import Motor, dc_motor
 
 __version__ = "0.1.0"
+
+# Results are drawn by the report, which is above them: it registers how when the first figure is asked for.
+drawing.DRAWN_BY.append("motoremi.report.figures")
 
 # Loaded when first asked for, so that `import motoremi` and `motoremi --help` stay quick.
 _HOMES = {
@@ -52,11 +59,13 @@ _HOMES = {
     "Setup": "motoremi.emission.setup",
     "Fit": "motoremi.fitting.result",
     "fit": "motoremi.fitting.fit",
+    "fleet_frames": "motoremi.fleet.frames",
     "Motor": "motoremi.model.motor",
     "dc_motor": "motoremi.model.motor",
     "effects_from": "motoremi.model.effects",
     "read_impedance": "motoremi.data.files",
     "read_spectra": "motoremi.data.files",
+    "scoreboard_frames": "motoremi.blind.frames",
     "spice_model": "motoremi.export.spice",
     "sweep_table": "motoremi.export.tables",
     "to_xarray": "motoremi.export.tables",
@@ -82,11 +91,13 @@ __all__ = [
     "diagnose",
     "effects_from",
     "fit",
+    "fleet_frames",
     "inspect",
     "load",
     "predict",
     "read_impedance",
     "read_spectra",
+    "scoreboard_frames",
     "spice_model",
     "sweep_table",
     "to_xarray",

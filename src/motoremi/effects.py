@@ -7,6 +7,7 @@ from motoremi.model.circuit import Leaf, Line, Node, Parallel, Scaled, Series, S
 from motoremi.model.effects import effects_from
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.start import Scale, Set, Subtract
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -18,10 +19,13 @@ __all__ = [
     "Node",
     "Parallel",
     "Parameter",
+    "Scale",
     "Scaled",
     "Seen",
     "Series",
+    "Set",
     "Shunted",
+    "Subtract",
     "effects_from",
     "laws",
     "materials",

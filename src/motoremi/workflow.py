@@ -6,7 +6,7 @@ command line, a bench run and a page can take turns on one session.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -262,34 +262,3 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     for name, data in files.items():
         write_whole(out / name, data)
     return [out / name for name in files]
-
-
-def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], JsonDict | None]:
-    """The analysing steps of a procedure, for the runner."""
-
-    from motoremi.workflow_emission import choose_finals, judged
-
-    def step(kind: str, store: Any, parameters: JsonDict) -> JsonDict | None:
-        if kind == "fit":
-            fit_session(store, **parameters)
-            return None
-        if kind == "compare":
-            return {"verdict": compare_session(store, Tolerance(**parameters)).verdict}
-        if kind == "diagnose":
-            found = diagnose_session(store, progress=progress)
-            serious = dict.fromkeys(finding.id for finding in found.findings if finding.serious)
-            return {"verdict": found.verdict, "effects": list(found.effects), "confidence": found.confidence, "serious_findings": list(serious)}
-        if kind == "next":
-            following: JsonDict = diagnosis_in(load(store.path))["next_measurement"]
-            store.save_analysis("next", following)
-            return {"next_measurement": following}
-        if kind == "maxima":
-            return choose_finals(store, **parameters)
-        if kind == "judge":
-            return judged(store, **parameters)
-        if kind == "report":
-            report_session(store)
-            return None
-        raise BadInput(f"unknown step {kind!r}")
-
-    return step

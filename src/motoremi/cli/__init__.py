@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Any, NoReturn
+from typing import NoReturn
 
 # What a shell, and typer, make of Ctrl-C.
 STOPPED = 130
@@ -12,9 +12,6 @@ STOPPED = 130
 
 def main() -> None:
     """Run a command; every expected trouble is one line on standard error and an exit status."""
-    # The matrices here are small: a second thread in the linear algebra costs more than it brings.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     try:
         status = _obeyed()
     except KeyboardInterrupt:
@@ -33,16 +30,14 @@ def _obeyed() -> int | None:
     from motoremi.cli.settings import hoisted
     from motoremi.errors import MotoremiError
 
-    # Wrong use, whichever library typer takes it from: BadParameter, UsageError, then their common base.
-    wrong_use: Any = typer.BadParameter.__mro__[2]
     try:
         front, rest = hoisted(sys.argv[1:])
         status: int | None = app(args=[*front, *expanded(rest)], prog_name="motoremi", standalone_mode=False)
         return status
     except typer.Exit as error:
         return error.exit_code
-    except wrong_use as error:
-        fail(getattr(error, "format_message", error.__str__)(), 2)
+    except typer.TyperException as error:  # wrong use of the command line
+        fail(error.format_message(), 2)
     except MotoremiError as error:
         fail(str(error), error.exit_status)
     except typer.Abort:

@@ -104,7 +104,7 @@ def _watched(procedure: Procedure, bench_file: BenchFile, made: Bench, writer: S
     from motoremi.run.rehearsal import rehearse
     from motoremi.run.run_progress import RunProgress
     from motoremi.run.runner import run
-    from motoremi.workflow import analyse
+    from motoremi.workflow_steps import analyse
 
     def nothing() -> None: ...
 
@@ -209,7 +209,7 @@ def replay_(
     from motoremi.data.session import load
     from motoremi.errors import InstrumentError
     from motoremi.run.rerun import rerun
-    from motoremi.workflow import analyse
+    from motoremi.workflow_steps import analyse
 
     folder = out if out is not None else fresh_folder("replay")
     try:

@@ -37,8 +37,9 @@ def demo_(
     from motoremi.schema.bench_file import BenchFile
     from motoremi.simulate.effects import DEMO_EFFECTS
     from motoremi.virtual.simulated_bench import SimulatedBench
-    from motoremi.workflow import add_to_session, analyse, compare_session, diagnosis_in, ladder_of, opened, report_session
+    from motoremi.workflow import add_to_session, compare_session, diagnosis_in, ladder_of, opened, report_session
     from motoremi.workflow_emission import emission_story
+    from motoremi.workflow_steps import analyse
 
     if investigate:
         from motoremi.cli.demo_investigate import demo_investigation

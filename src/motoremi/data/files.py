@@ -16,7 +16,7 @@ from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, unit_trouble
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
-from motoremi.data.immittance import PAIRS, column_values, find_pair, impedance_of
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, column_values, find_pair, impedance_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import Rows, once_each
 from motoremi.data.source import decode, file_name, read_bytes, show_name
@@ -29,7 +29,6 @@ from motoremi.data.touchstone import is_touchstone, parse_touchstone
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
 
-IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
 SPECTRUM_COLUMNS = "frequency_hz,level_dbuv"
 Made = TypeVar("Made")
 

@@ -16,6 +16,8 @@ from motoremi.errors import BadInput
 # (angular frequency, first, second) -> impedance in ohm
 ToImpedance: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], ComplexArray]
 REFERENCE_OHM = 50.0
+# What a table of a sweep needs, for messages.
+IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
@@ -90,6 +93,12 @@ class Measurement:
             tuple(values),
         )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Sent to another process, it is one object there however often it comes, so that what is derived from it can be kept there too."""
+        token = _tokens.setdefault(self, uuid.uuid4().hex)
+        _known[token] = self
+        return _arrived, (token, *(getattr(self, own.name) for own in dataclasses.fields(self)))
+
     @property
     def points(self) -> int:
         """Number of complex points."""
@@ -163,6 +172,20 @@ class Measurement:
             elif not np.isclose(first[0], second[0], rtol=0.05) or not np.isclose(first[-1], second[-1], rtol=0.05):
                 remarks.append("the two sweeps have different spans: each is judged over its own")
         return remarks
+
+
+# Measurements that were sent to other processes or came from them, by a token that is the same everywhere.
+_known: WeakValueDictionary[str, Measurement] = WeakValueDictionary()
+_tokens: WeakKeyDictionary[Measurement, str] = WeakKeyDictionary()
+
+
+def _arrived(token: str, *own: Any) -> Measurement:
+    """The measurement of that token, made of its parts when it comes for the first time."""
+    measurement = _known.get(token)
+    if measurement is None:
+        measurement = _known[token] = Measurement(*own)
+        _tokens[measurement] = token
+    return measurement
 
 
 def _by_condition(sweeps: list[ImpedanceSweep]) -> tuple[Conditioned, ...]:

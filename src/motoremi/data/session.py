@@ -28,6 +28,7 @@ from motoremi.data.state import marks_of, states_of
 from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.verify import verify, vouched_sha256
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -165,14 +166,7 @@ class Session:
         BadInput
             If the session holds neither.
         """
-        from motoremi.data.measurement import Measurement
-        from motoremi.report.plots import measured_figure, spectrum_figure
-
-        if self.sweeps:
-            return measured_figure(Measurement.of(self.corrected_sweeps))
-        if self.spectra:
-            return spectrum_figure(self.corrected_spectra)
-        raise BadInput(f"{self.path.name} holds neither sweep nor spectrum")
+        return figure_of(self)
 
     def to_dict(self) -> JsonDict:
         """Plain data."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.sweep import checked_frequency
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.quantities import show, show_band
 
@@ -128,9 +129,7 @@ class Spectrum:
 
     def plot(self) -> Figure:
         """Level over frequency, overloaded points marked."""
-        from motoremi.report.plots import spectrum_figure
-
-        return spectrum_figure([self])
+        return figure_of(self)
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units and dBuV."""

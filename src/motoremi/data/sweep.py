@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.conditions import Condition, parse_condition
+from motoremi.data.frame import impedance_in
 from motoremi.data.text import clean_text
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.quantities import parse, show, show_band
 
@@ -149,6 +151,27 @@ class ImpedanceSweep:
         part = ImpedanceSweep(self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata, self.condition)
         return part.with_change(f"{len(self) - count} of {len(self)} points outside {band} left out")
 
+    @classmethod
+    def from_frame(
+        cls, termination: str, frame: pd.DataFrame, metadata: Mapping[str, Any] | None = None, condition: Condition | str | None = None
+    ) -> ImpedanceSweep:
+        """A sweep from a pandas table, whose columns are named as in files: `frequency_hz, resistance_ohm, reactance_ohm`, `f (MHz)` ...
+
+        Parameters
+        ----------
+        termination, metadata, condition
+            As in `ImpedanceSweep`.
+        frame : DataFrame
+            With `sigma_relative` that is taken too; columns of other names are left alone.
+
+        Raises
+        ------
+        BadInput
+            As `ImpedanceSweep`, and if a column or its unit is missing or not known.
+        """
+        frequency_hz, impedance_ohm, sigma_relative = impedance_in(frame)
+        return cls(termination, frequency_hz, impedance_ohm, sigma_relative, metadata, condition)
+
     def to_frame(self) -> pd.DataFrame:
         """A pandas table: frequency_hz, resistance_ohm, reactance_ohm, and sigma_relative where it is stated."""
         import pandas as pd
@@ -172,10 +195,7 @@ class ImpedanceSweep:
 
     def plot(self) -> Figure:
         """Magnitude and phase over frequency, resonances marked."""
-        from motoremi.data.measurement import Measurement
-        from motoremi.report.plots import measured_figure
-
-        return measured_figure(Measurement.of([self]))
+        return figure_of(self)
 
 
 def checked_accuracy(percent: object) -> float:

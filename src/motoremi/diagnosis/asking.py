@@ -26,6 +26,7 @@ from motoremi.diagnosis.responses import NONE_AT_ALL
 from motoremi.diagnosis.rivals import Rival, Rivals
 from motoremi.diagnosis.weighing import Prediction
 from motoremi.quantities import show
+from motoremi.threads import one_blas_thread
 
 Stop: TypeAlias = Literal["one-stands", "inseparable", "nothing-missing"]
 
@@ -165,6 +166,7 @@ class Question:
         }
 
 
+@one_blas_thread
 def next_question(
     rivals: Rivals, measurement: Measurement, without: Iterable[str] = (), odds: float = ODDS, sweep_minutes: float = SWEEP_MINUTES
 ) -> Question:

@@ -27,6 +27,7 @@ from motoremi.diagnosis.compare import spans_of
 from motoremi.fitting.observed import observed
 from motoremi.fitting.problem import AS_DECLARED
 from motoremi.quantities import show_band
+from motoremi.threads import one_blas_thread
 
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
 MOST_PAIRS = 12
@@ -227,6 +228,7 @@ def _nothing_shown(model: CausalModel, reached: float | None) -> str:
     return f"{ended}{where}: it shows nothing about the data"
 
 
+@one_blas_thread
 def check_causality(measurement: Measurement, reached: Mapping[str, float] | None = None) -> CausalCheck:
     """Vector-fit each sweep alone.
 

@@ -12,11 +12,13 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 # The bands of the paper's discussion; what a sweep covers beyond them gets bands of its own.
@@ -127,6 +129,16 @@ class Comparison:
             "where": [dict(span) for span in self.where],
         }
 
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table with a row for each sweep and band: sweep, low_hz, high_hz, points, errors in percent, dB and degrees, verdict."""
+        import pandas as pd
+
+        rows = []
+        for band in self.bands:
+            rest = {name: value for name, value in band.items() if name not in ("sweep", "band_hz", "fails_hz")}
+            rows.append({"sweep": band["sweep"], "low_hz": band["band_hz"][0], "high_hz": band["band_hz"][1], **rest})
+        return pd.DataFrame(rows)
+
     def _lines(self) -> list[tuple[str, str, str, str, str, str]]:
         return [
             (
@@ -155,9 +167,7 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Error over frequency against the uncertainty, a panel for each sweep."""
-        from motoremi.report.plots import comparison_figure
-
-        return comparison_figure(self)
+        return figure_of(self)
 
 
 def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:

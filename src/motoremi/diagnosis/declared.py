@@ -14,6 +14,7 @@ from motoremi.diagnosis.judgement import GLANCE, Judgement, accurate, judge
 from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.progress import part
+from motoremi.workers import Map
 
 # Log odds beyond which the data deny the declared analyser. In trials before this, wrong declarations were denied by 43 to 87 and true ones never;
 # but a network analyser's wide errors can also take up a part of what two effects leave.
@@ -40,7 +41,7 @@ class Declared:
     log_odds: float = 0.0
 
 
-def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
+def likeliest(first: Judgement, progress: Progress | None = None, each: Map = map) -> Declared:
     """The judgement under the analyser that the data ask for.
 
     Parameters
@@ -48,6 +49,8 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
     first : Judgement
         Under the declared analyser.
     progress : callable, optional
+    each : callable
+        As the built-in `map`.
     """
     enough = first.standing == "explained" or accurate(first.model.fit)
     if first.described or (enough and first.model.fit.analyser_sigma <= BEYOND_SIGMA):
@@ -57,7 +60,7 @@ def likeliest(first: Judgement, progress: Progress | None = None) -> Declared:
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
         # One effect at most: beside two the wide errors of a network analyser would describe anything.
-        other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE)
+        other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE, each)
         odds = other.best.score - first.best.score
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))

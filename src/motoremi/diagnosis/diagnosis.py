@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import html
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -24,6 +25,7 @@ from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.remainder import Remainder, remainder
 from motoremi.diagnosis.rivals import Rivals
 from motoremi.diagnosis.validation import cross_validated
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
@@ -31,9 +33,11 @@ from motoremi.fitting.search import Task, arrived_on_all
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
 from motoremi.quantities import show_band
-from motoremi.spread import one_blas_thread
+from motoremi.threads import one_blas_thread
+from motoremi.workers import Map, own_processes
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "data", "unexplained"]
@@ -192,6 +196,14 @@ class Diagnosis:
             "caveats": self.base.measurement.caveats(),
         }
 
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas table of the candidates by effect: family, probability, chi2_reduced, errors in percent, delta_bic, plausible."""
+        import pandas as pd
+
+        rows = [{name: value for name, value in one.items() if name != "parameters"} for one in self.to_dict()["candidates"]]
+        columns = ["family", "probability", "chi2_reduced", "rms_error_percent", "unexplained_percent", "delta_bic", "plausible"]
+        return pd.DataFrame(rows, columns=["effect", *columns]).set_index("effect")
+
     @property
     def likeliest_sets(self) -> list[tuple[Key, float]]:
         """Sets of effects and their probabilities, the likeliest first."""
@@ -214,9 +226,7 @@ class Diagnosis:
 
     def plot(self) -> Figure:
         """The candidates by evidence, those named and those not told apart marked."""
-        from motoremi.report.plots import ranking_figure
-
-        return ranking_figure(self.to_dict())
+        return figure_of(self)
 
 
 def _figures(fit: Fit) -> JsonDict:
@@ -232,7 +242,7 @@ def _figures(fit: Fit) -> JsonDict:
 
 
 @one_blas_thread
-def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
+def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None) -> Diagnosis:
     """Which physical effect is missing from a fitted model.
 
     Parameters
@@ -241,29 +251,33 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
         The model to start from: the paper's circuit, or one with effects already.
     progress : callable, optional
         Told what is being tried, how much is done, and of how much.
+    map : callable, optional
+        Shares the work out: takes a function and the jobs, and gives the results in their order, as `Executor.map` does. By default processes
+        of its own, one for each core, where that is safe. The result does not depend on it.
 
     Returns
     -------
     Diagnosis
     """
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
-    first = _without_outliers(fit, fit, search) or judge(fit, search)
-    if not first.model.done:
-        first = _without_outliers(fit, first.best.fit, again) or first
-    return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0))), fit.measurement)
+    with own_processes() if map is None else nullcontext(map) as each:
+        first = _without_outliers(fit, fit, search, each) or judge(fit, search, each=each)
+        if not first.model.done:
+            first = _without_outliers(fit, first.best.fit, again, each) or first
+        return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0), each)), fit.measurement, each)
 
 
-def _informed(searched: Searched, measurement: Measurement) -> Diagnosis:
+def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> Diagnosis:
     """What the search in the reference sweeps let one believe, with what was measured beside them."""
     declared = searched.declared
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
-    left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described)
+    left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement), searched=searched)
 
 
-def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judgement | None:
+def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
     """The judgement without single points that nothing smooth explains.
 
     None if the model sees no such points, if no model leaves nothing without them, or if the one that does describes them as well: what stood
@@ -279,7 +293,7 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None) -> Judg
         base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
     if quiet is fit.measurement:
         return None
-    found = judge(base, progress, GLANCE)
+    found = judge(base, progress, GLANCE, each)
     if not (found.stands and found.model.done):
         return None
     model = found.model.fit

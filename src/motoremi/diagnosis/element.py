@@ -19,6 +19,7 @@ from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
 from motoremi.diagnosis.dispersion import BY_UNIT, CONSTANT_ENOUGH, DESCRIBES, TOLD, DispersionFit, fit_laws
 from motoremi.diagnosis.free import with_free
 from motoremi.diagnosis.parts import ELEMENTS, distinct, outermost, substituted, whole_element, with_element
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import behind_fixture
 from motoremi.fitting.result import Fit
@@ -26,6 +27,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Scaled, Tape, ThroughCable, Wrapped, walk
 from motoremi.model.parameter import Parameter
 from motoremi.quantities import show, show_band
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -168,9 +170,7 @@ class Inspection:
 
     def plot(self) -> Figure:
         """Value and losses over frequency with the uncertainty as a band."""
-        from motoremi.report.inspection import inspection_figure
-
-        return inspection_figure(self)
+        return figure_of(self)
 
 
 def _range(values: FloatArray, unit: str) -> str:
@@ -190,6 +190,7 @@ def _unit_of(name: str) -> str:
     return next((unit for ending, unit in endings.items() if name.endswith(ending)), "")
 
 
+@one_blas_thread
 def inspect(fit: Fit, element: str) -> Inspection:
     """What an element would have to be, at each frequency, for the model to be exact.
 

@@ -15,6 +15,7 @@ from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motors import MotorBoard
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
+from motoremi.workers import Map
 
 BUDGET = Budget()
 # A search for one effect.
@@ -240,9 +241,9 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
     return relieved and clear
 
 
-def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET) -> Judgement:
+def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, each: Map = map) -> Judgement:
     """Search what is missing from a fit, and decide."""
-    board = MotorBoard(base)
+    board = MotorBoard(base, each)
     # Of a circuit that is good enough, effects are shown and none is named.
     found = explore(board, board.start(), GLANCE if accurate(base) else budget, progress)
     return decided(base, found)

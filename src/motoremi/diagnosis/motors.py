@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
-from motoremi.fitting.fit import task_without, told, trail_to
+from motoremi.fitting.fit import on_all_points, task_without, trail_to
 from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Best, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
-from motoremi.spread import spread
+from motoremi.workers import Map
 
 
 class MotorBoard:
@@ -20,10 +20,12 @@ class MotorBoard:
     Parameters
     ----------
     base : Fit
+    each : callable
+        As the built-in `map`: by it models are worked on.
     """
 
-    def __init__(self, base: Fit) -> None:
-        self._base = base
+    def __init__(self, base: Fit, each: Map = map) -> None:
+        self._base, self._each = base, each
         # Of all races, which have their points in common, by number of effects.
         self._best: dict[int, Best] = {}
 
@@ -54,7 +56,7 @@ class MotorBoard:
             return self.start()
         under = self._without(model.fit, effect)
         trail = Trail(under.task, [_near(model.fit, under)], 1, under.sizes)
-        return candidate(told(trail, race({"": trail}, THOROUGH)[""], under), self._base)
+        return candidate(on_all_points((trail, race({"": trail}, THOROUGH)[""], under)), self._base)
 
     def _without(self, fit: Fit, effect: str) -> Fit:
         """A fit's values with an effect taken out of the model, not refitted: where to look from, and as much left as in the base."""
@@ -79,11 +81,11 @@ class MotorBoard:
         progress: Progress | None = None,
     ) -> list[Candidate]:
         """Candidates from a race, refitted on all points where they are near the best of their size."""
-        solutions = race(trails, rounds, kept, progress)
+        solutions = race(trails, rounds, kept, progress, self._each)
         size = len(before.effects) + 1
         best = self._best.setdefault(size, Best())
         near = [key for key, behind in best.behind(solutions).items() if behind <= BEHIND]
-        fits = spread(lambda key: told(trails[key], solutions[key], before), near)
+        fits = self._each(on_all_points, [(trails[key], solutions[key], before) for key in near])
         return [candidate(fit, self._base) for fit in fits]
 
 

@@ -19,6 +19,7 @@ from motoremi.diagnosis.together import Together, check_together
 from motoremi.fitting.problem import AS_DECLARED
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
+from motoremi.workers import Map
 
 # Mean variance of whitened residuals, in a window of a few points, beyond which something is left over.
 LEFT_OVER = 3.0
@@ -100,7 +101,7 @@ def _parts(spans: list[list[float]]) -> str:
     return f" in {len(spans)} parts" if len(spans) > 1 else ""
 
 
-def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True) -> Remainder:
+def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True, each: Map = map) -> Remainder:
     """What is left unexplained.
 
     Parameters
@@ -111,6 +112,8 @@ def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True) -> Remai
         The best that the catalogue has.
     sweeps_in_question : bool
         Whether the sweeps may be of different motors: not if any one circuit describes them both.
+    each : callable
+        As the built-in `map`.
     """
     # What the discrepancy would describe is what is left.
     problem = closest.task.likelihood(None, AS_DECLARED)
@@ -123,7 +126,7 @@ def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True) -> Remai
         limit = max(LEFT_OVER, SHARE * float(variance.max()))
         spans[sweep.termination] = spans_of(sweep.frequency_hz, variance > limit)
     causality = check_causality(closest.measurement, multiple)
-    together = check_together(base) if sweeps_in_question and not causality.disproved else None
+    together = check_together(base, each) if sweeps_in_question and not causality.disproved else None
     return Remainder(multiple, causality, together, spans, _worth_a_look(closest))
 
 

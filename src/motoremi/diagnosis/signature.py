@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
@@ -16,6 +17,7 @@ from motoremi.fitting.scaling import scaled_starts
 from motoremi.model.circuit import Tape, walk
 from motoremi.model.effects import find_effect
 from motoremi.model.parameter import Parameter
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,14 +82,13 @@ class Signature:
 
     def plot(self) -> Figure:
         """Change in dB and degrees, a column for each sweep."""
-        from motoremi.report.signature import signature_figure
-
-        return signature_figure(self)
+        return figure_of(self)
 
 
 _DB = 20 / np.log(10)
 
 
+@one_blas_thread
 def signature(fit: Fit, effect: str) -> Signature:
     """How an effect would show on the motor of a fit.
 

@@ -17,7 +17,7 @@ from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis.causal import CausalModel, alone, check_causality
-from motoremi.fitting.fit import fit, told
+from motoremi.fitting.fit import fit, on_all_points
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Task
@@ -25,6 +25,7 @@ from motoremi.fitting.starts import data_driven_starts
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
 from motoremi.quantities import show
+from motoremi.workers import Map
 
 Value = TypeVar("Value")
 # All start values of the open sweep alone to their ends, each its own model, since each may take another resonance for the winding's.
@@ -115,13 +116,15 @@ class Together:
         return self.sentence
 
 
-def check_together(both: Fit) -> Together | None:
+def check_together(both: Fit, each: Map = map) -> Together | None:
     """Fit each sweep alone with the model of a fit, and hold the two against each other.
 
     Parameters
     ----------
     both : Fit
         Of both sweeps.
+    each : callable
+        As the built-in `map`.
 
     Returns
     -------
@@ -135,7 +138,7 @@ def check_together(both: Fit) -> Together | None:
     if not short.explained:
         # Whatever the other does alone, which takes long to find out, the model lacks something.
         return Together({"short": short}, {"short": False}, both.explained, ())
-    open_ = _open_alone(both)
+    open_ = _open_alone(both, each)
     return Together({"short": short, "open": open_}, {"short": True, "open": open_.explained}, both.explained, _disagreements(short, open_))
 
 
@@ -144,7 +147,7 @@ def _short_alone(both: Fit) -> Fit:
     return fit(both.motor, measurement, seed=both.seed, bounds=_seen(both, "short", both.bounds), held=_seen(both, "short", both.held))
 
 
-def _open_alone(both: Fit) -> Fit:
+def _open_alone(both: Fit, each: Map) -> Fit:
     """The open sweep alone, each of its resonances taken for the winding's in turn; of those that fit, the nearest to the joint fit.
 
     The circuit's two resonances may change places in this sweep, so one good fit says nothing on which is the winding's.
@@ -156,7 +159,8 @@ def _open_alone(both: Fit) -> Fit:
         starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
     # Alone, more or less may be left than in both: how much is not known.
     trails = {index: Trail(task, [start], 1, Sizes(1.0, 1.0)) for index, start in enumerate(starts)}
-    fits = [told(trails[index], solution, both) for index, solution in race(trails, EACH).items()]
+    found = race(trails, EACH, each=each)
+    fits = list(each(on_all_points, [(trails[index], solution, both) for index, solution in found.items()]))
     good = [one for one in fits if one.explained]
     if good:
         return min(good, key=lambda one: abs(np.log(one.parameters["La"] / both.parameters["La"])))

@@ -13,11 +13,13 @@ from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.spectrum import Spectrum
 from motoremi.diagnosis.belief import Belief, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
+from motoremi.drawing import figure_of
 from motoremi.emission.board import Candidate, SpectrumBoard, add_effect, fit_base
 from motoremi.emission.effects import find_source_effect
 from motoremi.emission.fit import EmissionFit
 from motoremi.emission.observe import observations
 from motoremi.emission.problem import Problem
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,11 +101,10 @@ class EmissionDiagnosis:
 
     def plot(self) -> Figure:
         """The candidates by evidence, those named and those not told apart marked."""
-        from motoremi.report.plots import ranking_figure
-
-        return ranking_figure(self.to_dict())
+        return figure_of(self)
 
 
+@one_blas_thread
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:
     """Which effect of source or path is missing.
 

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict, Progress
+from motoremi.drawing import figure_of
 from motoremi.emission.effects import find_source_effect
 from motoremi.emission.posterior import Posterior, to_unit
 from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup
 from motoremi.progress import part
+from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,11 +92,10 @@ class EmissionFit:
 
     def plot(self) -> Figure:
         """Measured levels and the model, the difference below."""
-        from motoremi.report.emission import emission_fit_figure
-
-        return emission_fit_figure(self)
+        return figure_of(self)
 
 
+@one_blas_thread
 def fit_spectra(
     problem: Problem, effects: Sequence[str], starts: Sequence[Mapping[str, float]], keep: int = 2, progress: Progress | None = None
 ) -> EmissionFit:

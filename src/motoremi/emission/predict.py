@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.spectrum import Detector, Spectrum
+from motoremi.drawing import figure_of
 from motoremi.emission.background import ambient_of, split
 from motoremi.emission.finals import Final, final_values, judge_with_finals
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra, overall
@@ -162,9 +163,7 @@ class Prediction:
 
     def plot(self) -> Figure:
         """Predicted and measured levels with the limit."""
-        from motoremi.report.emission import prediction_figure
-
-        return prediction_figure(self.to_dict())
+        return figure_of(self)
 
 
 def _lists(levels: dict[Detector, FloatArray] | dict[str, FloatArray]) -> dict[str, list[float | None]]:

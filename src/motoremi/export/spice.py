@@ -17,6 +17,7 @@ from motoremi.fitting.result import Fit
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import show, show_band
+from motoremi.threads import one_blas_thread
 
 # A netlist further than this from the model is not written at all.
 _WORST_DB, _WORST_DEG = 0.5, 5.0
@@ -42,6 +43,7 @@ class SpiceModel:
     left_out: tuple[str, ...]
 
 
+@one_blas_thread
 def spice_model(fit: Fit) -> SpiceModel:
     """The motor of a fit as `.subckt motoremi_motor terminal far_end frame`.
 

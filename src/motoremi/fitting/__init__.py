@@ -1,0 +1,6 @@
+"""From sweeps to a circuit with error bars."""
+
+from motoremi.fitting import fit, identify
+
+# Imported with the package, since they register what a fit can do.
+__all__ = ["fit", "identify"]

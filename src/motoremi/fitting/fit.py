@@ -21,7 +21,7 @@ from motoremi.fitting.paper import paper_colony
 from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import THOROUGH, Trail, race
-from motoremi.fitting.result import METHODS, Fit, summarise
+from motoremi.fitting.result import METHODS, Fit, on_fits, summarise
 from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import (
     FOLLOWED,
@@ -43,10 +43,11 @@ from motoremi.fitting.vanishing import no_worse
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.start import with_start
 from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 from motoremi.model.parameter import Parameter
-from motoremi.spread import one_blas_thread
+from motoremi.threads import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
@@ -54,8 +55,6 @@ STEP_REACH = 0.15
 POINTS_EACH = 3
 # Steps of a look at one of several numbers of parts.
 GLANCE_STEPS = 12
-# What a start leaves of an element from which it takes more than there is.
-LEAST_LEFT = 0.1
 
 
 @one_blas_thread
@@ -237,7 +236,7 @@ def trail_to(
     if before.exchange is not None:
         # An effect tells which resonance is the winding's: it fits beside the right one only.
         bases += [{**base, **exchanged(base)} for base in bases]
-    starts = [_started(base, start, label) for start in tried for base in bases]
+    starts = [with_start(base, start, label) for start in tried for base in bases]
     parts = {
         name: _as_told(name, fixed[name], before) if name in fixed else _chosen(task, starts, len(bases), name, values, before)
         for name, values in unvaried.items()
@@ -294,7 +293,7 @@ def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Pr
         s: ComplexArray = np.asarray(2j * np.pi * seen_now.frequency_hz, dtype=np.complex128)
         model = Tape(task.motor.circuit("short"), names).impedance(s, at)
         starts = [
-            _started(values, start, label) for start in added.effect.reader(dataclasses.replace(seen_now, model_ohm=model, parameters=values))
+            with_start(values, start, label) for start in added.effect.reader(dataclasses.replace(seen_now, model_ohm=model, parameters=values))
         ]
     motor = added.added_to(task.motor)
     return dataclasses.replace(task, motor=motor).relative(), starts or [dict(values)]
@@ -306,16 +305,6 @@ def _seen_by(fit: Fit, place: str = "") -> Seen:
     sweeps = seen(fit.measurement.coarse)
     model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
     return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters, place=place)
-
-
-def _started(base: Mapping[str, float], start: Mapping[str, float], label: str) -> dict[str, float]:
-    """Elements and an effect's start values together; a start may set an element, scale it, or take something off it."""
-
-    def taken(name: str, value: float) -> float:
-        return max(value * start.get(f"*{name}", 1.0) - start.get(f"-{name}", 0.0), LEAST_LEFT * value)
-
-    changed = {name: start.get(f"={name}", taken(name, value) if value > 0 else value) for name, value in base.items()}
-    return {**changed, **{f"{label}.{name}": value for name, value in start.items() if not name.startswith(("=", "*", "-"))}}
 
 
 @one_blas_thread
@@ -472,8 +461,10 @@ def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
     return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
 
 
-def told(trail: Trail, solution: Solution, before: Fit) -> Fit:
-    """A solution on a thinned grid, taken to all points, as a fit."""
+@one_blas_thread
+def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
+    """A solution on a thinned grid, taken to all points, as a fit like the one before."""
+    trail, solution, before = job
     whole = arrived_on_all(trail.task, [solution.values], solution.sizes)
     return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
 
@@ -505,3 +496,7 @@ def _scanned_step(before: Fit, label: str) -> dict[str, float]:
         gain = np.where((below >= 2) & (above >= 2), np.abs(jump) ** 2 / noise, 0.0)
     step = problem.observed.frequency_hz[order][np.searchsorted(position, places[int(np.argmax(gain))])]
     return {f"{label}.frequency_hz": float(step)}
+
+
+on_fits.refit_with = lambda before, effect, held, thorough: refit_with(before, effect, held, thorough=thorough)
+on_fits.refit_without = refit_without

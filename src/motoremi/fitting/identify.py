@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.errors import BadInput
+from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.polish import Precision, polish
 from motoremi.fitting.problem import Problem
-from motoremi.quantities import show
-
-if TYPE_CHECKING:
-    from motoremi.fitting.result import Fit
+from motoremi.fitting.result import Fit, on_fits
+from motoremi.threads import one_blas_thread
 
 # 95 % point of chi-squared with one degree of freedom: how much the objective may rise within the interval.
 RISE_95 = 3.841
@@ -23,39 +20,7 @@ RISE_95 = 3.841
 ALONG_PROFILE = Precision(0.02, 1e-5)
 
 
-@dataclass(frozen=True)
-class Interval:
-    """What values of a parameter the data allow at 95 %.
-
-    Parameters
-    ----------
-    name, unit : str
-    low, high : float
-        SI units.
-    open_below, open_above : bool
-        True where the interval reaches the parameter's bound: the data set no limit on that side.
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    open_below: bool
-    open_above: bool
-
-    def __str__(self) -> str:
-        if self.open_below and self.open_above:
-            return f"the data say nothing about {self.name}: any value fits"
-        # Two digits of the interval's width.
-        digits = 1 + max(2, math.ceil(-math.log10((self.high - self.low) / self.high)))
-        low, high = show(self.low, self.unit, digits), show(self.high, self.unit, digits)
-        if self.open_below:
-            return f"anything from 0 to {high} fits {self.name}"
-        if self.open_above:
-            return f"anything above {low} fits {self.name}"
-        return f"anything from {low} to {high} fits {self.name}"
-
-
+@one_blas_thread
 def profile(fit: Fit, name: str) -> Interval:
     """The 95 % interval of a parameter, all others refitted at each value (Raue et al., Bioinformatics 25, 2009).
 
@@ -129,16 +94,6 @@ def _following(matrix: FloatArray, index: int) -> FloatArray:
     return direction
 
 
-@dataclass(frozen=True)
-class Derived:
-    """A quantity that follows from the elements, with its standard deviation; SI units."""
-
-    name: str
-    value: float
-    sigma: float
-    unit: str
-
-
 # Each is a product of powers of elements, so its logarithm is linear in theirs: name, unit, factor, powers.
 _PRODUCTS: tuple[tuple[str, str, float, dict[str, float]], ...] = (
     ("parallel resonance of La and Ca", "Hz", 1 / (2 * np.pi), {"La": -0.5, "Ca": -0.5}),
@@ -166,3 +121,7 @@ def derived(fit: Fit) -> list[Derived]:
         variance = max(float(weights @ covariance @ weights), 0.0)
         quantities.append(Derived(title, value, abs(value) * math.sqrt(variance), unit))
     return quantities
+
+
+on_fits.profile = profile
+on_fits.derived = derived

@@ -40,10 +40,6 @@ SEARCHED = 0.01
 # Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
 FAR = 1e4
 
-# The allocator hands memory back to the system after every evaluation and asks for it again in the next, which takes half of the time.
-# It keeps as much as the largest block that was ever given back.
-np.empty(1 << 21)
-
 
 @dataclass
 class Linearised:

@@ -7,10 +7,10 @@ All that a race is governed by stands in its rounds.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,9 +20,12 @@ from motoremi.fitting.marginal import SMALLEST
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.search import CLOSE, PLAIN, ROUGH, Solution, Task, arrive, rough
-from motoremi.spread import Team
+from motoremi.threads import one_blas_thread
+from motoremi.workers import Map
 
 Name = TypeVar("Name", bound=Hashable)
+Given = TypeVar("Given")
+Reached = TypeVar("Reached")
 
 
 class Round(NamedTuple):
@@ -95,6 +98,14 @@ class Trail:
         """Whether little is left to be described, and not because the analyser's errors were stretched until they absorbed it."""
         return self.left.discrepancy < 2 * PLAIN and self.left.declared <= MOST_DECLARED
 
+    @property
+    def averaged(self) -> Trail:
+        """The same with sweeps of many thousand points averaged, which is all that is searched."""
+        measurement = self.task.measurement.coarse
+        if measurement is self.task.measurement:
+            return self
+        return dataclasses.replace(self, task=dataclasses.replace(self.task, measurement=measurement))
+
     def problem(self, points: int) -> Problem:
         """What the early rounds solve."""
         if self.by_likelihood:
@@ -124,7 +135,9 @@ class Standing:
         return float(self.objective.min())
 
 
-def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = (), progress: Progress | None = None) -> dict[Name, Solution]:
+def race(
+    trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = (), progress: Progress | None = None, each: Map = map
+) -> dict[Name, Solution]:
     """The solutions, on a thinned grid, of the models that arrive; the best evidence first.
 
     Parameters
@@ -135,21 +148,21 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
     kept : sequence
         Models that take part in every round, however they stand.
     progress : callable, optional
+    each : callable
+        As the built-in `map`: each round of work on the models is one of it.
     """
-    with Team(trails) as team:
-        standing = {name: Standing(trail.starts, np.zeros(len(trail.starts))) for name, trail in trails.items()}
-        for number, one in enumerate(rounds.rounds):
-            chosen = _ahead(standing, one.models, kept)
-            order = sorted(chosen, key=lambda name: -len(standing[name].starts))
-            told = _Told(progress, number, len(rounds.rounds) + 1)
-            standing = team.each(_run, {name: (standing[name], one) for name in order}, told)
-        chosen = _ahead(standing, rounds.arriving, kept)
-        told = _Told(progress, len(rounds.rounds), len(rounds.rounds) + 1)
-        found = team.each(_arrive, {name: (standing[name], rounds.points) for name in chosen}, told)
-        leading = sorted(found, key=lambda name: -found[name].log_evidence)
-        behind = Best().behind(found)
-        near = [name for name in leading if name in leading[:FINISHING] or behind[name] <= _reach(found[name])]
-        found |= team.each(_finish, {name: (found[name], rounds.points) for name in near}, told)
+    course = _Course(trails, each, progress, len(rounds.rounds) + 1)
+    standing = {name: Standing(trail.starts, np.zeros(len(trail.starts))) for name, trail in trails.items()}
+    for one in rounds.rounds:
+        chosen = _ahead(standing, one.models, kept)
+        order = sorted(chosen, key=lambda name: -len(standing[name].starts))
+        standing = course.round(_run, {name: (standing[name], one) for name in order})
+    chosen = _ahead(standing, rounds.arriving, kept)
+    found = course.round(_arrive, {name: (standing[name], rounds.points) for name in chosen})
+    leading = sorted(found, key=lambda name: -found[name].log_evidence)
+    behind = Best().behind(found)
+    near = [name for name in leading if name in leading[:FINISHING] or behind[name] <= _reach(found[name])]
+    found |= course.round(_finish, {name: (found[name], rounds.points) for name in near})
     return dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence))
 
 
@@ -166,17 +179,24 @@ class Best:
         return {name: self._log_evidence[one.rough] - one.log_evidence for name, one in found.items()}
 
 
-@dataclass(frozen=True)
-class _Told:
-    """Passes on which model is being worked on."""
+class _Course(Generic[Name]):
+    """Shares rounds of work on some of the models out, and says which model is waited for."""
 
-    progress: Progress | None
-    done: int
-    of: int
+    def __init__(self, trails: Mapping[Name, Trail], each: Map, progress: Progress | None, stages: int) -> None:
+        # Sweeps of many thousand points stay here: a race is run on averages.
+        self._trails = {name: trail.averaged for name, trail in trails.items()}
+        self._each, self._progress, self._stages, self._done = each, progress, stages, 0
 
-    def __call__(self, name: object) -> None:
-        if self.progress is not None:
-            self.progress(" + ".join(name) if isinstance(name, tuple) else str(name), self.done, self.of)
+    def round(self, work: Callable[[tuple[Trail, Given]], Reached], given: Mapping[Name, Given]) -> dict[Name, Reached]:
+        """The results of a round of work, by name, in the order given."""
+        results = iter(self._each(work, [(self._trails[name], one) for name, one in given.items()]))
+        found = {}
+        for name in given:
+            if self._progress is not None:
+                self._progress(" + ".join(name) if isinstance(name, tuple) else str(name), self._done, self._stages)
+            found[name] = next(results)
+        self._done = min(self._done + 1, self._stages - 1)
+        return found
 
 
 def _ahead(standing: Mapping[Name, Standing], most: int, kept: Sequence[Name]) -> list[Name]:
@@ -184,9 +204,10 @@ def _ahead(standing: Mapping[Name, Standing], most: int, kept: Sequence[Name]) -
     return list(dict.fromkeys([*order[:most], *(name for name in kept if name in standing)]))
 
 
-def _run(trail: Trail, given: tuple[Standing, Round]) -> Standing:
+@one_blas_thread
+def _run(job: tuple[Trail, tuple[Standing, Round]]) -> Standing:
     """Some steps of the best starts of one model."""
-    standing, one = given
+    trail, (standing, one) = job
     problem = trail.problem(one.points)
     first = len(standing.starts) == len(trail.starts)
     chosen = _leaders(standing.objective, trail.group if first else 1, one.starts)
@@ -206,8 +227,9 @@ def _leaders(objective: FloatArray, group: int, most: int) -> np.ndarray:
     return ordered
 
 
-def _arrive(trail: Trail, given: tuple[Standing, int]) -> Solution:
-    standing, points = given
+@one_blas_thread
+def _arrive(job: tuple[Trail, tuple[Standing, int]]) -> Solution:
+    trail, (standing, points) = job
     problem = trail.problem(points)
     starts = problem.vectors(standing.starts)
     order = np.argsort(problem.objective(starts))[:3]
@@ -224,8 +246,9 @@ def _reach(solution: Solution) -> float:
     return BEHIND if solution.marginal.settled(solution.sizes) else BEHIND_UNSETTLED
 
 
-def _finish(trail: Trail, given: tuple[Solution, int]) -> Solution:
-    solution, points = given
+@one_blas_thread
+def _finish(job: tuple[Trail, tuple[Solution, int]]) -> Solution:
+    trail, (solution, points) = job
     if solution.converged and solution.marginal.settled(solution.sizes):
         return solution
     return max(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -15,8 +15,10 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.coarse import scattered
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
+from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
+from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
 from motoremi.fitting.search import PLAIN, Found, Solution, Task
@@ -29,8 +31,6 @@ from motoremi.quantities import error_bar, show
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-    from motoremi.fitting.identify import Derived, Interval
 
 Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
@@ -103,6 +103,10 @@ class Fit:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     held: Mapping[str, float] = field(default_factory=dict)
     search_parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, object]:
+        """What goes to another process: what follows from it is worked out there."""
+        return {own.name: getattr(self, own.name) for own in dataclasses.fields(self)}
 
     @property
     def log_evidence(self) -> float:
@@ -220,15 +224,11 @@ class Fit:
 
     def interval(self, name: str) -> Interval:
         """What values of a parameter the data allow at 95 %, by its profile likelihood."""
-        from motoremi.fitting.identify import profile
-
-        return profile(self, name)
+        return on_fits.profile(self, name)
 
     def derived(self) -> list[Derived]:
         """Resonances, quality factors and characteristic impedances with error bars."""
-        from motoremi.fitting.identify import derived
-
-        return derived(self)
+        return on_fits.derived(self)
 
     def errors(self) -> dict[str, ComplexArray]:
         """Z_model/Z_measured - 1 per termination, the motor's circuit alone."""
@@ -253,15 +253,11 @@ class Fit:
         BadInput
             If the effect is unknown or already in the model.
         """
-        from motoremi.fitting.fit import refit_with
-
-        return refit_with(self, effect, held, thorough=thorough)
+        return on_fits.refit_with(self, effect, held, thorough)
 
     def drop(self, effect: str | None = None) -> Fit:
         """The fit without an effect (the last one by default), refitted."""
-        from motoremi.fitting.fit import refit_without
-
-        return refit_without(self, effect)
+        return on_fits.refit_without(self, effect)
 
     def to_frame(self) -> pd.DataFrame:
         """A pandas table of the parameters, by name: value, sigma, unit, determined."""
@@ -384,9 +380,19 @@ class Fit:
 
     def plot(self) -> Figure:
         """Both sweeps against the model, with the error below."""
-        from motoremi.report.plots import fit_figure
+        return figure_of(self)
 
-        return fit_figure(self)
+
+class OnFits:
+    """What the modules above do with a fit, which its methods only pass on: they register it here when the package is imported."""
+
+    refit_with: Callable[[Fit, str, Mapping[str, float] | None, bool], Fit]
+    refit_without: Callable[[Fit, str | None], Fit]
+    profile: Callable[[Fit, str], Interval]
+    derived: Callable[[Fit], list[Derived]]
+
+
+on_fits = OnFits()
 
 
 def _finite(value: float) -> float | None:
@@ -469,8 +475,6 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         held=problem.held,
         search_parameters=found.searched,
     )
-    # Spares the cached property from building it again.
-    vars(result)["problem"], vars(result)["weighed"] = problem, weighed
     return _with_sigma(result, problem, own)
 
 
@@ -483,10 +487,7 @@ def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
             unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
     warnings = result.warnings if result.exchange is None else (*result.warnings, EXCHANGEABLE)
-    told = dataclasses.replace(result, sigma=sigma, warnings=warnings)
-    for name in ("problem", "weighed", "linearised", "unknowns", "covariance", "shown_covariance", "exchange"):
-        vars(told)[name] = vars(result)[name]
-    return told
+    return dataclasses.replace(result, sigma=sigma, warnings=warnings)
 
 
 def _rms_percent(error: ComplexArray) -> float:

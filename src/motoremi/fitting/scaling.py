@@ -11,11 +11,13 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from motoremi.data.measurement import Measurement
 from motoremi.model.effects import Effect
+from motoremi.model.effects.start import Subtract
 from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.model.parameter import Parameter
 
@@ -70,11 +72,11 @@ def _scales(parameter: Parameter) -> bool:
     return parameter.scale == "log" and parameter.vary
 
 
-def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[str, float]]:
-    """An effect's start values for each band of a measurement, by short name, SI units."""
-    units = {p.name: p.unit for p in effect.parameters if _scales(p)}
+def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[Any, float]]:
+    """An effect's start values for each band of a measurement, SI units."""
+    units: dict[Any, str] = {p.name: p.unit for p in effect.parameters if _scales(p)}
     if effect.group != "instrument":
-        units |= {f"-{p.name}": p.unit for p in BASE_PARAMETERS}
+        units |= {Subtract(p.name): p.unit for p in BASE_PARAMETERS}
     factors = [{name: band.factor(unit) for name, unit in units.items()} for band in bands(measurement)]
     scaled = [{name: value * factor.get(name, 1.0) for name, value in start.items()} for factor in factors for start in effect.starts]
     return [start for index, start in enumerate(scaled) if start not in scaled[:index]]

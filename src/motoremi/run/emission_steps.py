@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.motor_connections import AT_THE_LISN, Condition
+from motoremi.bench.connect import Bench
+from motoremi.bench.motor_connections import AT_THE_LISN, Condition, ConnectionName
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.errors import BadInput
+from motoremi.run.motor_state import MotorState
+from motoremi.run.resume import Done
+from motoremi.run.writer import Writer
 from motoremi.schema.procedure import Planned, Procedure
 from motoremi.schema.procedure_steps import Final, Scan
 from motoremi.schema.procedure_tables import SpectrumSpec
-
-if TYPE_CHECKING:
-    from motoremi.run.execution import Execution
 
 # By how much the attenuation is raised after an overload; attenuators of receivers have steps of 5 or 10 dB.
 MORE_DB = 10.0
@@ -30,18 +31,41 @@ FINAL_POINTS = 5
 ReadOnce = Callable[[SpectrumSpec, Detector], Spectrum]
 
 
+class Running(Protocol):
+    """What these steps need of the run that they belong to."""
+
+    procedure: Procedure
+    bench: Bench
+    writer: Writer
+    done: Done
+    state: MotorState
+
+    @property
+    def analyse(self) -> Callable[[str, Any, JsonDict], JsonDict | None]:
+        """Does a step of analysis."""
+
+    def connect(self, what: ConnectionName) -> int:
+        """Ask for a connection; its number."""
+
+    def receiver(self) -> EmiReceiver:
+        """The bench's receiver."""
+
+    def ask(self, text: str) -> None:
+        """Show the operator an instruction."""
+
+
 class EmissionSteps:
     """Does the steps of a run that need the receiver.
 
     Parameters
     ----------
-    run : Execution
+    run : Running
         The run, whose connections, prompts and session are used.
     read_once : callable
         Scans once with settings and a detector, and checks the result.
     """
 
-    def __init__(self, run: Execution, read_once: ReadOnce) -> None:
+    def __init__(self, run: Running, read_once: ReadOnce) -> None:
         self._run = run
         self._read_once = read_once
         self._line, self._operating = "", ""

@@ -6,7 +6,7 @@ import json
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
@@ -20,7 +20,7 @@ from motoremi.fitting.result import Fit, restore
 from motoremi.fitting.vanishing import no_worse
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
-from motoremi.workbench.ladder import Ladder
+from motoremi.workbench.ladder import FileStamp, Ladder
 from motoremi.workbench.source import SourceDesk
 from motoremi.workbench.stamps import Stamp, stamp_of
 from motoremi.workflow import (
@@ -32,13 +32,13 @@ from motoremi.workflow import (
     opened,
     report_session,
     save_ladder,
+    stored_tolerance,
 )
 
 if TYPE_CHECKING:
     from motoremi.report.parts import Choice
 
 LADDER = "analysis/ladder.json"
-FileStamp: TypeAlias = tuple[int, int] | None
 Made = TypeVar("Made")
 
 
@@ -186,8 +186,7 @@ class Desk(Ladder[Fit]):
 
     def comparison(self, step: Fit) -> Comparison:
         """A model against the measurement, by the tolerance used last."""
-        stored = self.session.analysis("comparison")
-        return compare(step, None if stored is None else _tolerance(stored))
+        return compare(step, stored_tolerance(self.session))
 
     def inspection(self, element: str) -> Inspection:
         """What an element would have to be; the last one is kept, for a page that zooms."""
@@ -267,10 +266,3 @@ def _ladder(session: Session) -> list[JsonDict]:
 def _measured(session: Session) -> list[object]:
     """What the measured files are: analyses come and go without changing it."""
     return [document.get("sha256", document.get("seq")) for document in session.documents if document["kind"] in ("sweep", "value")]
-
-
-def _tolerance(stored: JsonDict) -> Tolerance:
-    try:
-        return Tolerance(**stored["tolerance"])
-    except (KeyError, TypeError) as error:
-        raise BadInput("the stored comparison cannot be read: judge this session again") from error

@@ -7,13 +7,15 @@ import json
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeAlias, TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.errors import BadInput
 
 # Fits that are kept in case somebody clicks on them; each holds its problem's arrays.
 MOST_PREPARED = 60
+# When a file was changed last, and its size; None where there is none.
+FileStamp: TypeAlias = tuple[int, int] | None
 
 
 class Step(Protocol):

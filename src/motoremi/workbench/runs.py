@@ -20,7 +20,7 @@ from motoremi.run.runner import make_bench, run
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure
 from motoremi.workbench.events import Events
-from motoremi.workflow import analyse
+from motoremi.workflow_steps import analyse
 
 # Pages are told of progress no more often than this.
 TELL_EVERY_S = 0.1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import Protocol, TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.data.session import Session
@@ -12,7 +12,8 @@ from motoremi.emission.diagnose import add_effect
 from motoremi.emission.effects import find_source_effect
 from motoremi.emission.fit import EmissionFit
 from motoremi.errors import BadInput
-from motoremi.workbench.ladder import Ladder
+from motoremi.fitting.result import Fit
+from motoremi.workbench.ladder import FileStamp, Ladder
 from motoremi.workflow import Store
 from motoremi.workflow_emission import (
     STATE,
@@ -24,12 +25,34 @@ from motoremi.workflow_emission import (
     stored_emission_steps,
 )
 
-if TYPE_CHECKING:
-    from motoremi.workbench.desk import Desk, FileStamp
-
 STORED = f"analysis/{STATE}.json"
 LADDER = "analysis/ladder.json"
 Made = TypeVar("Made")
+
+
+class OpenedSession(Protocol):
+    """What the models of the spectra need of the desk on which their session lies."""
+
+    @property
+    def session(self) -> Session:
+        """The session as it is on disk now."""
+
+    @property
+    def top(self) -> Fit:
+        """The motor's model that stands."""
+
+    @property
+    def standing(self) -> str:
+        """Which ladder of the sweeps stands."""
+
+    def file_stamp(self, name: str) -> FileStamp:
+        """Changes with a file of the session; None where there is none."""
+
+    def change(self, action: Callable[[Store], object]) -> None:
+        """Do something with the session open for writing."""
+
+    def work(self, action: Callable[[Store], Made], *, rests_on: Sequence[str]) -> Made:
+        """The same for what takes its time, unless one of these files changes meanwhile."""
 
 
 class SourceDesk(Ladder[EmissionFit]):
@@ -37,13 +60,13 @@ class SourceDesk(Ladder[EmissionFit]):
 
     Parameters
     ----------
-    desk : Desk
+    desk : OpenedSession
         Of the same session.
     """
 
     BASE = "source and motor alone"
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: OpenedSession) -> None:
         super().__init__()
         self._desk = desk
         self._session: Session | None = None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copyreg
 import difflib
 import hashlib
 import os
+from collections.abc import Callable
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -13,7 +15,7 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import connection, instrument, insulation, machine, own, sections, suppressor, winding
 from motoremi.model.effects.effect import AddedEffect, Effect, split_identifier
 from motoremi.model.effects.validity import check_effect
-from motoremi.model.motor import Motor
+from motoremi.model.motor import Motor, dc_motor
 
 ENTRY_POINT_GROUP = "motoremi.effects"
 
@@ -125,3 +127,17 @@ def add_effects(motor: Motor, names: tuple[str, ...] | list[str]) -> Motor:
     for name in names:
         motor = find_effect(name).added_to(motor)
     return motor
+
+
+def _of_effects(names: tuple[str, ...]) -> Motor:
+    return add_effects(dc_motor(), names)
+
+
+def _by_names(motor: Motor) -> tuple[Callable[[tuple[str, ...]], Motor], tuple[tuple[str, ...]]]:
+    """A motor is sent to another process by the names of its effects: a circuit holds functions, which cannot be sent."""
+    if _of_effects(motor.effects).parameters != motor.parameters:
+        raise TypeError("only a motor that is made of effects of the catalogue can be sent to another process")
+    return _of_effects, (motor.effects,)
+
+
+copyreg.pickle(Motor, _by_names)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Series, Shunted
 from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.start import Subtract
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -59,7 +60,7 @@ EFFECTS = (
         deciding="lift the lead and measure the terminal block alone",
         source="a capacitance across the terminals; values of terminal blocks are estimates without a source",
         change=_terminal,
-        starts=tuple({"capacitance_f": c, "-Ca": c} for c in (2e-12, 1e-11, 3e-11)),
+        starts=tuple({"capacitance_f": c, Subtract("Ca"): c} for c in (2e-12, 1e-11, 3e-11)),
         responds={"terminal-block": {"capacitance_f": 0.0}, "brushes-lifted": {"capacitance_f": 0.0}},
     ),
     Effect(

@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 from motoremi.model.effects.readings import Reader
+from motoremi.model.effects.start import Start
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -48,10 +49,10 @@ class Effect:
     change : callable
         Adds the effect to a motor.
     starts : tuple of mapping
-        Start values worth trying, by short name; `*La` multiplies the element La that the search starts from,
-        `-Ca` is taken off Ca, most of it at most.
+        Start values worth trying, by short name; `Scale("La")` multiplies the element La that the search starts from,
+        `Subtract("Ca")` is taken off Ca, most of it at most.
     reader : callable, optional
-        Further start values that the sweeps themselves give away; `=La` sets the element La.
+        Further start values that the sweeps themselves give away; `Set("La")` sets the element La.
     responds : mapping
         Measurement of the menu -> parameter -> factor: what a change of conditions does to it.
     copper : mapping
@@ -88,7 +89,7 @@ class Effect:
     deciding: str
     source: str
     change: Change
-    starts: tuple[Mapping[str, float], ...]
+    starts: tuple[Start, ...]
     places: tuple[str, ...] = ()
     repeatable: bool = False
     kin: str = ""

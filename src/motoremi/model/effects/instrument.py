@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Scaled, Series, Shunted, ThroughCable
 from motoremi.model.effects.effect import Change, Effect
+from motoremi.model.effects.start import Subtract
 from motoremi.model.laws import Law
 from motoremi.model.motor import BOTH, Apart, Motor, Terminations
 from motoremi.model.parameter import Parameter
@@ -113,7 +114,7 @@ EFFECTS = (
         deciding="open and short standards at the motor's end of the cable",
         source="physics notes A.2",
         change=_wrapped(ThroughCable, laws.line_tangent),
-        starts=({"delay_s": 1e-10, "-Ca": 2e-12},),
+        starts=({"delay_s": 1e-10, Subtract("Ca"): 2e-12},),
         responds={"repeat-compensation": {"delay_s": 0.0}},
     ),
     Effect(

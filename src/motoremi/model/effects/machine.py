@@ -11,6 +11,7 @@ from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Series, find, with_law
 from motoremi.model.effects import readings
 from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.start import Scale
 from motoremi.model.effects.winding import scale
 from motoremi.model.motor import Apart, Motor
 from motoremi.model.parameter import Parameter
@@ -122,7 +123,7 @@ EFFECTS = (
         deciding="take the rotor out: the cage goes with it, a shorted turn stays",
         source="coupled circuits; deep bars: Alger, Induction Machines (1970); corner measured on a 1.5 HP machine (docs/real_motor.md)",
         change=scale("La", materials.shorted_loop_factor),
-        starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e5, "*La": 1 / (1 - k)} for k in (0.2, 0.6) for f in (100.0, 500.0, 2e3)),
+        starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e5, Scale("La"): 1 / (1 - k)} for k in (0.2, 0.6) for f in (100.0, 500.0, 2e3)),
         responds={"dc-bias": {"share": 1.05}, "rotor-out": {"share": 0.0}},
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
@@ -152,7 +153,7 @@ EFFECTS = (
         deciding="compare with a healthy winding of the same type; the DC resistance falls by the share of the turns, the cage's does not",
         source="coupled circuits (textbook); the ranges are estimates: no measured machine with a shorted turn was at hand",
         change=scale("La", materials.shorted_loop_factor),
-        starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e6, "*La": 1 / (1 - k)} for k in (0.02, 0.2) for f in (300.0, 3e3, 2e4)),
+        starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e6, Scale("La"): 1 / (1 - k)} for k in (0.02, 0.2) for f in (300.0, 3e3, 2e4)),
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
         below_hz=CAGE_SEEN_BELOW_HZ,
@@ -174,7 +175,7 @@ EFFECTS = (
         deciding="a second point on the frame for the strap: the loss of the strap changes, that of the core stays",
         source="Maki-Ontto and Luomi, IEEE IEMDC 2005, 1653 (abstract only); one-dimensional diffusion in a sheet",
         change=scale("Lr", materials.lamination_factor),
-        starts=tuple({"share": k, "corner_hz": f, "*Lr": 1 / (1 - 0.8 * k)} for k in (0.3, 0.8) for f in (1e4, 1e5, 1e6)),
+        starts=tuple({"share": k, "corner_hz": f, Scale("Lr"): 1 / (1 - 0.8 * k)} for k in (0.3, 0.8) for f in (1e4, 1e5, 1e6)),
         responds={"second-temperature": {"corner_hz": 1.1}},
         seen_as=("inductance-diffusion",),
     ),

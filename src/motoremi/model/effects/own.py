@@ -10,6 +10,7 @@ from pathlib import Path
 
 from motoremi.errors import BadInput
 from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.start import own_values
 
 # Worker processes inherit the environment, so they know the same effects.
 VARIABLE = "MOTOREMI_EFFECTS_FROM"
@@ -52,7 +53,9 @@ def _check(effect: Effect, path: Path) -> None:
     if not effect.parameters or not effect.starts:
         raise BadInput(f"{path}: {effect.name} needs at least one parameter and one set of start values")
     names = {parameter.name for parameter in effect.parameters}
+    if old := [key for start in effect.starts for key in start if isinstance(key, str) and key.startswith(("=", "*", "-"))]:
+        raise BadInput(f"{path}: {effect.name}: write Scale('La') for '*La' and Subtract('Ca') for '-Ca', not {old[0]!r} (motoremi.effects)")
     for start in effect.starts:
-        strange = {name for name in start if not name.startswith(("*", "-"))} ^ names
+        strange = own_values(start).keys() ^ names
         if strange:
             raise BadInput(f"{path}: {effect.name}: parameters and start values differ in {', '.join(sorted(strange))}")

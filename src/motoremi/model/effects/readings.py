@@ -6,18 +6,19 @@ fraction of a rational fit. Steps from a grid of start values would have to hit 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.start import Set, Start, Subtract
 from motoremi.model.frames import frames
 from motoremi.model.rational import Rational
 
-# Sets of start values of an effect by short name, those of elements as `=La`; none where these data allow for none.
-Reader: TypeAlias = Callable[[Seen], Sequence[Mapping[str, float]]]
+# Sets of start values of an effect; none where these data allow for none.
+Reader: TypeAlias = Callable[[Seen], Sequence[Start]]
 
 # Where the rational fit finds a resistance below zero, such a share of the effect's own is tried.
 LEAST_SHARE = 0.01
@@ -45,7 +46,7 @@ CHOKE_REST = {"capacitance_f": 2e-12, "resistance_ohm": 0.02}
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
 
-def _from(rational: Rational | None, read: Callable[[Rational], dict[str, float]]) -> list[dict[str, float]]:
+def _from(rational: Rational | None, read: Callable[[Rational], dict[Any, float]]) -> list[dict[Any, float]]:
     """What a rational fit says, if it says something possible."""
     if rational is None:
         return []
@@ -54,48 +55,48 @@ def _from(rational: Rational | None, read: Callable[[Rational], dict[str, float]
     return [start] if all(np.isfinite(value) and value > 0 for value in start.values()) else []
 
 
-def second_cell(seen: Seen) -> list[dict[str, float]]:
+def second_cell(seen: Seen) -> list[dict[Any, float]]:
     """A resonant cell in series with the winding."""
     return _from(seen.resonating, _second_cell)
 
 
-def coupled_winding(seen: Seen) -> list[dict[str, float]]:
+def coupled_winding(seen: Seen) -> list[dict[Any, float]]:
     """A resonant winding coupled to La."""
     return _from(seen.resonating, _coupled_winding)
 
 
-def relaxing_core(seen: Seen) -> list[dict[str, float]]:
+def relaxing_core(seen: Seen) -> list[dict[Any, float]]:
     """A share of La that relaxes with one time constant, or resonates and is damped."""
     return _from(seen.relaxing, _relaxing_core) + _from(seen.resonating, _damped_core)
 
 
-def film(seen: Seen) -> list[dict[str, float]]:
+def film(seen: Seen) -> list[dict[Any, float]]:
     """A film in series with Rr."""
     return _from(seen.frame, _film)
 
 
-def _second_cell(short: Rational) -> dict[str, float]:
+def _second_cell(short: Rational) -> dict[Any, float]:
     """The winding and a cell in series, from the partial fractions: the cell is the one of less inductance."""
     denominator = short.denominator[::-1]
     poles = np.roots(denominator)
     poles = poles[poles.imag > 0]
     if poles.size != 2:
-        return {"=La": np.nan}
+        return {Set("La"): np.nan}
     residues = np.polyval(short.numerator[::-1], poles) / np.polyval(np.polyder(denominator), poles)
     capacitance = 1 / (2 * residues.real * short.middle)
     inductance = 1 / (np.abs(poles * short.middle) ** 2 * capacitance)
     cell, winding = np.argsort(inductance)
     return {
-        "=Ra": float(-(residues * poles.conj()).real[winding] / residues.real[winding] * short.middle * inductance[winding]),
-        "=La": float(inductance[winding]),
-        "=Ca": float(capacitance[winding]),
+        Set("Ra"): float(-(residues * poles.conj()).real[winding] / residues.real[winding] * short.middle * inductance[winding]),
+        Set("La"): float(inductance[winding]),
+        Set("Ca"): float(capacitance[winding]),
         "inductance_h": float(inductance[cell]),
         "resonance_hz": float(np.abs(poles[cell]) * short.middle / (2 * np.pi)),
         "resistance_ohm": float(-1 / (2 * poles.real[cell] * short.middle * capacitance[cell])),
     }
 
 
-def _coupled_winding(short: Rational) -> dict[str, float]:
+def _coupled_winding(short: Rational) -> dict[Any, float]:
     """Ra + s La (1 - k^2 s^2 / (s^2 + s w/Q + w^2)) beside Ca."""
     elements, missing, (a2, a1, a0) = _beside_ca(short)
     resonance = np.sqrt(a0 / a2)
@@ -107,13 +108,13 @@ def _coupled_winding(short: Rational) -> dict[str, float]:
     }
 
 
-def _relaxing_core(short: Rational) -> dict[str, float]:
+def _relaxing_core(short: Rational) -> dict[Any, float]:
     """Ra + s La (1 - k s / (s + w)) beside Ca."""
     elements, missing, (a1, a0) = _beside_ca(short)
     return {**elements, "share": float(missing), "corner_hz": float(a0 / a1 * short.middle / (2 * np.pi)), **ONE_TIME_CONSTANT}
 
 
-def _damped_core(short: Rational) -> dict[str, float]:
+def _damped_core(short: Rational) -> dict[Any, float]:
     """Ra + s La (1 - k + k / (1 + x + (Q x)^2)) beside Ca, x = s/w."""
     elements, missing, (a2, a1, a0) = _beside_ca(short)
     corner_hz = float(a0 / a1 * short.middle / (2 * np.pi))
@@ -126,7 +127,7 @@ def _damped_core(short: Rational) -> dict[str, float]:
     }
 
 
-def _beside_ca(short: Rational) -> tuple[dict[str, float], float, np.ndarray]:
+def _beside_ca(short: Rational) -> tuple[dict[Any, float], float, np.ndarray]:
     """From the continued fraction: elements, the share of La that is missing at high frequencies, and what the branch beside Ca has below."""
     numerator = short.numerator[::-1]
     shunt, rest = np.polydiv(short.denominator[::-1], numerator)
@@ -134,11 +135,11 @@ def _beside_ca(short: Rational) -> tuple[dict[str, float], float, np.ndarray]:
     branch, _ = np.polydiv(numerator, below)
     (b0, b1), (a1, a0) = short.numerator[:2], below[-2:]
     inductance = b1 / a0 - b0 * a1 / a0**2
-    elements = {"=Ra": float(b0 / a0), "=La": float(inductance / short.middle), "=Ca": float(shunt[0] / short.middle)}
+    elements = {Set("Ra"): float(b0 / a0), Set("La"): float(inductance / short.middle), Set("Ca"): float(shunt[0] / short.middle)}
     return elements, float(1 - branch[0] / inductance), below
 
 
-def _film(frame: Rational) -> dict[str, float]:
+def _film(frame: Rational) -> dict[Any, float]:
     """Cf beside Rr + s Lr + 1 / (s Cr) + R / (1 + s R C), from the continued fraction of s times the frame's impedance."""
     numerator = frame.numerator[::-1] / frame.middle
     shunt, rest = np.polydiv(np.append(frame.denominator[::-1], 0.0), numerator)
@@ -153,10 +154,10 @@ def _film(frame: Rational) -> dict[str, float]:
     film = both - through_cr
     resistance = film / corner
     return {
-        "=Cf": float(shunt[0] / frame.middle),
-        "=Lr": float(series[0] / frame.middle),
-        "=Rr": float(max(series[1], LEAST_SHARE * resistance)),
-        "=Cr": float(1 / (through_cr * frame.middle)),
+        Set("Cf"): float(shunt[0] / frame.middle),
+        Set("Lr"): float(series[0] / frame.middle),
+        Set("Rr"): float(max(series[1], LEAST_SHARE * resistance)),
+        Set("Cr"): float(1 / (through_cr * frame.middle)),
         "resistance_ohm": float(resistance),
         "capacitance_f": float(1 / (film * frame.middle)),
     }
@@ -168,7 +169,7 @@ def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
     return padded
 
 
-def winding_modes(seen: Seen) -> list[dict[str, float]]:
+def winding_modes(seen: Seen) -> list[dict[Any, float]]:
     """Where one more series branch across the terminals would take most off the relative error, the strongest first."""
     if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None:
         return []
@@ -190,7 +191,7 @@ def winding_modes(seen: Seen) -> list[dict[str, float]]:
     return [start for _, start in found[:MODES_TRIED]]
 
 
-def machine_winding(seen: Seen) -> list[dict[str, float]]:
+def machine_winding(seen: Seen) -> list[dict[Any, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, for cages and irons of several corners."""
     lowest = seen.lowest_inductance_h
     if lowest is None or seen.frequency_hz is None or seen.short_ohm is None:
@@ -201,7 +202,7 @@ def machine_winding(seen: Seen) -> list[dict[str, float]]:
         return []
     resonance = float(frequency[falling[0] + 1])
     # Iron and cage have begun to act at the low end already: a tenth of La, and half of the resistance there.
-    base = {"=Ra": max(0.5 * float(impedance.real[0]), 1e-3), "=La": 1.1 * lowest}
+    base: dict[Any, float] = {Set("Ra"): max(0.5 * float(impedance.real[0]), 1e-3), Set("La"): 1.1 * lowest}
     starts = []
     for iron in (0.5 * resonance, 2 * resonance):
         for exponent in (0.5, 0.8):
@@ -210,11 +211,11 @@ def machine_winding(seen: Seen) -> list[dict[str, float]]:
             slots = (np.pi / 2) ** 2 / ((2 * np.pi * resonance) ** 2 * remaining)
             for cage in (3 * frequency[0], 0.03 * resonance):
                 own = {"slots_f": slots, "path_ohm": 300.0, "iron_hz": iron, "exponent": exponent, "cage_share": CAGE_SHARE, "cage_hz": float(cage)}
-                starts.append({**base, "=Ca": 0.2 * slots, **own})
+                starts.append({**base, Set("Ca"): 0.2 * slots, **own})
     return starts
 
 
-def uniform_line(seen: Seen) -> list[dict[str, float]]:
+def uniform_line(seen: Seen) -> list[dict[Any, float]]:
     """A line whose far end is shorted, from resonances at equal distances: Zc tanh(theta), of which |Z| is Zc in the geometric mean."""
     if seen.frequency_hz is None or seen.short_ohm is None:
         return []
@@ -229,11 +230,11 @@ def uniform_line(seen: Seen) -> list[dict[str, float]]:
     places = np.linspace(crossings[0], crossings[2 * ((crossings.size - 1) // 2)], LINE_POINTS)
     wave_ohm = float(np.exp(np.mean(np.interp(places, frequency[whole], np.log(np.abs(seen.short_ohm[whole]))))))
     loss_ohm = 2 * float(np.min(np.abs(seen.short_ohm[whole])))
-    line = {"=La": wave_ohm * delay_s, "=Cf": 2 * delay_s / wave_ohm, "share": 0.5}
-    return [{**line, "=Ra": ra * loss_ohm, "=Ca": LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
+    line = {Set("La"): wave_ohm * delay_s, Set("Cf"): 2 * delay_s / wave_ohm, "share": 0.5}
+    return [{**line, Set("Ra"): ra * loss_ohm, Set("Ca"): LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
 
 
-def winding_sections(seen: Seen) -> list[dict[str, float]]:
+def winding_sections(seen: Seen) -> list[dict[Any, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, its capacitance shared in several ways."""
     lowest = seen.lowest_inductance_h
     if lowest is None or seen.frequency_hz is None or seen.short_ohm is None or seen.parameters.keys() & LINES:
@@ -248,12 +249,12 @@ def winding_sections(seen: Seen) -> list[dict[str, float]]:
     for part in SPREAD_PARTS:
         slots = part * whole / ACTING
         farad = max(seen.parameters.get("Cf", 2 * slots), slots / MOST_SPREAD)
-        base = {"=Ra": ohm, "=La": lowest, "=Ca": (1 - part) * whole, "=Cf": farad, "share": slots / farad, "sections": 8.0}
+        base = {Set("Ra"): ohm, Set("La"): lowest, Set("Ca"): (1 - part) * whole, Set("Cf"): farad, "share": slots / farad, "sections": 8.0}
         starts += [{**base, "coupling": coupling} for coupling in LINKS]
     return starts
 
 
-def suppressor_capacitor(seen: Seen) -> list[dict[str, float]]:
+def suppressor_capacitor(seen: Seen) -> list[dict[Any, float]]:
     """The capacitor and the winding off the short-circuit sweep, and the frame off what they leave of the open one.
 
     Without the capacitor a fit takes it for the frame, so all elements start anew. Where noise or another effect hides some of that: from
@@ -277,35 +278,35 @@ def _fractions(numerator: FloatArray, denominator: FloatArray) -> tuple[float, f
     return float(straight[0]), float(real[0]), float(of_real), complex(paired[0]), complex(of_pair)
 
 
-def _suppressed(short: Rational) -> dict[str, float]:
+def _suppressed(short: Rational) -> dict[Any, float]:
     """The winding, and the capacitor with its wires across it, from the partial fractions of their admittance."""
     middle = short.middle
     parts = _fractions(short.denominator[::-1], short.numerator[::-1])
     if parts is None:
-        return {"=La": np.nan}
+        return {Set("La"): np.nan}
     slope, real, by_winding, pair, by_capacitor = parts
     inductance = 1 / (by_winding * middle)
     esl = (pair / (2j * pair.imag * by_capacitor * middle)).real
     capacitance = 1 / (esl * np.abs(pair * middle) ** 2)
     return {
-        "=Ra": float(max(-real * middle * inductance, LEAST_OHM)),
-        "=La": float(inductance),
+        Set("Ra"): float(max(-real * middle * inductance, LEAST_OHM)),
+        Set("La"): float(inductance),
         # A winding's own capacitance is next to nothing beside it.
-        "=Ca": float(max(slope / middle, LEAST_SHARE * capacitance)),
+        Set("Ca"): float(max(slope / middle, LEAST_SHARE * capacitance)),
         "capacitance_f": float(capacitance),
         "esr_ohm": float(max(-2 * pair.real * middle * esl, LEAST_OHM)),
         "esl_h": float(esl),
     }
 
 
-def _unsuppressed(seen: Seen, start: Mapping[str, float]) -> list[dict[str, float]]:
+def _unsuppressed(seen: Seen, start: Start) -> list[dict[Any, float]]:
     """The way to the frame from what winding and capacitor leave of the open-circuit sweep; a small motor's, since that may be little."""
     if seen.frame_hz is None or seen.open_ohm is None:
         return [{}]
     step = max(1, seen.frame_hz.size // FRAME_POINTS)
     frequency, measured = seen.frame_hz[::step], seen.open_ohm[::step]
     s: ComplexArray = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
-    winding: ComplexArray = 1 / (1 / (start["=Ra"] + s * start["=La"]) + s * start["=Ca"])
+    winding: ComplexArray = 1 / (1 / (start[Set("Ra")] + s * start[Set("La")]) + s * start[Set("Ca")])
     branch: ComplexArray = 1 / (start["esr_ohm"] + s * start["esl_h"] + 1 / (s * start["capacitance_f"]))
     short: ComplexArray = 1 / (1 / winding + branch)
     with np.errstate(all="ignore"):
@@ -320,8 +321,8 @@ def _unsuppressed(seen: Seen, start: Mapping[str, float]) -> list[dict[str, floa
             known &= error <= MOST_LOST * np.abs(frame)
     found = frames(frequency[known], frame[known], error[known]) if np.count_nonzero(known) >= LEAST_POINTS else []
     # A fit without the second of a pair takes its capacitance for the frame's.
-    taken = [{"-Cf": start["capacitance_f"]}] if seen.place == "pair" else []
-    return [{f"={name}": value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
+    taken = [{Subtract("Cf"): start["capacitance_f"]}] if seen.place == "pair" else []
+    return [{Set(name): value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
 
 
 def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> tuple[ComplexArray, FloatArray]:
@@ -330,7 +331,7 @@ def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> t
     return alone, np.abs(alone) ** 2 * np.hypot(error / np.abs(impedance) ** 2, np.abs(branch))
 
 
-def _shares(seen: Seen) -> list[dict[str, float]]:
+def _shares(seen: Seen) -> list[dict[Any, float]]:
     henry = seen.lowest_inductance_h
     if henry is None or seen.frame_hz is None or seen.open_ohm is None or seen.frequency_hz is None:
         return []
@@ -345,22 +346,22 @@ def _shares(seen: Seen) -> list[dict[str, float]]:
         half = min(0.5 * (1 - share) * whole, SMALL_FRAME["Cf"])
         # The capacitor raises the inductance that a sweep shows below their resonance.
         own = henry / (1 + (2 * np.pi * seen.frequency_hz[0]) ** 2 * henry * capacitance)
-        frame = {"=Cf": half, "=Cr": half, "=Lr": SMALL_FRAME["Lr"], "=Rr": SMALL_FRAME["Rr"]}
+        frame = {Set("Cf"): half, Set("Cr"): half, Set("Lr"): SMALL_FRAME["Lr"], Set("Rr"): SMALL_FRAME["Rr"]}
         part = {"capacitance_f": capacitance, "esr_ohm": max(0.5 * abs(seen.open_ohm[dip].real), 2e-3), "esl_h": float(np.clip(esl, 1e-9, 1e-7))}
-        starts += [{"=La": own, "=Ca": ca, **frame, **part} for ca in (2e-11, 2e-10)]
+        starts += [{Set("La"): own, Set("Ca"): ca, **frame, **part} for ca in (2e-11, 2e-10)]
     return starts
 
 
-def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
+def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
     """A rod in series with the winding; and the inductance at the low end of the sweep, shared in several ways between the two."""
     henry = seen.lowest_inductance_h
     if henry is None or seen.short_ohm is None:
         return []
     return _from(seen.choked, _choke) + [
         {
-            "=Ra": max(float(seen.short_ohm.real[0]), 1e-3),
-            "=La": (1 - part) * henry,
-            "=Ca": farad,
+            Set("Ra"): max(float(seen.short_ohm.real[0]), 1e-3),
+            Set("La"): (1 - part) * henry,
+            Set("Ca"): farad,
             "inductance_h": part * henry,
             "share": 0.6,
             "corner_hz": corner_hz,
@@ -372,20 +373,20 @@ def suppressor_choke(seen: Seen) -> list[dict[str, float]]:
     ]
 
 
-def _choke(short: Rational) -> dict[str, float]:
+def _choke(short: Rational) -> dict[Any, float]:
     """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: of the poles, the real one is the rod's."""
     parts = _fractions(short.numerator[::-1], short.denominator[::-1])
     if parts is None:
-        return {"=La": np.nan}
+        return {Set("La"): np.nan}
     slope, real, by_rod, pair, by_winding = parts
     corner = -real * short.middle
     ferrite, air = -by_rod * short.middle / corner**2, slope / short.middle
     capacitance = 1 / (2 * by_winding.real * short.middle)
     inductance = 1 / (np.abs(pair * short.middle) ** 2 * capacitance)
     return {
-        "=Ra": float(-(by_winding * pair.conjugate()).real / by_winding.real * short.middle * inductance),
-        "=La": float(inductance),
-        "=Ca": float(capacitance),
+        Set("Ra"): float(-(by_winding * pair.conjugate()).real / by_winding.real * short.middle * inductance),
+        Set("La"): float(inductance),
+        Set("Ca"): float(capacitance),
         "inductance_h": float(air + ferrite),
         "share": float(ferrite / (air + ferrite)),
         "corner_hz": float(corner / (2 * np.pi)),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from motoremi.model.effects import readings
 from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.start import Scale
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -50,7 +51,7 @@ EFFECTS = (
         ),
         change=_sections,
         starts=tuple(
-            {"share": k, "sections": 8.0, "coupling": c, "*Ca": rest}
+            {"share": k, "sections": 8.0, "coupling": c, Scale("Ca"): rest}
             for k, rest in ((0.02, 1.0), (0.08, 0.8), (0.25, 0.5), (0.8, 0.3))
             for c in (0.02, 0.5)
         ),

@@ -9,6 +9,7 @@ from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Node, Parallel, Scaled, Series
 from motoremi.model.effects import readings
 from motoremi.model.effects.effect import Effect
+from motoremi.model.effects.start import Subtract
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
@@ -86,7 +87,7 @@ EFFECTS = (
         ),
         change=_choke,
         starts=tuple(
-            {"inductance_h": x, "share": 0.8, "corner_hz": f, "capacitance_f": 2e-12, "resistance_ohm": 0.02, "-La": x}
+            {"inductance_h": x, "share": 0.8, "corner_hz": f, "capacitance_f": 2e-12, "resistance_ohm": 0.02, Subtract("La"): x}
             for x in (1e-6, 4e-6)
             for f in (3e6, 2e7)
         ),

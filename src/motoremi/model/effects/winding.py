@@ -11,6 +11,7 @@ from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Parallel, Series, with_law
 from motoremi.model.effects import readings
 from motoremi.model.effects.effect import Change, Effect
+from motoremi.model.effects.start import Scale
 from motoremi.model.laws import Law
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
@@ -118,7 +119,7 @@ EFFECTS = (
         change=scale("La", materials.lamination_factor),
         # A thin, high-cornered share is a false valley next to the true one, so the grid covers both.
         # Above the corner only (1 - share) of La is left, so La has to start as much higher.
-        starts=tuple({"share": k, "corner_hz": f, "*La": 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
+        starts=tuple({"share": k, "corner_hz": f, Scale("La"): 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
         responds={"dc-bias": {"corner_hz": 1.25, "share": 0.85}, "second-temperature": {"corner_hz": 1.1}},
         seen_as=("inductance-diffusion",),
     ),
@@ -236,7 +237,9 @@ EFFECTS = (
         excludes=("machine-winding",),
         change=_distributed,
         # Without the effect, what is spread across the winding was taken for a part of Ca.
-        starts=tuple({"share": k, "*Ca": c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))),
+        starts=tuple(
+            {"share": k, Scale("Ca"): c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))
+        ),
         reader=readings.uniform_line,
     ),
     Effect(

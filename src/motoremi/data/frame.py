@@ -1,0 +1,41 @@
+"""The columns of a pandas table, read as strictly as those of a file: names and units as there, refused where a number is in doubt."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.columns import columns_found, find_columns, unit_trouble
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, column_values, find_pair, impedance_of
+from motoremi.data.table import Table
+from motoremi.errors import BadInput
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def impedance_in(frame: pd.DataFrame) -> tuple[FloatArray, ComplexArray, FloatArray | None]:
+    """Frequency in hertz, impedance in ohm, and the relative noise where it is stated.
+
+    Raises
+    ------
+    BadInput
+        If a column is missing, has no or an unknown unit or stands there twice, or a cell is no finite number.
+    """
+    table = _table(frame)
+    found = find_columns(table)
+    pair = find_pair(found)
+    if pair is None or "frequency" not in found:
+        trouble = unit_trouble(table)
+        raise BadInput(f"frame: {f'{trouble}; ' if trouble else ''}found {columns_found(table)}, but a sweep needs the columns {IMPEDANCE_COLUMNS}")
+    frequency = column_values(table, found["frequency"])
+    sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
+    return frequency, impedance_of(table, found, pair, frequency), sigma
+
+
+def _table(frame: pd.DataFrame) -> Table:
+    """The frame as text, in which every number survives exactly; its rows are counted from 1."""
+    # One by one, since a frame may hold two columns of one name.
+    columns = [frame.iloc[:, place].tolist() for place in range(frame.shape[1])]
+    cells = [[repr(cell) if isinstance(cell, float) else str(cell) for cell in row] for row in zip(*columns, strict=True)]
+    return Table("frame", {}, tuple(str(title) for title in frame.columns), cells, list(range(1, len(cells) + 1)))

@@ -1,0 +1,68 @@
+"""A fleet's results as pandas tables."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motoremi.arrays import JsonDict
+from motoremi.errors import BadInput
+from motoremi.fleet.run import RESULTS, stored_results
+from motoremi.fleet.together import together
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None) -> dict[str, pd.DataFrame]:
+    """The tables of a fleet's results.
+
+    Parameters
+    ----------
+    folder : path
+        Where `motoremi fleet` put its results; the last result of each session counts.
+    golden : str, optional
+        As in `motoremi fleet --golden`.
+
+    Returns
+    -------
+    dict
+        `values`: a row for each session, a column for each parameter with its unit at the end (`La_h`, `rms_error_percent`), and `time_s`
+        (since 1970) and `serial` where they are known; `parameters`: distribution of each column over the sessions; `drift`, `outliers`,
+        `limits`, `beyond_limits` and `troubles`, in SI units.
+
+    Raises
+    ------
+    BadInput
+        If there are no results.
+    """
+    log = Path(folder) / RESULTS
+    last = {str(result["session"]): result for result in stored_results(log)}
+    if not last:
+        raise BadInput(f"{folder}: no results of a fleet (a file {RESULTS}) in this folder")
+    return frames_of(together(last.values(), golden))
+
+
+def frames_of(figures: JsonDict) -> dict[str, pd.DataFrame]:
+    """The same from the figures that `together` gives."""
+    import pandas as pd
+
+    titles = {name: _title(name, entry["unit"]) for name, entry in figures["parameters"].items()}
+    values = pd.DataFrame(figures["values"]).sort_index().rename(columns=titles)
+    values.index.name = "session"
+    for title, known in (("time_s", figures["times"]), ("serial", figures["serials"])):
+        if known:
+            values[title] = pd.Series(known)
+    parameters = pd.DataFrame.from_dict(figures["parameters"], orient="index").rename(index=titles)
+    limits = pd.DataFrame.from_dict(figures["limits"], orient="index").rename(index=titles)
+    lists = {name: pd.DataFrame(figures[name]) for name in ("drift", "outliers", "beyond_limits", "troubles")}
+    return {"values": values, "parameters": parameters, "limits": limits, **lists}
+
+
+def _title(name: str, unit: str) -> str:
+    """The name of a parameter with its unit at the end, where it does not stand there already."""
+    if name == "error":
+        return "rms_error_percent"
+    ending = f"_{unit.lower()}"
+    return name if not unit or name.endswith(ending) else f"{name}{ending}"

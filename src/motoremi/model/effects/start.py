@@ -1,0 +1,51 @@
+"""Start values of an effect: of its own parameters, and what they do to the elements that the motor has already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+# What a start leaves of an element from which it takes more than there is.
+LEAST_LEFT = 0.1
+
+
+@dataclass(frozen=True)
+class Set:
+    """The element's value, whatever it was: what the sweeps themselves say of it."""
+
+    element: str
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The factor of the element's value."""
+
+    element: str
+
+
+@dataclass(frozen=True)
+class Subtract:
+    """What is taken off the element's value, most of it at most."""
+
+    element: str
+
+
+# Values in SI units: of the effect's parameters by short name, and of elements by `Set`, `Scale` or `Subtract`. Not told to the type checker:
+# a dictionary of names alone would be none of both.
+Start: TypeAlias = Mapping[Any, float]
+
+
+def own_values(start: Start) -> dict[str, float]:
+    """Those of the effect's own parameters."""
+    return {key: value for key, value in start.items() if isinstance(key, str)}
+
+
+def with_start(values: Mapping[str, float], start: Start, label: str = "") -> dict[str, float]:
+    """Values of a motor's parameters with an effect's start: elements changed, its own parameters under `label`."""
+
+    def taken(name: str, value: float) -> float:
+        return max(value * start.get(Scale(name), 1.0) - start.get(Subtract(name), 0.0), LEAST_LEFT * value)
+
+    changed = {name: start.get(Set(name), taken(name, value) if value > 0 else value) for name, value in values.items()}
+    return {**changed, **{f"{label}.{name}": value for name, value in own_values(start).items()}}

@@ -1,0 +1,47 @@
+"""One thread in the linear algebra: on matrices as small as here more threads cost more than they bring."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+class _OneThread:
+    """Whoever comes first sets the limit, and whoever leaves last lifts it: it is the same for all threads of a process."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._inside = 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                self._limits = threadpool_limits(limits=1, user_api="blas")
+            self._inside += 1
+
+    def __exit__(self, *error: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                self._limits.restore_original_limits()
+
+
+_one_thread = _OneThread()
+
+
+def one_blas_thread(work: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same function, with one thread in the linear algebra."""
+
+    @functools.wraps(work)
+    def limited(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        with _one_thread:
+            return work(*args, **kwargs)
+
+    return limited
