@@ -196,8 +196,8 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
     BadInput
         If an element differs between the two sweeps, or an effect of the user's own wraps the motor in a way that has no such parts.
     """
-    if motor.apart:
-        differing = ", ".join(apart.element for apart in motor.apart)
+    if motor.open_factors:
+        differing = ", ".join(factor.element for factor in motor.open_factors)
         raise BadInput(
             f"{differing} differs between the short- and the open-circuit sweep: no one network is both; drop common-mode-flux for this export"
         )
@@ -255,7 +255,7 @@ _PLACEHOLDER = Leaf("motor", laws.resistor, ())
 
 def _bare(motor: Motor) -> Motor:
     """The motor without what is attached to it."""
-    return dataclasses.replace(motor, apart=(), attachments=())
+    return dataclasses.replace(motor, open_factors=(), attachments=())
 
 
 def _line_of(seen: Node) -> tuple[Line | None, Node | None]:

@@ -1,4 +1,4 @@
-"""Errors of analyser and fixture beyond their specification; what the specification allows is in `data.analyser`."""
+"""Errors of analyser and fixture beyond their specification; errors within the specification are in `data.analyser`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Scaled, Series, Shunted, ThroughCable
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.laws import Law
-from motoremi.model.motor import BOTH, Apart, Motor, Terminations
+from motoremi.model.motor import BOTH, Motor, OpenSweepFactor, Terminations
 from motoremi.model.parameter import Parameter
 
 
@@ -34,7 +34,8 @@ def _contact(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> M
 
 
 def _drift(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    return dataclasses.replace(motor, apart=(*motor.apart, Apart("Ca", laws.drift_factor, (parameters["capacitance_change"],))))
+    drift = OpenSweepFactor("Ca", laws.drift_factor, (parameters["capacitance_change"],))
+    return dataclasses.replace(motor, open_factors=(*motor.open_factors, drift))
 
 
 EFFECTS = (
@@ -138,7 +139,7 @@ EFFECTS = (
         look_alikes=("brush-contact",),
         deciding="clean the contacts and repeat both sweeps",
         source="physics notes A.2",
-        # One signed parameter serves both sweeps: a contact that is bad in both at once is a lead's resistance.
+        # One signed parameter for both sweeps: a contact resistance in both sweeps at once cannot be distinguished from that of the leads.
         change=_contact,
         starts=({"resistance_ohm": 0.3}, {"resistance_ohm": -0.3}),
         responds={"contacts-cleaned": {"resistance_ohm": 0.0}},
