@@ -27,7 +27,7 @@ from motoremi.model.effects import identifiers
 from motoremi.simulate.analyser import SimulatedAnalyser, noise_sd_ohm
 from motoremi.simulate.effects import MOTOR_EFFECTS, OUTSIDE_EFFECTS
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.strange import STRANGE_EFFECTS, StrangeMotor
+from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
 PROTOCOL_HZ = np.geomspace(150e3, 30e6, 401)
 
@@ -71,7 +71,7 @@ def test_any_count_covers_the_departures_evenly_and_half_of_each_hide_one_effect
         assert hiding == (10 if departure in ("weak-effect", "outside", "three") else 5)
         assert {len(one.hidden) for one in ones} <= ({3} if departure == "three" else {0, 1})
     outside = {one.hidden[0] for one in draw_hard_many(2, 40 * len(DEPARTURES)) if one.departure == "outside"}
-    assert outside == {*OUTSIDE_EFFECTS, *STRANGE_EFFECTS}
+    assert outside == {*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS}
     assert {name for one in cases if one.departure != "outside" for name in one.hidden} <= set(identifiers())
 
 
@@ -90,9 +90,9 @@ def test_generators_share_nothing_with_what_they_test():
     import motoremi.blind.departures
     import motoremi.blind.disturbances
     import motoremi.blind.weak
-    import motoremi.simulate.strange
+    import motoremi.simulate.uncatalogued
 
-    for module in (motoremi.blind.departures, motoremi.blind.disturbances, motoremi.blind.weak, motoremi.simulate.strange):
+    for module in (motoremi.blind.departures, motoremi.blind.disturbances, motoremi.blind.weak, motoremi.simulate.uncatalogued):
         text = Path(module.__file__).read_text()
         assert not any(f"motoremi.{room}" in text for room in ("model", "fitting", "diagnosis"))
 
@@ -299,14 +299,14 @@ def _without(motor: SimulatedMotor) -> SimulatedMotor:
     return dataclasses.replace(motor, effects=())
 
 
-@pytest.mark.parametrize("name", STRANGE_EFFECTS)
-def test_strange_motors_are_passive_and_nothing_like_the_seven_elements(name):
+@pytest.mark.parametrize("name", UNCATALOGUED_EFFECTS)
+def test_uncatalogued_motors_are_passive_and_nothing_like_the_seven_elements(name):
     for seed in (1, 2):
-        motor = StrangeMotor(SimulatedMotor.random(seed), name, seed)
+        motor = UncataloguedMotor(SimulatedMotor.random(seed), name, seed)
         assert all(np.all(motor.impedance(termination, PROTOCOL_HZ).real > 0) for termination in ("short", "open"))
         assert misfit(motor, PROTOCOL_HZ, 3, 3) > 30
-    with pytest.raises(BadInput, match="strange"):
-        StrangeMotor(SimulatedMotor.random(1), "core-loss", 1)
+    with pytest.raises(BadInput, match="unknown effect"):
+        UncataloguedMotor(SimulatedMotor.random(1), "core-loss", 1)
 
 
 def test_smooth_errors_have_the_size_that_is_asked_for():

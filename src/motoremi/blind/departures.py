@@ -29,7 +29,7 @@ from motoremi.simulate.analyser import SimulatedAnalyser, noise_sd_ohm
 from motoremi.simulate.effects import OUTSIDE_EFFECTS
 from motoremi.simulate.hidden import ELEMENTS, log_uniform, uniform
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.strange import STRANGE_EFFECTS, StrangeMotor
+from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
 Generator: TypeAlias = np.random.Generator
 # Termination, number of the repeat, frequencies, impedance so far -> impedance.
@@ -50,7 +50,7 @@ class _Bench:
     """How one case is measured; a departure changes it. Each part of it draws from a random stream of its own."""
 
     motor_seed: int
-    motor: SimulatedMotor | StrangeMotor
+    motor: SimulatedMotor | UncataloguedMotor
     analyser: SimulatedAnalyser
     grids: dict[Termination, FloatArray] = field(default_factory=lambda: {name: np.geomspace(*SPAN_HZ, POINTS) for name in TERMINATIONS})
     repeats: int = REPEATS
@@ -68,7 +68,7 @@ class _Bench:
 
     @property
     def plain(self) -> SimulatedMotor:
-        return self.motor.motor if isinstance(self.motor, StrangeMotor) else self.motor
+        return self.motor.motor if isinstance(self.motor, UncataloguedMotor) else self.motor
 
     def sweeps(self) -> list[ImpedanceSweep]:
         measured = []
@@ -303,7 +303,7 @@ class HardCase:
         """What was measured; `hidden` replaces what the motor hides, all else the same."""
         return self._bench(hidden).sweeps()
 
-    def motor(self, hidden: Sequence[str] | None = None) -> SimulatedMotor | StrangeMotor:
+    def motor(self, hidden: Sequence[str] | None = None) -> SimulatedMotor | UncataloguedMotor:
         """The motor with what it hides, as weak as it is, before anything moved."""
         return self._bench(hidden).motor
 
@@ -319,9 +319,9 @@ class HardCase:
 
     def _bench(self, hidden: Sequence[str] | None = None) -> _Bench:
         names = self.hidden if hidden is None else tuple(hidden)
-        strange = [name for name in names if name in STRANGE_EFFECTS]
-        plain = SimulatedMotor.random(self.motor_seed, [name for name in names if name not in strange])
-        motor = StrangeMotor(plain, strange[0], self.motor_seed) if strange else plain
+        uncatalogued = [name for name in names if name in UNCATALOGUED_EFFECTS]
+        plain = SimulatedMotor.random(self.motor_seed, [name for name in names if name not in uncatalogued])
+        motor = UncataloguedMotor(plain, uncatalogued[0], self.motor_seed) if uncatalogued else plain
         bench = _Bench(self.motor_seed, motor, SimulatedAnalyser(self.motor_seed + 1))
         DEPARTURES[self.departure](bench, np.random.default_rng([self.motor_seed, zlib.crc32(self.departure.encode())]))
         return bench
@@ -337,7 +337,7 @@ def draw_hard(seed: int, index: int) -> HardCase:
     known = catalogue_kinds()["one"]
     hidden: tuple[str, ...] = ()
     if departure == "outside":
-        hidden = (str(rng.choice([*OUTSIDE_EFFECTS, *STRANGE_EFFECTS])),)
+        hidden = (str(rng.choice([*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS])),)
     elif departure == "three":
         hidden = tuple(str(name) for name in rng.choice(known, 3, replace=False))
         while set(hidden) >= _COPPER:

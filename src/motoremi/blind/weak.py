@@ -14,7 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.simulate.analyser import noise_sd_ohm
 from motoremi.simulate.hidden import ELEMENTS
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.strange import StrangeMotor
+from motoremi.simulate.uncatalogued import UncataloguedMotor
 
 # Which sizes make an effect weak, each as the power of its strength that it goes with.
 STRENGTH: Mapping[str, Mapping[str, float]] = {
@@ -66,7 +66,7 @@ def weakened(motor: SimulatedMotor, strength: float) -> SimulatedMotor:
     return dataclasses.replace(motor, effects=tuple(effects))
 
 
-def misfit(motor: SimulatedMotor | StrangeMotor, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:
+def misfit(motor: SimulatedMotor | UncataloguedMotor, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:
     """What the best seven elements leave of a motor, rms in multiples of the random noise of the mean of the repeats."""
     truth = [motor.impedance(termination, frequency_hz) for termination in TERMINATIONS]
     weights = [np.abs(z) / noise_sd_ohm(frequency_hz, z, bandwidth_factor) * np.sqrt(repeats / 2) for z in truth]

@@ -1,4 +1,4 @@
-"""Source-side effects: what may be missing from the prediction of a spectrum, as changes of the set-up."""
+"""The catalogue of effects of source and path for spectra, as changes of the set-up."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ class SourceEffect:
     name, title : str
     group : {"source", "path", "outside"}
     formula, limit, signature, deciding, source : str
-        For people, as in the catalogue of the motor's effects.
+        Descriptions, as in the catalogue of the motor's effects.
     look_alikes : tuple of str
     parameters : tuple of Parameter
         Short names with ranges.
     starts : tuple of mapping
         Start values of a fit.
     change : callable
-        `change(setup, values)` gives the set-up with the effect.
+        `change(setup, values)` returns the set-up with the effect.
     following : tuple of (id, why)
-        The measurement that decides.
+        The next measurement, which decides.
     """
 
     name: str
@@ -61,7 +61,7 @@ class SourceEffect:
         return (self.name,)
 
     def to_dict(self) -> JsonDict:
-        """What a person or a program may want to know."""
+        """Plain data of the description."""
         plain = {key: getattr(self, key) for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source")}
         plain["identifiers"] = [self.name]
         plain["repeatable"] = False
@@ -75,7 +75,7 @@ def _arc(setup: Setup, values: Values) -> Setup:
 
 
 def _jitter(setup: Setup, values: Values) -> Setup:
-    # While events do not overlap behind the filter their exact moments do not show, and the tables of jitter need not be worked out.
+    # If events do not overlap behind the filter, their exact times have no influence, and the tables for jitter are not needed.
     touching = not separate(setup.source.repetition_hz, setup.receiver.band)
     jitter_s = values["jitter_s"] if touching else 0.0
     return replace(setup, source=replace(setup.source, missing_share=values["missing_share"], jitter_s=jitter_s))
@@ -202,7 +202,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
 
 
 def source_effects() -> tuple[SourceEffect, ...]:
-    """The catalogue, in the order of the contract."""
+    """The catalogue in its fixed order."""
     return EFFECTS
 
 
@@ -217,7 +217,7 @@ def find_source_effect(name: str) -> SourceEffect:
     Raises
     ------
     BadInput
-        If there is none, naming the closest.
+        If there is none; the message suggests the closest name.
     """
     for effect in EFFECTS:
         if effect.name == name:
