@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from motoremi.blind import hard, hard_table
 from motoremi.blind.calibration import by_kind_of_verdict, kind_of, worst_kind
 from motoremi.blind.departures import DEPARTURES, HardCase, draw_hard, draw_hard_many
-from motoremi.blind.disturbances import DoubledAnalyser, behind_fixture, changed, smooth_error, wandering
+from motoremi.blind.disturbances import DoubledAnalyser, behind_fixture, changed, flicker_noise, smooth_error
 from motoremi.blind.hard import PlayedHard, play_hard, summary
-from motoremi.blind.hard_scoring import Element, attached, strict, sure_and_wrong, true_word
+from motoremi.blind.hard_scoring import Element, attached, statement_is_true, strict, sure_and_wrong
 from motoremi.blind.scoring import Answer
 from motoremi.blind.weak import STRENGTH, misfit, weakened
 from motoremi.cli.app import app
@@ -200,7 +200,7 @@ def test_flicker_is_alike_from_point_to_point(seed):
 
 def test_wandering_noise_falls_as_one_over_frequency():
     rng = np.random.default_rng(3)
-    power = np.mean([np.abs(np.fft.rfft(wandering(rng, 1024)))[1:400] ** 2 for _ in range(50)], axis=0)
+    power = np.mean([np.abs(np.fft.rfft(flicker_noise(rng, 1024)))[1:400] ** 2 for _ in range(50)], axis=0)
     slope = np.polyfit(np.log(np.arange(1, 400)), np.log(power), 1)[0]
     assert slope == pytest.approx(-1, abs=0.1)
 
@@ -379,7 +379,7 @@ def test_strict_worth(departure, hidden, answer, findings, worth):
     one = case(departure, *hidden)
     assert strict(one, answer, findings, hidden) == worth
     if worth in ("right", "family"):
-        assert true_word(one, answer, findings, hidden)
+        assert statement_is_true(one, answer, findings, hidden)
 
 
 def test_what_cannot_be_seen_need_not_be_named():
@@ -395,9 +395,9 @@ def test_confidence_speaks_of_families_of_any_size():
     large = said("family", "core-loss", families=((*FAMILY, "field-coupling"),))
     one = case("few-points", "field-coupling")
     assert strict(one, large, (), one.hidden) == "wrong"
-    assert true_word(one, large, (), one.hidden)
-    assert not true_word(case("few-points"), said("instrument"), (), ())
-    assert not true_word(one, said("adequate"), (), one.hidden)
+    assert statement_is_true(one, large, (), one.hidden)
+    assert not statement_is_true(case("few-points"), said("instrument"), (), ())
+    assert not statement_is_true(one, said("adequate"), (), one.hidden)
 
 
 @pytest.mark.parametrize(

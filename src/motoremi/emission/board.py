@@ -44,7 +44,7 @@ class Candidate:
 
     @property
     def done(self) -> bool:
-        """Always False: chi2 cannot end the search, because the ripple absorbs errors (one effect improved a model of chi2 0.65 by 1800 log units)."""
+        """Always False: chi2 cannot end the search, since the ripple absorbs errors. One effect improved a model of chi2 0.65 by 1800 log units."""
         return False
 
 

@@ -21,7 +21,7 @@ LOOKS = ((VERMILION, "--"), (BLUE, "-"), (GREEN, "-."))
 
 
 def prepare(folder: Path) -> None:
-    """Make the folder, or say in one line why not, before anything is computed."""
+    """Create the folder before anything is computed; raises `StorageError` if that fails."""
     with as_storage_error(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
