@@ -109,7 +109,7 @@ def test_pixels_are_written_anew_and_small():
 
 def test_a_large_file_is_no_logo(tmp_path):
     (tmp_path / "big.svg").write_text(SVG + " " * 2_100_000)
-    with pytest.raises(me.BadInput, match="too many for a logo"):
+    with pytest.raises(me.BadInput, match="too large for a logo"):
         read_laboratory(profile(tmp_path, 'name = "x"\nlogo = "big.svg"'))
 
 

@@ -6,17 +6,17 @@ import os
 import sys
 from typing import Any, NoReturn
 
-# What a shell, and typer, make of Ctrl-C.
+# Exit status of a command that was stopped by Ctrl-C, as in shells.
 STOPPED = 130
 
 
 def main() -> None:
-    """Run a command; every expected trouble is one line on standard error and an exit status."""
-    # The matrices here are small: a second thread in the linear algebra costs more than it brings.
+    """Run a command; every expected error is one line on standard error and an exit status."""
+    # The matrices are small, so that several threads in the linear algebra are slower than one.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     try:
-        status = _obeyed()
+        status = _run()
     except KeyboardInterrupt:
         status = STOPPED
     if status == STOPPED:
@@ -24,8 +24,8 @@ def main() -> None:
     sys.exit(status or 0)
 
 
-def _obeyed() -> int | None:
-    """Do what the command line says; its exit status."""
+def _run() -> int | None:
+    """Run the command of the command line; its exit status."""
     import typer
 
     from motoremi.cli.app import app
@@ -33,7 +33,7 @@ def _obeyed() -> int | None:
     from motoremi.cli.settings import hoisted
     from motoremi.errors import MotoremiError
 
-    # Wrong use, whichever library typer takes it from: BadParameter, UsageError, then their common base.
+    # The base class of errors of use; typer may take it from click or from a copy: BadParameter, UsageError, then their common base.
     wrong_use: Any = typer.BadParameter.__mro__[2]
     try:
         front, rest = hoisted(sys.argv[1:])
@@ -48,7 +48,7 @@ def _obeyed() -> int | None:
     except typer.Abort:
         return STOPPED
     except BrokenPipeError:
-        # The reader of our output went away: nothing is wrong on our side.
+        # The program that reads the output has closed it, which is not an error.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
@@ -60,7 +60,7 @@ def _obeyed() -> int | None:
 
 
 def fail(message: str, status: int) -> NoReturn:
-    """Say what is wrong in one line and leave."""
+    """Print an error in one line and exit."""
     from motoremi.data.text import clean_text
 
     sys.stderr.write(f"motoremi: {clean_text(' '.join(message.split()))}\n")
