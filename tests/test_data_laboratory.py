@@ -142,6 +142,6 @@ def test_two_reports_at_once_get_two_numbers(tmp_path):
 
 def test_a_damaged_register_is_one_line(tmp_path):
     register_of(tmp_path / "lab.toml").write_text("A-0001\n")
-    with pytest.raises(me.BadInput, match="line 1: is no entry"):
+    with pytest.raises(me.BadInput, match="line 1: is not an entry"):
         take_number(tmp_path / "lab.toml", "A-", "x", date(2026, 1, 1))
     assert isinstance(register_of(Path("a/lab.toml")).name, str)

@@ -27,7 +27,7 @@ def predict_(
         typer.Option(
             "--corrections",
             metavar="FILE",
-            help="Attenuators, cables, transducers in front of the receiver (TOML with [[correction]]); replaces earlier ones; kept.",
+            help="Attenuators, cables, transducers in front of the receiver (TOML with correction tables); replaces earlier ones; kept.",
         ),
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture as SVG, PNG or PDF.")] = None,

@@ -64,7 +64,7 @@ def import_(
         typer.Option(
             "--corrections",
             metavar="FILE",
-            help="Corrections for the parts between motor and instruments: TOML with [[correction]] tables (motoremi procedures --keys).",
+            help="Corrections for the parts between motor and instruments: TOML with correction tables (motoremi procedures --keys).",
         ),
     ] = None,
     limit: Annotated[
