@@ -77,8 +77,8 @@ def page(folder: Path) -> Iterator[str]:
         "means "
         "better than 1 %. Laws of the catalogue are marked with their effect; the others show what the catalogue lacks. "
         "Magnetic laws are written for L and stand for the permeability, dielectric ones for C and the permittivity. "
-        "The law of Havriliak and Negami describes these permittivities best, but the difference is below their accuracy of 1 %. No effect uses it: "
-        "one sweep of a motor cannot distinguish its second exponent from a second relaxation, and `dielectric-relaxation` can be added twice."
+        "The law of Havriliak and Negami describes these permittivities best, but the difference is below their accuracy of 1 %. No effect uses "
+        "it: one sweep of a motor cannot distinguish its second exponent from a second relaxation, and `dielectric-relaxation` can be added twice."
     )
     warming = []
     for name, frequency, value, candidates in materials(folder):

@@ -1,7 +1,7 @@
 """Packages with a circuit language of their own, as they are shipped: impedance.py and pyimpspec.
 
 Neither fits two sweeps that share parameters, so each is given the open-circuit sweep, which depends on all seven elements, and its result is
-judged by both. They cannot be interrupted during a fit, and a hundred motors would take minutes, so only a few motors are used, with more time each.
+judged by both. They cannot be interrupted during a fit, and a hundred motors would take minutes, so only a few motors are used, with more time.
 """
 
 from __future__ import annotations

@@ -170,10 +170,10 @@ def page(folder: Path) -> Iterator[str]:
     yield "Made by `python -m benchmarks.real_cores FOLDER --out docs/cores.md`; nothing in it is written by hand."
     yield ""
     yield (
-        "Published measurements of parts, one sweep each, of a single winding or line and not of a motor. Curves without a clear licence are not part "
-        "of motoremi: `FOLDER` contains the files as downloaded; each section names repository, path and SHA-256. Every part is fitted with "
-        "`motoremi fit` and `motoremi add`, without start values by hand, assuming an ideal analyser, so that the error is that of the circuit alone "
-        "(rms of |model/measured - 1|). The verdict is that of `motoremi diagnose` for the analyser that was used. "
+        "Published measurements of parts, one sweep each, of a single winding or line and not of a motor. Curves without a clear licence are not "
+        "part of motoremi: `FOLDER` contains the files as downloaded; each section names repository, path and SHA-256. Every part is fitted with "
+        "`motoremi fit` and `motoremi add`, without start values by hand, assuming an ideal analyser, so that the error is that of the circuit "
+        "alone (rms of |model/measured - 1|). The verdict is that of `motoremi diagnose` for the analyser that was used. "
         "Permittivity and permeability of a ferrite as a material are in [Laws against measured materials](materials.md)."
     )
     summary, sections = [], []

@@ -93,8 +93,8 @@ def page(path: Path) -> Iterator[str]:
     yield ""
     yield (
         "Modes describe the resonances of the winding without a cause. Transmission line, cage and iron of the machine are causes, but this one "
-        "sweep cannot prove them. A mode within a half-decade without points cannot be determined, and one that is fitted there is worse than none. "
-        "A measurement without the rotor would exclude the cage; a second termination would show the capacitance to the frame separately. "
+        "sweep cannot prove them. A mode within a half-decade without points cannot be determined, and one that is fitted there is worse than "
+        "none. A measurement without the rotor would exclude the cage; a second termination would show the capacitance to the frame separately. "
         "Already at 100 Hz the resistance of the copper is small compared with that of iron and cage. "
         "Instrument, calibration and operating state are not documented."
     )

@@ -108,8 +108,8 @@ def page() -> Iterator[str]:
     yield (
         f"A machine of 100 hp, measured between one line and the two others with floating frame: {SOURCE}. Only a few values are published. Each "
         "phase is modelled as an inductance with an iron core, whose permeability decreases with frequency according to Cole and Cole, and a "
-        "distributed capacitance to the frame. Current through a phase magnetises the core; for current that enters both ends equally the inductance "
-        f"is {100 * COMMON_SHARE:.0f} % of that (published)."
+        "distributed capacitance to the frame. Current through a phase magnetises the core; for current that enters both ends equally the "
+        f"inductance is {100 * COMMON_SHARE:.0f} % of that (published)."
     )
     yield ""
     yield "## Fitted, in star"
@@ -145,17 +145,17 @@ def page() -> Iterator[str]:
     yield ""
     other = predicted(third)
     yield (
-        f"- {show(SLOTS_F, 'F')} is assumed to be the capacitance of one phase. If it were that of all three, seen from one lead, the same fit to star "
-        f"would give the highest impedance in delta at {show(peak_hz(third.delta(fine), fine), 'Hz')} and an error of "
+        f"- {show(SLOTS_F, 'F')} is assumed to be the capacitance of one phase. If it were that of all three, seen from one lead, the same fit to "
+        f"star would give the highest impedance in delta at {show(peak_hz(third.delta(fine), fine), 'Hz')} and an error of "
         f"{miss(other[67.5e3], DELTA[67.5e3])} at 67.5 kHz. "
         "The values in star cannot distinguish the two interpretations; this one was chosen because of the values in delta."
     )
     yield (
         "- At 250 Hz the impedance of any linear machine of three equal phases is exactly three times as large in star as in delta. The published "
-        f"values have a ratio of {abs(STAR[250.0]) / DELTA[250.0]:.2f}; the position of the rotor, or a permeability that increases with the field, may "
-        "explain the difference; neither was published."
+        f"values have a ratio of {abs(STAR[250.0]) / DELTA[250.0]:.2f}; the position of the rotor, or a permeability that increases with the "
+        "field, may explain the difference; neither was published."
     )
-    yield "- Three parameters are determined by two complex values in star, so error bars would mean nothing. The phase at 250 Hz shows the model's error."
+    yield "- Two complex values in star determine three parameters, so there are no error bars. The phase at 250 Hz shows the model's error."
 
 
 def _row(phase: Phase) -> str:
