@@ -148,7 +148,7 @@ def reflection(impedance: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_errors_of_the_pocket_analyser_are_smooth_in_the_reflection(seed):
+def test_errors_of_the_handheld_analyser_are_smooth_in_the_reflection(seed):
     one = case("vna-reflection", seed=seed)
     for name, repeats in data(one).items():
         true = reflection(one.motor().impedance(name, PROTOCOL_HZ))
@@ -254,7 +254,7 @@ def test_wrong_declarations():
         declared = one.sweeps()[0].metadata["analyser"]
         mean = data(one)["open"].mean(axis=0)
         error = np.abs(mean / one.motor().impedance("open", PROTOCOL_HZ) - 1)
-        # Far from 50 Ohm a pocket analyser is far worse than a bridge.
+        # Far from 50 Ohm a handheld analyser is far worse than a bridge.
         kinds.add((declared, bool(np.median(error[PROTOCOL_HZ < 1e6]) > 2e-3)))
     assert kinds == {("4294a", True), ("none", False)}
 

@@ -306,9 +306,9 @@ def test_sizes_of_an_unknown_analyser_come_from_the_data():
 
 def test_floor_is_noise_and_specification():
     sweeps = [me.ImpedanceSweep(t, GRID_HZ, impedance(DAMPED, t, GRID_HZ), 1e-3) for t in ("short", "open")]
-    ideal, bridge, pocket = (Measurement.of(sweeps, name) for name in ("none", "4294a", "nanovna"))
-    assert ideal.noise_percent == bridge.noise_percent == pocket.noise_percent == pytest.approx(100 * np.sqrt(2) * 1e-3)
+    ideal, bridge, handheld = (Measurement.of(sweeps, name) for name in ("none", "4294a", "nanovna"))
+    assert ideal.noise_percent == bridge.noise_percent == handheld.noise_percent == pytest.approx(100 * np.sqrt(2) * 1e-3)
     assert ideal.floor_percent == ideal.noise_percent
     variance = [bridge.analyser.uncertainty(s.frequency_hz, s.mean_ohm) ** 2 for s in bridge.sweeps]
     assert bridge.floor_percent == pytest.approx(np.hypot(bridge.noise_percent, 100 * np.sqrt(np.mean(np.concatenate(variance)))))
-    assert bridge.noise_percent < bridge.floor_percent < pocket.floor_percent
+    assert bridge.noise_percent < bridge.floor_percent < handheld.floor_percent

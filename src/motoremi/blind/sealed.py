@@ -35,7 +35,7 @@ STARTS: tuple[Start, ...] = get_args(Start)
 OUTSIDE = 0.1
 # Ranges of the fixture of a handheld analyser, and of its three error terms in dB.
 _FIXTURE = {"resistance_ohm": (20e-3, 300e-3), "inductance_h": (5e-9, 40e-9), "capacitance_f": (0.5e-12, 5e-12)}
-_POCKET_DB = (-60.0, -54.0)
+_ERROR_TERMS_DB = (-60.0, -54.0)
 # Both determine the copper resistance, so a motor has at most one of them.
 _COPPER = {"skin-effect", "proximity-effect"}
 # Largest span of a wide sweep.
@@ -81,7 +81,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Pocket:
+class HandheldAnalyser:
     """A handheld network analyser with a fixture that is not compensated at first.
 
     Parameters
@@ -118,17 +118,18 @@ class Pocket:
             )
         rng = self._rng("errors")
         noise = self._rng(f"noise {self.purpose} {termination} {connection}")
-        return ReflectionAnalyser(rng, 10 ** (uniform(rng, *_POCKET_DB) / 20), noise).measure(frequency_hz, seen)
+        return ReflectionAnalyser(rng, 10 ** (uniform(rng, *_ERROR_TERMS_DB) / 20), noise).measure(frequency_hz, seen)
 
-    def without(self, faults: Sequence[str], *, compensated: bool = False) -> Pocket:
+    def without(self, faults: Sequence[str], *, compensated: bool = False) -> HandheldAnalyser:
         """The analyser after compensation, if it was done; it has no other faults."""
         return replace(self, compensated=self.compensated or compensated)
 
-    def with_noise(self, purpose: str) -> Pocket:
+    def with_noise(self, purpose: str) -> HandheldAnalyser:
         """The analyser with a separate stream of noise."""
         return replace(self, purpose=purpose)
 
     def _rng(self, purpose: str) -> np.random.Generator:
+        # The word is part of the seed: another one would draw other analysers.
         return np.random.default_rng([self.seed, zlib.crc32(f"pocket {purpose}".encode())])
 
 
@@ -183,10 +184,10 @@ class Sealed:
         return Specimen(SimulatedMotor.random(self.motor_seed, in_motor), self.motor_seed)
 
     @cached_property
-    def analyser(self) -> SimulatedAnalyser | Pocket:
+    def analyser(self) -> SimulatedAnalyser | HandheldAnalyser:
         """The analyser that measures it."""
         _, faults = split_effects(self.hidden)
-        return Pocket(self.motor_seed + 1) if self.declared == "nanovna" else SimulatedAnalyser(self.motor_seed + 1, faults=faults)
+        return HandheldAnalyser(self.motor_seed + 1) if self.declared == "nanovna" else SimulatedAnalyser(self.motor_seed + 1, faults=faults)
 
     def begin(self) -> Evidence:
         """The measurements before any request."""
