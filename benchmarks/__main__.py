@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--motors 100] [--budget 1.5] [--out FOLDER]`: the fitter against its peers, and how its cost grows."""
+"""`python -m benchmarks [--motors 100] [--budget 1.5] [--out FOLDER]`: comparison of the fitter with other methods, and how its cost grows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PAPER = "the paper's colony, 200 loops"
 
 
 def run_ours(case) -> tuple[bool, float, int]:
-    """Our fitter as users call it: it is not told the target and stops by its own judgement."""
+    """Our fitter as users call it: it does not know the target and stops by its own criterion."""
     sweeps = case.sweeps
     started = time.process_time()
     fit = me.fit(me.dc_motor(), sweeps, bounds=case.bounds, analyser="none", seed=case.number)
@@ -32,7 +32,7 @@ def run_ours(case) -> tuple[bool, float, int]:
 
 
 def run_paper(case) -> tuple[bool, float, int]:
-    """The printed algorithm."""
+    """The algorithm as printed in the paper."""
     from motoremi.data.measurement import Measurement
     from motoremi.fitting.problem import Problem
 
@@ -45,10 +45,10 @@ def run_paper(case) -> tuple[bool, float, int]:
 
 
 def run_one(method: str, group: str, count: int, budget_s: float) -> tuple[str, str, list[tuple[bool, float, int]]]:
-    """One method on one group, in a process of its own."""
+    """All results of one method for one group; runs in a process of its own."""
     members = list(cases(group, count))
     if method == OURS:
-        run_ours(members[0])  # imports and first-call costs are not the fitter's
+        run_ours(members[0])  # imports and costs of the first call do not count
         return method, group, [run_ours(case) for case in members]
     if method == PAPER:
         return method, group, [run_paper(case) for case in members[: max(5, count // 20)]]
@@ -114,9 +114,10 @@ def main() -> None:
     lines += [
         "",
         "Success: chi-squared within 1.1 of that at the truth. ERT: expected running time, all time spent over successes. Processor time.",
-        f"Each peer had {options.budget:g} s a motor and was told when it had succeeded; ours was not. Slow ones saw a part of the motors "
-        f"(successes/runs): {', '.join(HALVED)} every second one.",
-        "Packages with a circuit language of their own had the open-circuit sweep alone, since they cannot fit two sweeps that share parameters: "
+        f"Every other method had {options.budget:g} s per motor and was stopped as soon as it had succeeded; ours was not. Slow methods were run "
+        f"on some of the motors only (successes/runs): {', '.join(HALVED)} on every second one.",
+        "Packages with a circuit language of their own were given only the open-circuit sweep, because they cannot fit two sweeps that share "
+        "parameters: "
         + ("; ".join(f"{name} {MOTORS[name]} motors, {MORE_TIME[name] * options.budget:g} s" for name in PACKAGES) or "none is installed")
         + ".",
         "",
@@ -124,12 +125,12 @@ def main() -> None:
     for group in GROUPS:
         best = min([*PEERS, *PACKAGES], key=lambda method: table[method, group]["ert_ms"])
         ratio = table[best, group]["ert_ms"] / table[OURS, group]["ert_ms"]
-        lines.append(f"- {group}: the best peer's expected running time ({best}) is {ratio:.1f} times ours")
+        lines.append(f"- {group}: the expected running time of the best other method ({best}) is {ratio:.1f} times ours")
     lines += ["", *growth(), "", *refits(), ""]
     memory_mb = [resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     lines += [
         f"Peak memory: {memory_mb[0]:.0f} MB of the main process, which fits and draws; {memory_mb[1]:.0f} MB of the largest process of a method, "
-        f"peers' packages included. The whole run took {(time.monotonic() - started) / 60:.0f} minutes with {options.jobs} processes."
+        f"including the other packages. The whole run took {(time.monotonic() - started) / 60:.0f} minutes with {options.jobs} processes."
     ]
     text = "\n".join(lines) + "\n"
     (options.out / "fitters.md").write_text(text)

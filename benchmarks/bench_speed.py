@@ -1,4 +1,4 @@
-"""`make speed`: how fast the simulated bench and a replay are, and what recording every byte costs."""
+"""`make speed`: how fast the simulated bench and a replay are, and how much time the recording of all traffic takes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def measure(procedure: Procedure, folder: Path) -> tuple[float, float]:
-    """Run the measuring steps: seconds on the instruments' clock, and seconds it took."""
+    """Run the measuring steps; seconds on the virtual clock of the instruments, and seconds that the simulation took."""
     bench = SimulatedBench(BENCH_FILE.seed)
     writer = SessionWriter.create(folder, start_document(procedure, BENCH_FILE))
     took = seconds(lambda: run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None))
@@ -38,9 +38,9 @@ def measure(procedure: Procedure, folder: Path) -> tuple[float, float]:
 
 
 def sweep_seconds(folder: Path | None) -> tuple[float, float]:
-    """One sweep of 401 points on the simulated 4294A, recorded into a session in that folder or not at all.
+    """One sweep of 401 points on the simulated 4294A, recorded into a session in that folder, or not recorded without a folder.
 
-    Seconds that the processor is at work, and seconds on the instrument's clock.
+    Seconds of processor time, and seconds on the virtual clock of the instrument.
     """
     bench = SimulatedBench(BENCH_FILE.seed)
     transport = open_transport(bench.resource_manager, bench.resources["analyser"], clock=bench.clock)
@@ -53,7 +53,7 @@ def sweep_seconds(folder: Path | None) -> tuple[float, float]:
     before_s = bench.clock.now()
     driver.sweep("open")
     on_the_bench_s = bench.clock.now() - before_s
-    # Processor time: what other programs do meanwhile is not ours.
+    # Processor time, because other programs may run at the same time.
     began = time.process_time()
     for _ in range(SWEEPS):
         driver.sweep("open")
@@ -71,7 +71,7 @@ def main() -> None:
         print("| procedure | on the bench | simulated | times faster | replayed |")
         print("|---|---|---|---|---|")
         for name in ready_procedures():
-            measure(load_procedure(name), root / f"first-{name}")  # imports and first-call costs are not the bench's
+            measure(load_procedure(name), root / f"first-{name}")  # imports and costs of the first call do not count
             bench_s, took_s = measure(load_procedure(name), root / name)
             session = load(root / name)
             again_s = seconds(lambda session=session, name=name: rerun(session, root / f"again-{name}", lambda: lambda *_: None))
@@ -81,11 +81,11 @@ def main() -> None:
             plain.append(sweep_seconds(None)[0])
             took_s, bench_s = sweep_seconds(root / f"sweep-{number}")
             recorded.append(took_s)
-    # The quickest round is the one that was disturbed least.
+    # The fastest round was the least disturbed by other programs.
     without_s, with_s = min(plain), min(recorded)
     cost_s = with_s - without_s
     print(f"\nOne sweep is {bench_s:.1f} s on the bench and {1e3 * without_s:.2f} ms of processor time in the simulator.")
-    print(f"Recording it costs {1e3 * cost_s:.2f} ms: {100 * cost_s / bench_s:.2f} % of the sweep.")
+    print(f"Recording takes {1e3 * cost_s:.2f} ms: {100 * cost_s / bench_s:.2f} % of the sweep.")
 
 
 if __name__ == "__main__":

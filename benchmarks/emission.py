@@ -42,7 +42,7 @@ def against_ngspice() -> None:
         print("\nngspice is not installed")
         return
     frequency = np.linspace(150e3, 30e6, 2000)
-    print("\n| path | largest difference to ngspice |\n|---|---|")
+    print("\n| path | largest difference from ngspice |\n|---|---|")
     for name, path in (
         ("two 50 uH networks", Path()),
         ("two 5 uH networks", Path(LISN_5UH)),
@@ -65,7 +65,7 @@ def against_ngspice() -> None:
 
 
 def pulse_response() -> None:
-    """Against the table of the standard (as recalled): quasi-peak reading of the reference pulse in dBuV at the input."""
+    """Comparison with the table of the standard (as recalled): quasi-peak reading of the reference pulse in dBuV at the input."""
     print("\n| band, rate | table | formula | time domain |\n|---|---|---|---|")
     for band, tuned_hz, sample_rate_hz in ((BAND_A, 50e3, 200e3), (BAND_B, 170e3, 500e3)):
         for rate_hz, below_db in PULSE_TABLE_DB[band.name].items():
@@ -80,7 +80,7 @@ def pulse_response() -> None:
 
 
 def formulas_against_time_domain() -> None:
-    """The whole chain: rms difference over 6634 points."""
+    """The complete chain, formulas compared with the time domain: rms difference over 6634 points."""
     frequency = scan_frequencies()
     print("\n| source, path | peak | quasi-peak | average | RMS-average |\n|---|---|---|---|---|")
     for seed, effects in ((2, ()), (1, ("arc-breakdown",)), (4, ("chopper",)), (7, ("cable-resonance",))):

@@ -1,4 +1,4 @@
-"""How cost grows: with points, with ants and candidates; and how long an added effect takes to refit."""
+"""How processor time grows with the number of points, ants and candidates; and the time to add an effect and fit again."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOTORS = 3
 
 
 def spent_ms(work: Callable[[], object], repeat: int = 5) -> float:
-    """Processor time, the least of some repeats."""
+    """Processor time, the minimum of several repeats."""
     spans = []
     for _ in range(repeat):
         started = time.process_time()
@@ -36,7 +36,7 @@ def spent_ms(work: Callable[[], object], repeat: int = 5) -> float:
 
 
 def series(title: str, sizes: Sequence[int], costs: Sequence[float]) -> list[str]:
-    """A table row: costs, and the exponent of size that fits them best."""
+    """A table row: costs, and the exponent of the best power law of size."""
     slope = float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])
     cells = " | ".join(f"{size}: {cost:.1f}" for size, cost in zip(sizes, costs, strict=True))
     return [f"| {title} | {cells} | {slope:.2f} |"]
@@ -44,7 +44,7 @@ def series(title: str, sizes: Sequence[int], costs: Sequence[float]) -> list[str
 
 def growth() -> list[str]:
     """The table of costs against sizes."""
-    lines = ["| milliseconds against | | | | | exponent (1 is linear) |", "|---" * 6 + "|"]
+    lines = ["| milliseconds as a function of | | | | | exponent (1 is linear) |", "|---" * 6 + "|"]
     costs = []
     for points in POINTS:
         case = next(cases("damped", 1, points=points))
@@ -77,7 +77,7 @@ def growth() -> list[str]:
 
 
 def simulated(seed: int, effect: str) -> list[ImpedanceSweep]:
-    """Three repeats of two sweeps of 401 points, as the simulated 4294A makes them of a motor that hides an effect."""
+    """Three repeats of two sweeps of 401 points, measured by the simulated 4294A on a motor with a hidden effect."""
     in_motor, in_analyser = split_effects((effect,))
     motor, analyser = SimulatedMotor.random(seed, in_motor), SimulatedAnalyser(seed + 1000, faults=in_analyser)
     frequency = np.geomspace(150e3, 30e6, 401)
@@ -90,10 +90,10 @@ def simulated(seed: int, effect: str) -> list[ImpedanceSweep]:
 
 def refits() -> list[str]:
     """Time of adding each effect to data in which it is hidden: median over motors, and over all effects."""
-    lines = [f"| added effect refits in (2 x 401 points, median of {MOTORS} motors that hide it) | ms | chi2_reduced |", "|---|---|---|"]
+    lines = [f"| added effect (2 x 401 points, median of {MOTORS} motors with it) | time to fit again, ms | chi2_reduced |", "|---|---|---|"]
     medians = []
     for effect in HIDDEN_EFFECTS:
-        if effect in OUTSIDE_EFFECTS:  # in nobody's catalogue
+        if effect in OUTSIDE_EFFECTS:  # not in the catalogue
             continue
         spans, left = [], []
         for seed in range(MOTORS):

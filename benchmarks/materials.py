@@ -1,4 +1,4 @@
-"""`python -m benchmarks.materials FOLDER [--out docs/materials.md]`: the dispersive laws against measured ferrite.
+"""`python -m benchmarks.materials FOLDER [--out docs/materials.md]`: comparison of the dispersive laws with a measured ferrite.
 
 FOLDER holds `N87_mu_small`, `N87_eps_small` and `N87_eps_temperature` of github.com/otvam/large_signal_ferrite_apec24 (`dataset/`).
 """
@@ -18,7 +18,7 @@ from motoremi.diagnosis.dispersion import DispersionFit, fit_laws
 from motoremi.quantities import show, show_band
 
 EPSILON_0 = 8.8541878128e-12
-# The data state no uncertainty; digitised curves and small-signal bridges are good to about this.
+# The data state no uncertainty; this is typical of digitised curves and small-signal bridges.
 SIGMA = 0.01
 PERMEABILITY = (laws.CONSTANT, laws.RELAXATION, laws.DIFFUSION, laws.SHUNT_RESISTANCE, laws.COUPLED_RESONANCE, laws.LORENTZ)
 PERMITTIVITY = (
@@ -75,10 +75,10 @@ def page(folder: Path) -> Iterator[str]:
     yield (
         f"Each law is fitted to the complex value with {100 * SIGMA:.0f} % weight at every point (the data state no uncertainty), so chi2 below 1 "
         "means "
-        "better than 1 %. Laws of the catalogue are marked with their effect; the others are here to show what the catalogue lacks. "
+        "better than 1 %. Laws of the catalogue are marked with their effect; the others show what the catalogue lacks. "
         "Magnetic laws are written for L and stand for the permeability, dielectric ones for C and the permittivity. "
-        "The law of Havriliak and Negami describes these permittivities best, by less than the 1 % that they are good to; no effect has it, since "
-        "one sweep of a motor cannot tell its second exponent from a second relaxation, and `dielectric-relaxation` can be added twice."
+        "The law of Havriliak and Negami describes these permittivities best, but the difference is below their accuracy of 1 %. No effect uses "
+        "it: one sweep of a motor cannot distinguish its second exponent from a second relaxation, and `dielectric-relaxation` can be added twice."
     )
     warming = []
     for name, frequency, value, candidates in materials(folder):
@@ -103,11 +103,11 @@ def page(folder: Path) -> Iterator[str]:
 
 
 def with_temperature(warming: list[tuple[str, DispersionFit]]) -> Iterator[str]:
-    """What warming does to one law's parameters."""
+    """Parameters of one law as a function of temperature."""
     yield ""
     yield "## With temperature"
     yield ""
-    yield "The catalogue's deciding measurement for a dielectric relaxation is a second temperature: the corner moves, the strength stays."
+    yield "The deciding measurement for a dielectric relaxation is a second temperature: the corner frequency changes, the strength does not."
     yield ""
     yield "| material | leakage equals capacitance at | corner | strength | exponent |"
     yield "|---|---|---|---|---|"

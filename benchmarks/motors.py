@@ -44,7 +44,7 @@ class Case:
 
 
 def impedances(logarithms: FloatArray, frequency_hz: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Equations (1) and (2) for a batch of ln parameters, shape (..., 7): what the peers call. Shapes (..., n)."""
+    """Equations (1) and (2) for a batch of ln parameters, shape (..., 7); used by the other methods. Shapes (..., n)."""
     ra, la, ca, rr, lr, cr, cf = (np.exp(logarithms[..., i, None]) for i in range(7))
     s = 2j * np.pi * frequency_hz
     branch = ra + s * la

@@ -1,7 +1,7 @@
 """Packages with a circuit language of their own, as they are shipped: impedance.py and pyimpspec.
 
-Neither fits two sweeps that share parameters, so each gets the open-circuit sweep, which depends on all seven elements, and is judged by
-both. They run to their own end before anybody looks: minutes for a hundred motors, so only a few motors are tried and more time is given.
+Neither fits two sweeps that share parameters, so each is given the open-circuit sweep, which depends on all seven elements, and its result is
+judged by both. They cannot be interrupted during a fit, and a hundred motors would take minutes, so only a few motors are used, with more time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from benchmarks.motors import NAMES
 from benchmarks.peers import Judge
 from motoremi.arrays import FloatArray
 
-# Motors tried, and time as a multiple of the other peers': one fit of pyimpspec with all its methods and weights takes 20 s.
+# Number of motors, and time as a multiple of that of the other methods: one fit of pyimpspec with all its methods and weights takes 20 s.
 MOTORS = {"impedance.py, many starts": 3, "pyimpspec leastsq boukamp, many starts": 3, "pyimpspec auto, many starts": 2}
 MORE_TIME = {"impedance.py, many starts": 4, "pyimpspec leastsq boukamp, many starts": 4, "pyimpspec auto, many starts": 20}
 
@@ -31,7 +31,7 @@ def impedance_py(judge: Judge, rng: np.random.Generator) -> None:
         circuit = CustomCircuit("p(R0-L0,C0)-p(R1-L1-C1,C2)", initial_guess=list(np.exp(start)))
         try:
             circuit.fit(judge.case.frequency_hz, judge.case.open_ohm, bounds=(list(low), list(high)), weight_by_modulus=True)
-        except RuntimeError:  # its way to say that it did not converge
+        except RuntimeError:  # it did not converge
             judge.see(start)
         else:
             judge.see(np.log(circuit.parameters_))

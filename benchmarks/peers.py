@@ -1,7 +1,7 @@
-"""Peers for circuit fitting, each given the same data, the same bounds and the same vectorised model.
+"""Other methods for circuit fitting, each with the same data, the same bounds and the same vectorised model.
 
-Every peer may stop the moment it has succeeded (it is told the truth's chi-squared for that, which our own fitter is not), and starts again
-from another random point until its time is up.
+Each is stopped as soon as it has succeeded, which is decided by the chi-squared of the true parameters (not known to our own fitter), and starts
+again from another random point until its time is up.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from motoremi.arrays import FloatArray
 
 
 class Done(Exception):
-    """Raised inside a peer's objective when time is up or the target is reached."""
+    """Raised inside the objective function when time is up or the target is reached."""
 
 
 class Judge:
-    """Counts evaluations, keeps the best, and ends a peer that has succeeded or has had its time.
+    """Counts evaluations, keeps the best one, and stops a method that has succeeded or has used up its time.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def cma_restarts(judge: Judge, rng: np.random.Generator) -> None:
 
 
 def colony_and_polish(judge: Judge, rng: np.random.Generator) -> None:
-    """ACO_R (archive 50, 20 ants) on the complex logarithm, then least squares: the best mix found before."""
+    """ACO_R (archive 50, 20 ants) on the complex logarithm, then least squares: the best combination found in earlier tests."""
     ranks = np.exp(-0.5 * (np.arange(50) / 5) ** 2)
     while True:
         archive = judge.low + rng.random((50, 7)) * (judge.high - judge.low)
@@ -163,7 +163,7 @@ PEERS: dict[str, Callable[[Judge, np.random.Generator], None]] = {
     "SciPy dual annealing": annealing,
     "ACO_R + Levenberg-Marquardt": colony_and_polish,
 }
-# These use up their time on most motors: they see every second one, so that the whole stays within a quarter of an hour.
+# These use up their time on most motors and are run on every second one, so that the whole benchmark takes at most a quarter of an hour.
 HALVED = ("SciPy least squares, many starts, relative", "cma, growing restarts", "lmfit leastsq, many starts")
 if importlib.util.find_spec("cma"):
     PEERS["cma, growing restarts"] = cma_restarts

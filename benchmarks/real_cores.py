@@ -1,7 +1,7 @@
-"""`python -m benchmarks.real_cores FOLDER [--out docs/cores.md]`: coils, cores, a cable and a choke that others measured.
+"""`python -m benchmarks.real_cores FOLDER [--out docs/cores.md]`: published measurements of coils, cores, a cable and a choke.
 
-Takes a few minutes. Most of these curves have no clear licence and do not come with motoremi: FOLDER holds those that you downloaded, under
-the names in `CURVES`, which say where each comes from; the one with an open licence is in `tests/data`.
+Takes a few minutes. Most of these curves have no clear licence and are not part of motoremi: FOLDER contains those that you downloaded, with the
+file names in `CURVES`, which also gives the origin of each; the one with an open licence is in `tests/data`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import motoremi as me
-from benchmarks.real_motor import largest_errors, parameter_table, told, within, write
+from benchmarks.real_motor import largest_errors, model_name, parameter_table, within, write
 from motoremi.data.files import read_impedance
 from motoremi.quantities import show_band
 
@@ -26,7 +26,7 @@ IN_THE_REPOSITORY = Path(__file__).parents[1] / "tests" / "data" / "eth_4294A_in
 
 @dataclass(frozen=True)
 class Curve:
-    """A measured part, and what physics says of it.
+    """A measured part, and the physics that it should show.
 
     Parameters
     ----------
@@ -37,13 +37,13 @@ class Curve:
     analyser : str
         As in `motoremi import --analyser`.
     band_hz : tuple of float
-        What of it is used.
+        The part of the span that is used.
     physics : str
-        What it is made of, and why the band ends where it does.
+        Its materials, and the reason for the limits of the band.
     effects : tuple of str
-        What physics would add, in turn.
+        Effects that its physics requires, in the order of adding.
     member : str
-        Which of the curves of a collection.
+        Name of the curve within a collection.
     """
 
     title: str
@@ -170,10 +170,10 @@ def page(folder: Path) -> Iterator[str]:
     yield "Made by `python -m benchmarks.real_cores FOLDER --out docs/cores.md`; nothing in it is written by hand."
     yield ""
     yield (
-        "Parts that others measured and published, one sweep each, one winding or line and no motor. Curves without a clear licence do not come "
-        "with motoremi: `FOLDER` holds the files as downloaded; each section names repository, path and SHA-256. Every part is fitted with "
-        "`motoremi fit` and `motoremi add`, without start values by hand, as of an ideal analyser, so that the error shown is the circuit's alone "
-        "(rms of |model/measured - 1|). The verdict is that of `motoremi diagnose` for the analyser that measured it. "
+        "Published measurements of parts, one sweep each, of a single winding or line and not of a motor. Curves without a clear licence are not "
+        "part of motoremi: `FOLDER` contains the files as downloaded; each section names repository, path and SHA-256. Every part is fitted with "
+        "`motoremi fit` and `motoremi add`, without start values by hand, assuming an ideal analyser, so that the error is that of the circuit "
+        "alone (rms of |model/measured - 1|). The verdict is that of `motoremi diagnose` for the analyser that was used. "
         "Permittivity and permeability of a ferrite as a material are in [Laws against measured materials](materials.md)."
     )
     summary, sections = [], []
@@ -182,18 +182,18 @@ def page(folder: Path) -> Iterator[str]:
         summary.append(line)
         sections += lines
     yield ""
-    yield "| part | error of the paper's circuit (%) | with what physics says (%) | first candidate | verdict |"
+    yield "| part | error of the paper's circuit (%) | with the effects of its physics (%) | first candidate | verdict |"
     yield "|---|---|---|---|---|"
     yield from summary
     yield from sections
     yield ""
-    yield "## What stays open"
+    yield "## Open questions"
     yield ""
     yield (
-        "The circuits that physics asks for describe these parts; the diagnosis does not always name them. In an air coil a core with many time "
-        "constants imitates skin effect and dielectric loss together, with two parameters more and a slightly smaller error: whether there is "
-        "iron, a look at the coil decides. Declared as a network analyser's, far from 50 ohm, a sweep lets the analyser's errors carry part of "
-        "the circuit, which then errs more than the one fitted here."
+        "The circuits that follow from the physics describe these parts, but the diagnosis does not always name them. For an air coil, a core with "
+        "many time constants imitates skin effect and dielectric loss together, with two more parameters and a slightly smaller error; a look at "
+        "the coil shows that there is no core. If a sweep far from 50 ohm is declared as measured by a network analyser, the assumed errors of the "
+        "analyser describe a part of the impedance, and the circuit then has a larger error than the one fitted here."
     )
 
 
@@ -219,7 +219,7 @@ def section(curve: Curve, path: Path) -> tuple[str, list[str]]:
         "",
         "| model | parameters | error (%) |",
         "|---|---|---|",
-        *(f"| {told(fit)} | {len(fit.parameters)} | {fit.rms_error_percent:.3g} |" for fit in steps),
+        *(f"| {model_name(fit)} | {len(fit.parameters)} | {fit.rms_error_percent:.3g} |" for fit in steps),
         "",
         *parameter_table(last),
         largest_errors(last),

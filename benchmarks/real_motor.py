@@ -27,7 +27,7 @@ OWNERS_PERCENT = 21.6
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the span, what is added there, and how many parameters may be spent on 5 %."""
+    """A part of the span, the effects that are added there, and the largest number of parameters for an error of 5 %."""
 
     title: str
     band_hz: tuple[float, float]
@@ -40,7 +40,7 @@ PARTS = (
     Part("The band of conducted emission", (149e3, 30.1e6), ("lead-inductance", MODES), 20),
     Part("The whole span", (90.0, 110e6), ("machine-winding", "winding-sections", MODES), 30),
 )
-# What is asked of the model, as `motoremi import --accuracy 5` states it: no further mode is added below.
+# Required accuracy, as with `motoremi import --accuracy 5`: no further mode is added below.
 ENOUGH_PERCENT = 5.0
 
 
@@ -50,7 +50,7 @@ def within(sweep: me.ImpedanceSweep, keep: np.ndarray) -> me.ImpedanceSweep:
 
 
 def fitted(fit: me.Fit) -> int:
-    """Parameters that the data were asked for."""
+    """Number of fitted parameters."""
     return len(fit.parameters) - len(fit.held)
 
 
@@ -89,13 +89,13 @@ def page(path: Path) -> Iterator[str]:
     for part in PARTS:
         yield from section(sweep, part)
     yield ""
-    yield "## What stays open"
+    yield "## Open questions"
     yield ""
     yield (
-        "Modes say that the winding resonates and how strongly, not why; a machine's line, cage and iron are causes, but this one sweep cannot "
-        "prove them. A mode that lies in a half-decade without points cannot be known, and one that ends up there is worse than none. "
-        "With the rotor out the cage would go, with a second termination the capacitance to the frame would be seen for itself. "
-        "The copper's resistance hides below the iron's and the cage's already at 100 Hz. "
+        "Modes describe the resonances of the winding without a cause. Transmission line, cage and iron of the machine are causes, but this one "
+        "sweep cannot prove them. A mode within a half-decade without points cannot be determined, and one that is fitted there is worse than "
+        "none. A measurement without the rotor would exclude the cage; a second termination would show the capacitance to the frame separately. "
+        "Already at 100 Hz the resistance of the copper is small compared with that of iron and cage. "
         "Instrument, calibration and operating state are not documented."
     )
 
@@ -113,9 +113,9 @@ def introduction(path: Path, sweep: me.ImpedanceSweep) -> Iterator[str]:
     yield ""
     yield (
         f"Each part of the span is imported with `--accuracy {ENOUGH_PERCENT:g}` and fitted with `motoremi fit` and `motoremi add`, without start "
-        "values by hand. What the data do not need is held: a resistance that does not show at the low end of its range, the number of sections "
-        "at a whole one. Errors are rms of "
-        f"|model/measured - 1|; the owners' own model of 14 parameters leaves {OWNERS_PERCENT} % of the whole span (complex)."
+        "values by hand. Parameters that the data do not determine are kept fixed: a resistance without influence at the low end of its range, the "
+        "number of sections at a whole number. Errors are rms of "
+        f"|model/measured - 1|; the model of the data's authors, with 14 parameters, has {OWNERS_PERCENT} % over the whole span (complex)."
     )
 
 
@@ -133,7 +133,7 @@ def section(sweep: me.ImpedanceSweep, part: Part) -> Iterator[str]:
     yield "| model | fitted parameters | error (%) |"
     yield "|---|---|---|"
     for fit in steps:
-        yield f"| {told(fit)} | {fitted(fit)} | {fit.rms_error_percent:.3g} |"
+        yield f"| {model_name(fit)} | {fitted(fit)} | {fit.rms_error_percent:.3g} |"
     enough = next((fit for fit in steps if fit.rms_error_percent <= ENOUGH_PERCENT), None)
     within_most = min((fit.rms_error_percent for fit in steps if fitted(fit) <= part.most), default=np.nan)
     yield ""
@@ -147,10 +147,10 @@ def section(sweep: me.ImpedanceSweep, part: Part) -> Iterator[str]:
 
 
 def parameter_table(fit: me.Fit) -> Iterator[str]:
-    """Each parameter with its error bar and meaning, and what the data leave open."""
-    yield f"Parameters of {told(fit)}:"
+    """Each parameter with its error bar and the reason of its range, and the parameters that the data do not determine."""
+    yield f"Parameters of {model_name(fit)}:"
     yield ""
-    yield "| parameter | value | error bar | is |"
+    yield "| parameter | value | error bar | range |"
     yield "|---|---|---|---|"
     reasons = {parameter.name: parameter.reason for parameter in fit.motor.parameters}
     for name, value, bar in fit.rows():
@@ -161,15 +161,15 @@ def parameter_table(fit: me.Fit) -> Iterator[str]:
 
 
 def largest_errors(fit: me.Fit) -> str:
-    """Where the circuit errs most, in words."""
+    """The frequencies with the largest errors, as a sentence."""
     errors = np.abs(fit.errors()["short"])
     frequency_hz = fit.measurement.sweeps[0].frequency_hz
     places = ", ".join(f"{show(float(frequency_hz[i]), 'Hz')} ({100 * errors[i]:.2g} %)" for i in sorted(np.argsort(-errors)[:4]))
     return f"Largest errors: {places}."
 
 
-def told(fit: me.Fit) -> str:
-    """The model in words, modes and what else occurs twice counted."""
+def model_name(fit: me.Fit) -> str:
+    """Name of the model, with the number of effects that occur several times."""
     return " + ".join(["the paper's circuit", *(_counted(name, count) for name, count in Counter(fit.effects).items())])
 
 

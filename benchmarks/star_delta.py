@@ -1,6 +1,6 @@
-"""`python -m benchmarks.star_delta [--out docs/star_delta.md]`: one machine measured in star and in delta, one model of its phase.
+"""`python -m benchmarks.star_delta [--out docs/star_delta.md]`: a machine measured in star and in delta, described by one model of its phase.
 
-Fitted to the values in star alone; those in delta are predicted.
+The model is fitted to the values in star; those in delta are predicted.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from motoremi.model import materials
 from motoremi.quantities import show
 
 SOURCE = "Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 43 (2007) 1233 and 45 (2009) 142"
-# Published, one line against the two others: Hz -> ohm. In star with phase; in delta the magnitude.
+# Published impedance between one line and the two others: Hz -> ohm. In star complex, in delta the magnitude.
 STAR = {250.0: 13.78 * np.exp(1j * np.radians(86.6)), 43.25e3: 1525 * np.exp(1j * np.radians(-5.2))}
 FIRST_TURNS_STAR = 4.9e6, 2.9 * np.exp(1j * np.radians(-11.6))
 DELTA = {250.0: 4.153, 67.5e3: 642.0, 4.0e6: 1.24}
 # One lead to the frame, farad: at 1 kHz and 740 kHz in star, at 780 kHz in delta.
 SLOTS_F, LEAD_STAR_F, LEAD_DELTA_F = 21.13e-9, 1.993e-9, 3.97e-9
-# From the same papers: what the common-mode current magnetises, of the differential inductance. The copper of 100 hp is next to nothing.
+# From the same papers: common-mode inductance as a share of the differential one. The copper resistance of 100 hp is negligible.
 COMMON_SHARE, COPPER_OHM = 0.01, 0.05
 STARTS = [(6e-3, corner, exponent) for corner in (3e2, 3e3, 3e4) for exponent in (0.4, 0.7)]
 WITHIN_PERCENT = 10.0
@@ -33,9 +33,9 @@ WITHIN_PERCENT = 10.0
 
 @dataclass(frozen=True)
 class Phase:
-    """One phase: its inductance by a core whose permeability falls, and its capacitance to the frame, spread along it.
+    """One phase: an inductance with a dispersive core, and a distributed capacitance to the frame.
 
-    Current that flows through it magnetises the core; what enters both of its ends alike hardly does.
+    Current that flows through the phase magnetises the core; current that enters both ends equally hardly does.
     """
 
     inductance_h: float
@@ -44,14 +44,14 @@ class Phase:
     slots_f: float
 
     def ends(self, frequency_hz: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Admittance of either end in siemens: driven alike, and driven against each other.
+        """Admittance of either end in siemens: both ends driven in phase, and in opposite phase.
 
-        Flux that links all turns makes the voltage along the phase a straight line: of the capacitance a sixth acts at either end then.
+        Flux that links all turns makes the voltage along the phase linear; a sixth of the capacitance then acts at either end.
         """
         s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
         core = s * self.inductance_h * materials.machine_core_factor(s, 0.0, 1.0, self.iron_hz, self.exponent)[0]
         half = 0.5 * s * self.slots_f
-        # Each end charges half of the phase, as a line whose other end is open.
+        # Each end charges half of the phase, like a transmission line with an open end.
         root = np.sqrt(0.5 * COMMON_SHARE * core * half)
         return half * np.tanh(root) / root, 2 / (COPPER_OHM + core) + s * self.slots_f / 6
 
@@ -82,8 +82,8 @@ def fitted(slots_f: float) -> Phase:
 def predicted(phase: Phase) -> dict[float, float]:
     """Magnitudes in delta at the published frequencies.
 
-    At the series resonance of lead and first turns each end of a phase is for itself: in delta two of them share a line. Their resistance is
-    that of a skin, as the root of frequency.
+    At the series resonance of lead and first turns the ends of a phase are independent; in delta two of them are connected to each line. Their
+    resistance is that of the skin effect and grows with the root of frequency.
     """
     found = {f: float(np.abs(phase.delta(np.array([f]))[0])) for f in (250.0, 67.5e3)}
     at, turns = FIRST_TURNS_STAR
@@ -106,10 +106,10 @@ def page() -> Iterator[str]:
     yield "Made by `python -m benchmarks.star_delta --out docs/star_delta.md`; nothing in it is written by hand."
     yield ""
     yield (
-        f"A machine of 100 hp, one line against the two others, frame floating: {SOURCE}. Only a few values are published. Each phase "
-        "is an inductance in iron, whose permeability falls with frequency as Cole and Cole have it, and a capacitance to the frame along it. "
-        "Current through a phase magnetises the core; current that enters both ends of it alike finds "
-        f"{100 * COMMON_SHARE:.0f} % of that inductance (published)."
+        f"A machine of 100 hp, measured between one line and the two others with floating frame: {SOURCE}. Only a few values are published. Each "
+        "phase is modelled as an inductance with an iron core, whose permeability decreases with frequency according to Cole and Cole, and a "
+        "distributed capacitance to the frame. Current through a phase magnetises the core; for current that enters both ends equally the "
+        f"inductance is {100 * COMMON_SHARE:.0f} % of that (published)."
     )
     yield ""
     yield "## Fitted, in star"
@@ -117,7 +117,7 @@ def page() -> Iterator[str]:
     yield "| inductance | iron | exponent | copper (assumed) | capacitance of a phase (published, see below) |\n|---|---|---|---|---|"
     yield f"| {_row(phase)} |"
     yield ""
-    yield "| frequency | published | model | misses by |\n|---|---|---|---|"
+    yield "| frequency | published | model | error |\n|---|---|---|---|"
     for f, z in STAR.items():
         modelled = complex(phase.star(np.array([f]))[0])
         yield f"| {show(f, 'Hz')} | {_polar(z)} | {_polar(modelled)} | {miss(abs(modelled), abs(z))} |"
@@ -125,7 +125,7 @@ def page() -> Iterator[str]:
     yield ""
     yield "## Predicted, in delta"
     yield ""
-    yield "| quantity | published | a third of star (lumped) | misses by | predicted | misses by |\n|---|---|---|---|---|---|"
+    yield "| quantity | published | a third of star (lumped) | error | predicted | error |\n|---|---|---|---|---|---|"
     lumped = {250.0: abs(STAR[250.0]) / 3, 67.5e3: abs(STAR[43.25e3]) / 3, 4.0e6: abs(FIRST_TURNS_STAR[1]) / 3}
     found = predicted(phase)
     for f, z in DELTA.items():
@@ -138,24 +138,24 @@ def page() -> Iterator[str]:
     yield ""
     yield (
         f"All impedances are {'' if 100 * worst <= WITHIN_PERCENT else 'not '}within {WITHIN_PERCENT:.0f} %. The frequency of the series resonance "
-        "(4.9 MHz in star, 4.0 MHz in delta) is taken as published: it depends on how much of the inductance there is the lead's."
+        "(4.9 MHz in star, 4.0 MHz in delta) is taken as published, because it depends on the unknown inductance of the lead."
     )
     yield ""
-    yield "## What rests on an assumption"
+    yield "## Assumptions"
     yield ""
     other = predicted(third)
     yield (
-        f"- That {show(SLOTS_F, 'F')} is the capacitance of one phase. Were it that of all three, seen from one lead, the same fit to star would "
-        f"put the highest impedance in delta at {show(peak_hz(third.delta(fine), fine), 'Hz')} and miss by "
+        f"- {show(SLOTS_F, 'F')} is assumed to be the capacitance of one phase. If it were that of all three, seen from one lead, the same fit to "
+        f"star would give the highest impedance in delta at {show(peak_hz(third.delta(fine), fine), 'Hz')} and an error of "
         f"{miss(other[67.5e3], DELTA[67.5e3])} at 67.5 kHz. "
-        "The values in star do not tell the two readings apart: this one was taken because of those in delta."
+        "The values in star cannot distinguish the two interpretations; this one was chosen because of the values in delta."
     )
     yield (
-        "- At 250 Hz any linear machine of three equal phases has exactly three times as much in star as in delta. The published values have "
-        f"{abs(STAR[250.0]) / DELTA[250.0]:.2f}: what is left there is the position of the rotor, or a permeability that grows with the field; "
-        "neither was published."
+        "- At 250 Hz the impedance of any linear machine of three equal phases is exactly three times as large in star as in delta. The published "
+        f"values have a ratio of {abs(STAR[250.0]) / DELTA[250.0]:.2f}; the position of the rotor, or a permeability that increases with the "
+        "field, may explain the difference; neither was published."
     )
-    yield "- Two complex values in star determine three parameters: an error bar would mean nothing. The phase at 250 Hz shows what the law misses."
+    yield "- Two complex values in star determine three parameters, so there are no error bars. The phase at 250 Hz shows the model's error."
 
 
 def _row(phase: Phase) -> str:

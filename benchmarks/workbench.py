@@ -1,5 +1,5 @@
-"""`make page`: the workbench in a real browser: start, first paint, click on an effect to its new error, zooming in long sweeps; how many clicks
-lead from dropped files to a report that a laboratory signs, and what axe-core finds in every view."""
+"""`make page`: the workbench in a real browser: time to start, to the first paint, from a click on an effect to its new error, of a zoom in long
+sweeps; number of clicks from dropped files to a signed report; violations that axe-core finds in every view."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-backgroun
 ROUNDS = 15
 FRAMES = 120
 LONG_MS = 60_000
-# A diagnosis of spectra on a busy machine.
+# Limit for a diagnosis of spectra on a busy machine.
 LONGEST_MS = 300_000
 SIZES = {"1440": {"width": 1440, "height": 900}, "1024": {"width": 1024, "height": 768}, "phone": {"width": 390, "height": 844}}
 AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
 FINDINGS = "async () => (await axe.run()).violations.map((one) => one.id)"
 VIEWS = ("files", "bench", "story", "session", "fails", "inspect", "next", "emission", "report", "challenge", "together")
-# So many clicks on an effect whose fit is kept.
+# Number of clicks on an effect whose fit is kept.
 AGAIN = 5
-# Nobody has pointed at them: each is another refit.
+# Effects that were not pointed at before: each click needs a new fit.
 MISSING, NOT_MISSING = "eddy-laminations", ("skin-effect", "core-loss", "second-resonance", "distributed-winding")
 LABORATORY = 'name = "Benchmark laboratory"\nseries = "BENCH-"\n'
 # From the click to the picture that shows the new error: two animation frames after the text is there.
@@ -56,7 +56,7 @@ CLICK = """async (effect) => {
   await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
   return performance.now() - began;
 }"""
-# What one step of a zoom costs the page's thread, and the time between pictures while zooming goes on.
+# Time of the page's thread for one step of a zoom, and the time between frames during zooming.
 ZOOM = """async (frames) => {
   const host = document.querySelector(".plots"), costs = [], gaps = [];
   let last = 0;
@@ -74,7 +74,7 @@ ZOOM = """async (frames) => {
 
 
 def make_session(folder: Path, points: int, spectra: bool = False) -> Path:
-    """Three repeats of each sweep of a motor that hides eddy currents; spectra of its arcing brushes where they are asked for."""
+    """Three repeats of each sweep of a motor with hidden eddy currents; on request also spectra of its arcing brushes."""
     frequency_hz = np.geomspace(150e3, 30e6, points)
     motor, analyser = SimulatedMotor.random(7, ("eddy-laminations",)), SimulatedAnalyser(1007)
     with SessionWriter.create(folder, {"title": f"{points} points", "motor": "benchmark", "analyser": "4294a"}) as writer:
@@ -162,7 +162,7 @@ def clicks(page: Page, effect: str, rounds: int = 1, pointed_at: bool = False) -
 
 
 def pressed(page: Page, text: str) -> float:
-    """Milliseconds from the click on what comes next until something else comes next."""
+    """Milliseconds from the click on the button of the next step until that button has another text."""
     button = page.locator("#next-step")
     if button.inner_text() != text:
         sys.exit(f"{button.inner_text()!r} comes next, not {text!r}")
@@ -175,7 +175,7 @@ def pressed(page: Page, text: str) -> float:
 
 
 def from_files(page: Page, address: str, measured: Path) -> int:
-    """From dropped files to the signed report, by what comes next; the number of clicks, the drop counted as one."""
+    """From dropped files to the signed report, by the button of the next step; the number of clicks, dropping the files counted as one."""
     opened(page, address, "files")
     files = [str(path) for folder in ("sweeps", "spectra") for path in sorted((measured / folder).glob("*.csv"))]
     page.set_input_files("#file-input", files)
@@ -194,29 +194,29 @@ def from_files(page: Page, address: str, measured: Path) -> int:
     page.set_input_files("#laboratory-files", profile)  # type: ignore[arg-type]
     page.wait_for_selector("#who-signs:has-text('Signed by')")
     began = time.perf_counter()
-    with page.expect_response(lambda answer: answer.request.method == "POST" and answer.url.endswith("/report"), timeout=LONGEST_MS) as told:
+    with page.expect_response(lambda got: got.request.method == "POST" and got.url.endswith("/report"), timeout=LONGEST_MS) as answer:
         page.click("#write-report")
-    if not told.value.ok:
-        sys.exit(told.value.text())
+    if not answer.value.ok:
+        sys.exit(answer.value.text())
     spent = time.perf_counter() - began
     print(f"{count + 1}. Open the report\n{count + 2}. Choose the laboratory's profile\n{count + 3}. Write the report, signed: {spent:.1f} s")
     return count + 3
 
 
 def found_by_axe(page: Page) -> dict[str, list[str]]:
-    """What axe-core finds in every view, in each window, light and dark."""
+    """Violations that axe-core finds in every view, in each window size, light and dark."""
     found = {}
     for name, size in SIZES.items():
         for scheme in ("light", "dark"):
             page.set_viewport_size(size)  # type: ignore[arg-type]
             page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-            told = []
+            violations = []
             for view in VIEWS:
                 page.click(f"nav a[href='#{view}']")
                 page.wait_for_selector(f"main[data-view={view}]:not([aria-busy])", timeout=LONG_MS)
                 page.evaluate(AXE)
-                told += [f"{view}: {one}" for one in page.evaluate(FINDINGS)]
-            found[f"{name} {scheme}"] = told
+                violations += [f"{view}: {one}" for one in page.evaluate(FINDINGS)]
+            found[f"{name} {scheme}"] = violations
     return found
 
 
@@ -226,7 +226,7 @@ def row(name: str, values: list[float], wanted: str) -> None:
 
 
 def head() -> None:
-    """Of a table."""
+    """The header of a table."""
     print("\n| figure, ms | least | median | most | times | wanted |\n|---|---|---|---|---|---|")
 
 

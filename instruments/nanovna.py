@@ -1,4 +1,4 @@
-"""NanoVNA (H, H4 and others with the same shell), a pocket vector network analyser: impedance from S11."""
+"""NanoVNA (H, H4 and others with the same shell), a handheld vector network analyser: impedance from S11."""
 
 from __future__ import annotations
 

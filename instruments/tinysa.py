@@ -1,4 +1,4 @@
-"""tinySA, a pocket spectrum analyser: a first look at conducted emission, no compliance measurement."""
+"""tinySA, a handheld spectrum analyser: a first look at conducted emission, no compliance measurement."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def test_adapter_and_fixture_decide_the_specification() -> None:
         assert found.inductance_sigma_h == pytest.approx(residuals * plain.inductance_sigma_h)
         larger = found.uncertainty(frequency_hz, impedance_ohm) - plain.uncertainty(frequency_hz, impedance_ohm)
         assert np.all(larger >= 0)
-    with pytest.raises(BadInput, match="'3m' is no part of it; use 4294a\\+ADAPTER\\+FIXTURE"):
+    with pytest.raises(BadInput, match="'3m' is not an adapter or fixture of it; use 4294a\\+ADAPTER\\+FIXTURE"):
         find_analyser("4294a+3m")
     with pytest.raises(BadInput, match="use nanovna alone"):
         find_analyser("nanovna+1m")

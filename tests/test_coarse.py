@@ -7,7 +7,7 @@ import pytest
 from test_fitting import impedance
 
 import motoremi as me
-from motoremi.data.coarse import MOST_POINTS, bins_of, coarse, of_points, scattered
+from motoremi.data.coarse import MOST_POINTS, bins_of, coarse, points_in_bins, scatter_in_bins
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import Noise
 from motoremi.diagnosis.causal import check_causality
@@ -46,8 +46,8 @@ def test_few_points_stay_as_they_are():
     assert few.coarse is few
     sweep = few.sweeps[0]
     chosen = np.arange(sweep.frequency_hz.size) % 2 == 0
-    assert of_points(sweep, STEPS_HZ, chosen) is chosen
-    assert scattered(sweep, few.noise[0], STEPS_HZ, sweep.mean_ohm) == 0.0
+    assert points_in_bins(sweep, STEPS_HZ, chosen) is chosen
+    assert scatter_in_bins(sweep, few.noise[0], STEPS_HZ, sweep.mean_ohm) == 0.0
 
 
 def test_averages_keep_curve_weight_and_ranges(measurement):

@@ -380,7 +380,7 @@ def test_tinysa(tmp_path: Path, delimiter: str, unit: float) -> None:
 
 def test_levels_that_may_be_dbuv_are_refused(tmp_path: Path) -> None:
     text = "".join(f"{f!r},{x!r}\n" for f, x in zip(GRID.tolist(), LEVEL.tolist(), strict=True))
-    with pytest.raises(BadInput, match="dBm or dBuV"):
+    with pytest.raises(BadInput, match="dBm or in dBuV"):
         read_spectrum(write(tmp_path, text))
 
 

@@ -110,7 +110,7 @@ def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Pa
 def test_accuracy_may_stand_in_the_file(tmp_path: Path, head: str) -> None:
     sweep = read_impedance(table(tmp_path / "file", FREQUENCY, IMPEDANCE, head), "short")
     assert sweep.metadata["accuracy_percent"] == 2.0
-    with pytest.raises(BadInput, match=r"file: the accuracy .* is none"):
+    with pytest.raises(BadInput, match=r"file: the accuracy .* cannot be used"):
         read_impedance(table(tmp_path / "file", FREQUENCY, IMPEDANCE, head.replace("2", "0")), "short")
 
 

@@ -109,7 +109,7 @@ def test_pixels_are_written_anew_and_small():
 
 def test_a_large_file_is_no_logo(tmp_path):
     (tmp_path / "big.svg").write_text(SVG + " " * 2_100_000)
-    with pytest.raises(me.BadInput, match="too many for a logo"):
+    with pytest.raises(me.BadInput, match="too large for a logo"):
         read_laboratory(profile(tmp_path, 'name = "x"\nlogo = "big.svg"'))
 
 
@@ -142,6 +142,6 @@ def test_two_reports_at_once_get_two_numbers(tmp_path):
 
 def test_a_damaged_register_is_one_line(tmp_path):
     register_of(tmp_path / "lab.toml").write_text("A-0001\n")
-    with pytest.raises(me.BadInput, match="line 1: is no entry"):
+    with pytest.raises(me.BadInput, match="line 1: is not an entry"):
         take_number(tmp_path / "lab.toml", "A-", "x", date(2026, 1, 1))
     assert isinstance(register_of(Path("a/lab.toml")).name, str)

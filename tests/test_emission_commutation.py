@@ -77,7 +77,7 @@ def test_below_one_the_trailing_edge_grows_until_it_arcs():
     assert spark.current_a == pytest.approx(10 + float(coil.current(spark.tau)), rel=1e-6)
     assert spark.energy_j == pytest.approx(0.5 * 121e-6 * spark.current_a**2)
     assert CASES["printed"].spark(12.0) is None
-    assert 10 + float(coil.current(0.99)) == pytest.approx(1.86, abs=0.01)  # physics notes, D.2
+    assert 10 + float(coil.current(0.99)) == pytest.approx(1.86, abs=0.01)
 
 
 def test_the_last_time_step_makes_the_paper_kilovolt():

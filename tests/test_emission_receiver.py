@@ -158,7 +158,7 @@ def test_pulses_and_sines_in_noise():
 
 
 def test_floor_attenuator_preamplifier_and_overload():
-    # kTB with 10 dB is -17.5 dBuV in 9 kHz (physics notes, B.2); the Gaussian filter passes 1.2 dB less, and the mean is 1.05 dB below the rms.
+    # kTB with 10 dB is -17.5 dBuV in 9 kHz; the Gaussian filter passes 1.2 dB less, and the mean is 1.05 dB below the rms.
     assert Receiver(attenuation_db=0.0).floor_dbuv == pytest.approx(-19.75, abs=0.1)
     assert Receiver(attenuation_db=20.0).floor_dbuv == pytest.approx(Receiver(attenuation_db=0.0).floor_dbuv + 20)
     assert Receiver(preamplifier=True).floor_dbuv < Receiver().floor_dbuv

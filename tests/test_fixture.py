@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from motoremi.blind.sealed import Pocket
+from motoremi.blind.sealed import HandheldAnalyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.diagnosis.candidates import possible_effects
@@ -26,7 +26,7 @@ MOTOR_SEED = 20261123
 
 @cache
 def sweeps() -> tuple[ImpedanceSweep, ...]:
-    motor, analyser = SimulatedMotor.random(MOTOR_SEED, ("proximity-effect",)), Pocket(5)
+    motor, analyser = SimulatedMotor.random(MOTOR_SEED, ("proximity-effect",)), HandheldAnalyser(5)
     frequency = np.geomspace(150e3, 30e6, 201)
     found = []
     for number, termination in enumerate(TERMINATIONS):

@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from motoremi.blind import hard, hard_table
 from motoremi.blind.calibration import by_kind_of_verdict, kind_of, worst_kind
 from motoremi.blind.departures import DEPARTURES, HardCase, draw_hard, draw_hard_many
-from motoremi.blind.disturbances import DoubledAnalyser, behind_fixture, changed, smooth_error, wandering
+from motoremi.blind.disturbances import DoubledAnalyser, behind_fixture, changed, flicker_noise, smooth_error
 from motoremi.blind.hard import PlayedHard, play_hard, summary
-from motoremi.blind.hard_scoring import Element, attached, strict, sure_and_wrong, true_word
+from motoremi.blind.hard_scoring import Element, attached, statement_is_true, strict, sure_and_wrong
 from motoremi.blind.scoring import Answer
 from motoremi.blind.weak import STRENGTH, misfit, weakened
 from motoremi.cli.app import app
@@ -27,7 +27,7 @@ from motoremi.model.effects import identifiers
 from motoremi.simulate.analyser import SimulatedAnalyser, noise_sd_ohm
 from motoremi.simulate.effects import MOTOR_EFFECTS, OUTSIDE_EFFECTS
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.strange import STRANGE_EFFECTS, StrangeMotor
+from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
 PROTOCOL_HZ = np.geomspace(150e3, 30e6, 401)
 
@@ -71,7 +71,7 @@ def test_any_count_covers_the_departures_evenly_and_half_of_each_hide_one_effect
         assert hiding == (10 if departure in ("weak-effect", "outside", "three") else 5)
         assert {len(one.hidden) for one in ones} <= ({3} if departure == "three" else {0, 1})
     outside = {one.hidden[0] for one in draw_hard_many(2, 40 * len(DEPARTURES)) if one.departure == "outside"}
-    assert outside == {*OUTSIDE_EFFECTS, *STRANGE_EFFECTS}
+    assert outside == {*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS}
     assert {name for one in cases if one.departure != "outside" for name in one.hidden} <= set(identifiers())
 
 
@@ -90,9 +90,9 @@ def test_generators_share_nothing_with_what_they_test():
     import motoremi.blind.departures
     import motoremi.blind.disturbances
     import motoremi.blind.weak
-    import motoremi.simulate.strange
+    import motoremi.simulate.uncatalogued
 
-    for module in (motoremi.blind.departures, motoremi.blind.disturbances, motoremi.blind.weak, motoremi.simulate.strange):
+    for module in (motoremi.blind.departures, motoremi.blind.disturbances, motoremi.blind.weak, motoremi.simulate.uncatalogued):
         text = Path(module.__file__).read_text()
         assert not any(f"motoremi.{room}" in text for room in ("model", "fitting", "diagnosis"))
 
@@ -148,7 +148,7 @@ def reflection(impedance: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_errors_of_the_pocket_analyser_are_smooth_in_the_reflection(seed):
+def test_errors_of_the_handheld_analyser_are_smooth_in_the_reflection(seed):
     one = case("vna-reflection", seed=seed)
     for name, repeats in data(one).items():
         true = reflection(one.motor().impedance(name, PROTOCOL_HZ))
@@ -200,7 +200,7 @@ def test_flicker_is_alike_from_point_to_point(seed):
 
 def test_wandering_noise_falls_as_one_over_frequency():
     rng = np.random.default_rng(3)
-    power = np.mean([np.abs(np.fft.rfft(wandering(rng, 1024)))[1:400] ** 2 for _ in range(50)], axis=0)
+    power = np.mean([np.abs(np.fft.rfft(flicker_noise(rng, 1024)))[1:400] ** 2 for _ in range(50)], axis=0)
     slope = np.polyfit(np.log(np.arange(1, 400)), np.log(power), 1)[0]
     assert slope == pytest.approx(-1, abs=0.1)
 
@@ -254,7 +254,7 @@ def test_wrong_declarations():
         declared = one.sweeps()[0].metadata["analyser"]
         mean = data(one)["open"].mean(axis=0)
         error = np.abs(mean / one.motor().impedance("open", PROTOCOL_HZ) - 1)
-        # Far from 50 Ohm a pocket analyser is far worse than a bridge.
+        # Far from 50 Ohm a handheld analyser is far worse than a bridge.
         kinds.add((declared, bool(np.median(error[PROTOCOL_HZ < 1e6]) > 2e-3)))
     assert kinds == {("4294a", True), ("none", False)}
 
@@ -299,14 +299,14 @@ def _without(motor: SimulatedMotor) -> SimulatedMotor:
     return dataclasses.replace(motor, effects=())
 
 
-@pytest.mark.parametrize("name", STRANGE_EFFECTS)
-def test_strange_motors_are_passive_and_nothing_like_the_seven_elements(name):
+@pytest.mark.parametrize("name", UNCATALOGUED_EFFECTS)
+def test_uncatalogued_motors_are_passive_and_nothing_like_the_seven_elements(name):
     for seed in (1, 2):
-        motor = StrangeMotor(SimulatedMotor.random(seed), name, seed)
+        motor = UncataloguedMotor(SimulatedMotor.random(seed), name, seed)
         assert all(np.all(motor.impedance(termination, PROTOCOL_HZ).real > 0) for termination in ("short", "open"))
         assert misfit(motor, PROTOCOL_HZ, 3, 3) > 30
-    with pytest.raises(BadInput, match="strange"):
-        StrangeMotor(SimulatedMotor.random(1), "core-loss", 1)
+    with pytest.raises(BadInput, match="unknown effect"):
+        UncataloguedMotor(SimulatedMotor.random(1), "core-loss", 1)
 
 
 def test_smooth_errors_have_the_size_that_is_asked_for():
@@ -379,7 +379,7 @@ def test_strict_worth(departure, hidden, answer, findings, worth):
     one = case(departure, *hidden)
     assert strict(one, answer, findings, hidden) == worth
     if worth in ("right", "family"):
-        assert true_word(one, answer, findings, hidden)
+        assert statement_is_true(one, answer, findings, hidden)
 
 
 def test_what_cannot_be_seen_need_not_be_named():
@@ -395,9 +395,9 @@ def test_confidence_speaks_of_families_of_any_size():
     large = said("family", "core-loss", families=((*FAMILY, "field-coupling"),))
     one = case("few-points", "field-coupling")
     assert strict(one, large, (), one.hidden) == "wrong"
-    assert true_word(one, large, (), one.hidden)
-    assert not true_word(case("few-points"), said("instrument"), (), ())
-    assert not true_word(one, said("adequate"), (), one.hidden)
+    assert statement_is_true(one, large, (), one.hidden)
+    assert not statement_is_true(case("few-points"), said("instrument"), (), ())
+    assert not statement_is_true(one, said("adequate"), (), one.hidden)
 
 
 @pytest.mark.parametrize(

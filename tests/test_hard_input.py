@@ -123,7 +123,7 @@ def test_a_decade_full_of_stations():
 
 
 def test_an_analyser_that_cannot_have_made_the_data():
-    """Noise of 1 % and the errors of a pocket analyser, said to be a 4294A's."""
+    """Noise of 1 % and the errors of a handheld analyser, said to be a 4294A's."""
     rng = np.random.default_rng(9)
     frequency = grid(25)
     sweeps = swept(6, {"short": frequency})

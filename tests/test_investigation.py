@@ -28,7 +28,7 @@ from motoremi.fitting.result import Fit
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
 from motoremi.workflow_ask import chosen, question_of
-from motoremi.workflow_import import Told, addition
+from motoremi.workflow_import import ImportOptions, addition
 
 FREQUENCY = np.geomspace(150e3, 30e6, 101)
 ELEMENTS = {"Ra": 12.0, "La": 12e-6, "Ca": 25e-12, "Rr": 40.0, "Lr": 1.6e-6, "Cr": 400e-12, "Cf": 200e-12}
@@ -277,7 +277,7 @@ def test_import_appends_sweeps_under_a_condition_and_values(session: Path, tmp_p
 
 def test_an_appended_sweep_without_a_condition_is_one_more_repeat_and_the_ladder_begins_anew(session: Path) -> None:
     with_ladder = sweeps({}, seed=3)[0]
-    addition(session, [with_ladder.with_metadata(source="a.csv")], [], None, Told()).store(session)
+    addition(session, [with_ladder.with_metadata(source="a.csv")], [], None, ImportOptions()).store(session)
     assert [one.termination for one in load(session).sweeps] == ["short", "open", "short"]
 
 
@@ -372,7 +372,7 @@ def test_report_and_workbench_list_conditions_values_and_the_path(session: Path)
     with reopen(session) as writer:
         writer.save_analysis("diagnosis", {"question": {"id": "second-temperature", "why": "it tells them apart"}})
         writer.close("done")
-    addition(session, warm, [parse_value("dc-resistance=12ohm+-1%")], None, Told()).store(session)
+    addition(session, warm, [parse_value("dc-resistance=12ohm+-1%")], None, ImportOptions()).store(session)
     found = load(session)
     assert session_hash(found) != before
     assert [table.title for table in beside_tables(found)] == ["Sweeps under conditions", "Single values"]

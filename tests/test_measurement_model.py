@@ -14,7 +14,7 @@ from motoremi.data.covariance import LEAST_SHARE, Columns, Part
 from motoremi.data.kernels import matern, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import Noise, estimate_noise
-from motoremi.data.repeats import WANDERING
+from motoremi.data.repeats import CORRELATED
 from motoremi.data.sweep import group_repeats
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.problem import Problem
@@ -32,7 +32,7 @@ def complex_normal(rng: np.random.Generator, *shape: int) -> ComplexArray:
 
 
 @pytest.mark.parametrize("span", [(150e3, 30e6), (40.0, 110e6), (1e6, 1.3e6)])
-@pytest.mark.parametrize("parts", [((1.0, 0.6),), ((0.8, 0.3), (0.2, 0.08)), WANDERING])
+@pytest.mark.parametrize("parts", [((1.0, 0.6),), ((0.8, 0.3), (0.2, 0.08)), CORRELATED])
 def test_smooth_basis_reproduces_its_kernel(span, parts):
     frequency = np.exp(np.random.default_rng(1).uniform(*np.log(span), 150))
     place = np.log10(frequency)
@@ -90,8 +90,8 @@ def test_whitening_is_the_inverse_of_the_dense_covariance(analyser, points, disc
     # In units in which the covariance is one: directions that hold less than LEAST_SHARE of the noise may be left out, of each of two kinds.
     root = np.linalg.cholesky(covariance)
     assert np.max(np.abs(np.linalg.eigvalsh(root.conj().T @ inverse @ root) - 1)) < 2.5 * LEAST_SHARE
-    products = columns.apart.products(np.zeros((0, columns.sigma.size), dtype=np.complex128), np.array([discrepancy]))
-    determinant = whitening.log_determinants(np.array([discrepancy]))[0] + whitening.less_analyser(products, 0)[1][0]
+    products = columns.sweep_blocks.products(np.zeros((0, columns.sigma.size), dtype=np.complex128), np.array([discrepancy]))
+    determinant = whitening.log_determinants(np.array([discrepancy]))[0] + whitening.with_analyser(products, 0)[1][0]
     assert determinant == pytest.approx(np.linalg.slogdet(covariance)[1], abs=columns.sigma.size * LEAST_SHARE)
 
 
@@ -99,8 +99,8 @@ def test_whitening_is_the_inverse_of_the_dense_covariance(analyser, points, disc
 def test_products_are_those_under_the_inverse_covariance(analyser, points, discrepancy, declared):
     columns = Columns.of(two_sweeps(points), find_analyser(analyser))
     weighted = complex_normal(np.random.default_rng(2), 2 * columns.sigma.size).reshape(2, -1)
-    products = columns.apart.products(weighted, np.array([discrepancy]))
-    left = columns.whitening(declared).less_analyser(products, 2)[0][0]
+    products = columns.sweep_blocks.products(weighted, np.array([discrepancy]))
+    left = columns.whitening(declared).with_analyser(products, 2)[0][0]
     values = weighted * columns.sigma
     exact = values.conj() @ np.linalg.solve(dense(columns, discrepancy, declared), values.T)
     np.testing.assert_allclose(left, exact, atol=2.5 * LEAST_SHARE * np.abs(exact).max())
@@ -126,7 +126,7 @@ def repeats_of(seed: int, count: int, white: float, wander: float = 0.0, drift: 
     """Short sweeps of one motor with noise of known size."""
     rng = np.random.default_rng(seed)
     true = impedance(DAMPED, "short", GRID_HZ)
-    basis = smooth_basis(GRID_HZ, WANDERING)
+    basis = smooth_basis(GRID_HZ, CORRELATED)
     sweeps = []
     for number in range(count):
         relative = white * complex_normal(rng, GRID_HZ.size) + wander * basis @ complex_normal(rng, basis.shape[1])
@@ -306,9 +306,9 @@ def test_sizes_of_an_unknown_analyser_come_from_the_data():
 
 def test_floor_is_noise_and_specification():
     sweeps = [me.ImpedanceSweep(t, GRID_HZ, impedance(DAMPED, t, GRID_HZ), 1e-3) for t in ("short", "open")]
-    ideal, bridge, pocket = (Measurement.of(sweeps, name) for name in ("none", "4294a", "nanovna"))
-    assert ideal.noise_percent == bridge.noise_percent == pocket.noise_percent == pytest.approx(100 * np.sqrt(2) * 1e-3)
+    ideal, bridge, handheld = (Measurement.of(sweeps, name) for name in ("none", "4294a", "nanovna"))
+    assert ideal.noise_percent == bridge.noise_percent == handheld.noise_percent == pytest.approx(100 * np.sqrt(2) * 1e-3)
     assert ideal.floor_percent == ideal.noise_percent
     variance = [bridge.analyser.uncertainty(s.frequency_hz, s.mean_ohm) ** 2 for s in bridge.sweeps]
     assert bridge.floor_percent == pytest.approx(np.hypot(bridge.noise_percent, 100 * np.sqrt(np.mean(np.concatenate(variance)))))
-    assert bridge.noise_percent < bridge.floor_percent < pocket.floor_percent
+    assert bridge.noise_percent < bridge.floor_percent < handheld.floor_percent

@@ -81,7 +81,7 @@ def test_in_python(forgotten):
         ("x = 1", "defines no Effect"),
         ("import nothing_like_it", "its code fails: ModuleNotFoundError"),
         ("raise SystemError('no')", "SystemError"),
-        (EXAMPLE.read_text().replace('"ferrite-bead"', '"core-loss"'), "taken"),
+        (EXAMPLE.read_text().replace('"ferrite-bead"', '"core-loss"'), "already used"),
         (EXAMPLE.read_text().replace('"ferrite-bead"', '"Ferrite Bead"'), "lower-case"),
         (EXAMPLE.read_text().replace('{"resistance_ohm": 30.0,', '{"resistance": 30.0,'), "differ in"),
     ],

@@ -25,7 +25,7 @@ from motoremi.workflow_emission import judged
 
 
 @dataclass(frozen=True)
-class Told:
+class ImportOptions:
     """What a user says of the files.
 
     Parameters
@@ -141,7 +141,9 @@ class Addition:
         return {"schema": "motoremi.asked/1", "steps": [*earlier, step]}
 
 
-def addition(folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[SingleValue], condition: Condition | None, told: Told) -> Addition:
+def addition(
+    folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[SingleValue], condition: Condition | None, options: ImportOptions
+) -> Addition:
     """What is to be added to a session, checked against it before anything is written.
 
     Parameters
@@ -152,8 +154,8 @@ def addition(folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[Si
     values : sequence of SingleValue
     condition : Condition, optional
         That all the sweeps were taken under.
-    told : Told
-        Analyser, band and accuracy; those of the session where nothing is told.
+    options : ImportOptions
+        Analyser, band and accuracy; those of the session where nothing is given.
 
     Raises
     ------
@@ -168,11 +170,11 @@ def addition(folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[Si
     if not session.sweeps:
         raise BadInput(f"{folder.name} holds no impedance sweep of the motor as it is: append to a session that does")
     own = []
-    for sweep in _as_told(sweeps, told) if sweeps else ():
+    for sweep in _with_options(sweeps, options) if sweeps else ():
         if sweep.condition is not None and condition is not None and sweep.condition != condition:
             raise BadInput(f"{sweep.metadata['source']}: its header says {sweep.condition}, but --condition says {condition}; correct one of them")
         own.append(sweep.under(condition or sweep.condition))
-    analyser = find_analyser(told.analyser).name if told.analyser is not None else session.sweeps[0].metadata.get("analyser")
+    analyser = find_analyser(options.analyser).name if options.analyser is not None else session.sweeps[0].metadata.get("analyser")
     if analyser is not None:
         own = [sweep.with_metadata(analyser=analyser) for sweep in own]
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
@@ -200,7 +202,7 @@ def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> lis
 
 
 def prepared(
-    sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], told: Told, names: Sequence[str], values: Sequence[SingleValue] = ()
+    sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], options: ImportOptions, names: Sequence[str], values: Sequence[SingleValue] = ()
 ) -> Import:
     """Everything that a session needs, checked before a folder is made: nothing is left half written.
 
@@ -208,7 +210,7 @@ def prepared(
     ----------
     sweeps, spectra
         As their readers gave them.
-    told : Told
+    options : ImportOptions
     names : sequence of str
         Of the files, as the session records them.
     values : sequence of SingleValue
@@ -218,23 +220,23 @@ def prepared(
     BadInput
         For an option that cannot be used with these files.
     """
-    if told.limit:
-        find_limit(told.limit)
+    if options.limit:
+        find_limit(options.limit)
         if not spectra:
             raise BadInput("a limit is for emission spectra, and none of the files is one (--spectrum FILE...)")
-    named = find_analyser(told.analyser).name if told.analyser is not None else None
-    own = _as_told(sweeps, told)
+    named = find_analyser(options.analyser).name if options.analyser is not None else None
+    own = _with_options(sweeps, options)
     if named is not None:
         own = [sweep.with_metadata(analyser=named) for sweep in own]
-    chain = told.corrections
+    chain = options.corrections
     corrected = [chain.corrected_spectrum(item) for item in spectra]
     measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in own]) if own else None
     start = {
-        "title": f"Imported: {told.motor}" if told.motor else "Imported sweeps",
-        "motor": told.motor,
-        "serial": told.serial,
-        "operator": told.operator,
-        "ambient": told.ambient,
+        "title": f"Imported: {options.motor}" if options.motor else "Imported sweeps",
+        "motor": options.motor,
+        "serial": options.serial,
+        "operator": options.operator,
+        "ambient": options.ambient,
         "corrections": chain.to_list(),
         "imported": list(names),
         "analyser": None if measurement is None else measurement.analyser.name,
@@ -245,15 +247,15 @@ def prepared(
     for item in spectra:
         if applied := str(item.metadata.get("transducer", "")).strip(" ;"):
             caveats.append(f"{item.detector}: the receiver has applied its transducer {clean_text(applied, 60)!r}; it must not be in --corrections")
-    return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), told.limit, tuple(values))
+    return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), options.limit, tuple(values))
 
 
-def _as_told(sweeps: Sequence[ImpedanceSweep], told: Told) -> list[ImpedanceSweep]:
+def _with_options(sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> list[ImpedanceSweep]:
     """The band that is wanted of the sweeps, with the accuracy that the user states."""
-    if not sweeps and (told.band or told.accuracy):
+    if not sweeps and (options.band or options.accuracy):
         raise BadInput("band and accuracy are for impedance sweeps, and none of the files is one (--short FILE..., --open FILE...)")
-    percent = checked_accuracy(told.accuracy) if told.accuracy else None
-    span = parse_band(told.band) if told.band else None
+    percent = checked_accuracy(options.accuracy) if options.accuracy else None
+    span = parse_band(options.band) if options.band else None
     own = list(sweeps) if span is None else [_within(sweep, span) for sweep in sweeps]
     return own if percent is None else [sweep.with_metadata(accuracy_percent=percent) for sweep in own]
 

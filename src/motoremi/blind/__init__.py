@@ -1,1 +1,1 @@
-"""The blind test: sealed challenges and the scoreboard. Data come from `simulate`, which shares no formula with the catalogue."""
+"""Blind tests: sealed challenges and scoreboards. The data come from `simulate`, which has no formula in common with the catalogue."""

@@ -1,4 +1,4 @@
-"""Whether answers are as sure as they are right: in bins of stated confidence, and for each kind of verdict."""
+"""Calibration of the stated confidence: compared with the hit rate in bins, and for each kind of verdict."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from motoremi.blind.scoring import Answer
 
 BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 KINDS = ("adequate", "one name", "two names", "family", "instrument", "data", "unexplained", "crashed")
-# A share of fewer cases than these says nothing about a difference of a few per cent.
+# Fewest cases of a kind for the comparison: with fewer, differences of some per cent are not significant.
 LEAST_CASES = 10
 
 
 class Judged(Protocol):
-    """A played case: what was said, and whether what its confidence speaks of is true."""
+    """A case with its answer, and whether the statement of the answer is true."""
 
     @property
     def answer(self) -> Answer:
-        """What was said."""
+        """The answer."""
 
     @property
     def hit(self) -> bool:
-        """Whether it is true."""
+        """Whether its statement is true."""
 
 
 def goal(results: Sequence[bool], wanted: float, at_most: bool = False) -> JsonDict:
-    """A share held against what is wanted of it."""
+    """A share of true results compared with its goal."""
     return goal_of(float(np.mean(results)) if results else None, wanted, len(results), at_most)
 
 
 def goal_of(value: float | None, wanted: float, cases: int, at_most: bool = False) -> JsonDict:
-    """A figure held against what is wanted of it; `reached` is None where there is none."""
+    """A figure compared with its goal; `reached` is None without a figure."""
     reached = None if value is None else value <= wanted if at_most else value >= wanted
     return {"value": value, "wanted": wanted, "at_most": at_most, "cases": cases, "reached": reached}
 
@@ -65,7 +65,7 @@ def calibration_error(played: Sequence[Judged]) -> float:
 
 
 def kind_of(answer: Answer) -> str:
-    """The kind of an answer, one of `KINDS`; more names than two count with two."""
+    """The kind of an answer, one of `KINDS`; more than two names count as two."""
     if answer.trouble:
         return "crashed"
     if answer.verdict in ("adequate", "instrument", "data", "unexplained"):
@@ -74,7 +74,7 @@ def kind_of(answer: Answer) -> str:
 
 
 def by_kind_of_verdict(played: Sequence[Judged]) -> list[JsonDict]:
-    """For each kind of answer: how many, mean stated confidence, hit rate, and their difference."""
+    """For each kind of answer: number, mean stated confidence, hit rate, and their difference."""
     rows = []
     for kind in KINDS:
         of_kind = [one for one in played if kind_of(one.answer) == kind]
@@ -86,7 +86,7 @@ def by_kind_of_verdict(played: Sequence[Judged]) -> list[JsonDict]:
 
 
 def worst_kind(played: Sequence[Judged], wanted: float) -> JsonDict:
-    """As a goal: the largest difference of any kind that has enough cases to tell; crashes state nothing."""
+    """The goal for the largest difference of any kind with enough cases, without crashes, which state no confidence."""
     rows = [row for row in by_kind_of_verdict(played) if row["cases"] >= LEAST_CASES and row["kind"] != "crashed"]
     worst = max((abs(row["difference"]) for row in rows), default=None)
     return goal_of(worst, wanted, sum(row["cases"] for row in rows), at_most=True)

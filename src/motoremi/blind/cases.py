@@ -1,4 +1,4 @@
-"""Blind cases: motors that hide nothing, one effect, two, what is in no catalogue, or a fault of the analyser."""
+"""Blind cases: motors without a hidden effect, with one, two, one outside the catalogue, or with a fault of the analyser."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Case:
     Parameters
     ----------
     seed, index : int
-        A case depends on these two only.
+        They determine the case.
     sort : str
         Key of `SORTS`.
     hidden : tuple of str
-        Identifiers as in the catalogue; `outside-...` for what is not in it.
+        Identifiers as in the catalogue; `outside-...` for effects that are not in it.
     motor_seed : int
     """
 
@@ -47,7 +47,7 @@ class Case:
     motor_seed: int
 
     def sweeps(self, hidden: Sequence[str] | None = None, points: int = POINTS) -> list[ImpedanceSweep]:
-        """Three repeats of each termination; `hidden` replaces what the motor hides, all else the same."""
+        """Three repeats of each termination; `hidden` replaces the hidden effects, everything else is the same."""
         in_motor, in_analyser = split_effects(self.hidden if hidden is None else hidden)
         motor = SimulatedMotor.random(self.motor_seed, in_motor)
         analyser = SimulatedAnalyser(self.motor_seed + 1, faults=in_analyser)
@@ -61,7 +61,7 @@ class Case:
         return measured
 
     def detectable(self) -> bool:
-        """Whether each hidden effect alone keeps the best refit of the seven elements above noise and specification."""
+        """Whether each hidden effect alone cannot be described by the seven elements within noise and specification."""
         return all(visible(fit(dc_motor(), self.sweeps((name,)))) for name in self.hidden)
 
 
@@ -71,7 +71,7 @@ def visible(base: Fit) -> bool:
 
 
 def catalogue_kinds() -> dict[str, list[str]]:
-    """What can be hidden, by sort of case: nothing that shows only below the protocol's band, or that is never named a cause."""
+    """The effects that can be hidden, by sort of case; without those that are visible only below the band, or that a diagnosis never names."""
     effects = {name: find_effect(name).effect for name in HIDDEN_EFFECTS if name in identifiers()}
     known = [name for name, effect in effects.items() if SPAN_HZ[0] < effect.below_hz and not effect.describes]
     instrument = [name for name in known if effects[name].group == "instrument"]
@@ -79,7 +79,7 @@ def catalogue_kinds() -> dict[str, list[str]]:
 
 
 def draw(seed: int, index: int) -> Case:
-    """The case of a number."""
+    """The case with this number."""
     rng = np.random.default_rng([seed, index])
     kinds = catalogue_kinds()
     sort = str(rng.choice(list(SORTS), p=list(SORTS.values())))

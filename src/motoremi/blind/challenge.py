@@ -1,4 +1,4 @@
-"""A sealed challenge: a session whose motor hides something, and the truth behind a hash that is written first."""
+"""A sealed challenge: a session whose motor may hide an effect, with the truth encoded and its hash in the first document."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Revealed:
     elements : dict
         The seven elements, SI units.
     effects : dict
-        Sizes of what the motor hid, SI units.
+        Sizes of the hidden effects, SI units.
     answer : Answer or None
-        The session's diagnosis, or what the user said.
+        The session's diagnosis, or the user's answer.
     outcome : str or None
-        What the answer is worth.
+        Score of the answer.
     """
 
     hidden: tuple[str, ...]
@@ -48,10 +48,10 @@ class Revealed:
 
 
 def make_challenge(out: Path, seed: int) -> Path:
-    """Make a session folder with three repeats of each sweep; its first line holds the hash of the salted truth.
+    """Make a session folder with three repeats of each sweep; its first document holds the hash of the salted truth.
 
-    The sealed file keeps the truth from being read by accident, and the hash shows that nobody changed it afterwards. Who wants to
-    cheat can: the truth lies in the folder.
+    The truth is encoded, so that it is not read by accident, and the hash shows that it was not changed afterwards. It is not protected
+    against deliberate reading.
     """
     case = draw(seed, 0)
     in_motor, _ = split_effects(case.hidden)
@@ -67,7 +67,7 @@ def make_challenge(out: Path, seed: int) -> Path:
 
 
 def reveal(folder: Path, said: Sequence[str] = ()) -> Revealed:
-    """Open the seal and score the stored diagnosis, or what the user says.
+    """Open the seal and score the stored diagnosis, or the user's answer.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def reveal(folder: Path, said: Sequence[str] = ()) -> Revealed:
     if _hash(text) != session.start["sealed_sha256"]:
         raise BadInput(f"{folder}: the truth does not match the hash that was written first: somebody changed it")
     truth = from_json(text)
-    answer = _said(said) if said else _diagnosed(session.analysis("diagnosis"))
+    answer = _stated(said) if said else _diagnosed(session.analysis("diagnosis"))
     hidden = tuple(truth["hidden"])
     return Revealed(hidden, truth["elements"], truth["effects"], answer, None if answer is None else outcome(hidden, answer))
 
@@ -93,7 +93,7 @@ def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _said(names: Sequence[str]) -> Answer:
+def _stated(names: Sequence[str]) -> Answer:
     verdicts = [name for name in names if name in ("adequate", "unexplained")]
     if verdicts and len(names) > 1:
         raise BadInput("say 'adequate' or 'unexplained' alone, or name effects")

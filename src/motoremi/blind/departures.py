@@ -1,4 +1,4 @@
-"""Hard blind cases: simulated motors measured in ways that no protocol foresees, one departure each."""
+"""Hard blind cases: simulated motors that are measured with one departure from the protocol each, or hide something harder."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from motoremi.blind.disturbances import (
     ReflectionAnalyser,
     behind_fixture,
     changed,
-    drawn,
+    flicker_noise,
+    point_errors,
     station_points,
-    wandering,
     warming,
 )
 from motoremi.blind.weak import strength_for, weakened
@@ -29,15 +29,15 @@ from motoremi.simulate.analyser import SimulatedAnalyser, noise_sd_ohm
 from motoremi.simulate.effects import OUTSIDE_EFFECTS
 from motoremi.simulate.hidden import ELEMENTS, log_uniform, uniform
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.strange import STRANGE_EFFECTS, StrangeMotor
+from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
 Generator: TypeAlias = np.random.Generator
 # Termination, number of the repeat, frequencies, impedance so far -> impedance.
 Change: TypeAlias = Callable[[Termination, int, FloatArray, ComplexArray], ComplexArray]
 
-# Both decide on the copper resistance, so that a motor has at most one of them.
+# Both determine the copper resistance, so a motor has at most one of them.
 _COPPER = {"skin-effect", "proximity-effect"}
-# Systematic errors of a fixture that are twice what its compensation promises: ohm, henry, farad.
+# Residuals of a fixture twice as large as specified after compensation: ohm, henry, farad.
 _DOUBLED_FIXTURE = (20e-3, 6e-9, 0.2e-12)
 
 
@@ -47,28 +47,28 @@ def _same(termination: Termination, repeat: int, frequency_hz: FloatArray, imped
 
 @dataclass
 class _Bench:
-    """How one case is measured; a departure changes it. Each part of it draws from a random stream of its own."""
+    """The set-up of one case, which a departure changes. Each part has a separate random stream."""
 
     motor_seed: int
-    motor: SimulatedMotor | StrangeMotor
+    motor: SimulatedMotor | UncataloguedMotor
     analyser: SimulatedAnalyser
     grids: dict[Termination, FloatArray] = field(default_factory=lambda: {name: np.geomspace(*SPAN_HZ, POINTS) for name in TERMINATIONS})
     repeats: int = REPEATS
     declared: str = "4294a"
-    # Motors of the two terminations, where they differ.
+    # Motors of single terminations, if the motor changes between the sweeps.
     other: dict[Termination, SimulatedMotor] = field(default_factory=dict)
-    # The motor's own impedance where it changes from point to point.
+    # Impedance of a motor that changes from point to point.
     moving: Callable[[Termination, int, FloatArray], ComplexArray] | None = None
-    pocket: ReflectionAnalyser | None = None
-    # Between motor and analyser, and after the analyser.
+    handheld: ReflectionAnalyser | None = None
+    # Changes of the impedance between motor and analyser, and of the readings.
     before: Change = _same
     after: Change = _same
-    # What the elements went through during the measurement, as factors: lowest and highest.
+    # Lowest and highest factor on the elements during the measurement.
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def plain(self) -> SimulatedMotor:
-        return self.motor.motor if isinstance(self.motor, StrangeMotor) else self.motor
+        return self.motor.motor if isinstance(self.motor, UncataloguedMotor) else self.motor
 
     def sweeps(self) -> list[ImpedanceSweep]:
         measured = []
@@ -83,8 +83,8 @@ class _Bench:
         return measured
 
     def _read(self, termination: Termination, frequency: FloatArray, impedance: ComplexArray) -> ComplexArray:
-        if self.pocket is not None:
-            return self.pocket.measure(frequency, impedance)
+        if self.handheld is not None:
+            return self.handheld.measure(frequency, impedance)
         connection = TERMINATIONS.index(termination)
         return self.analyser.measure(termination, frequency, impedance, connection=connection, bandwidth_factor=BANDWIDTH_FACTOR)
 
@@ -127,11 +127,11 @@ def _outliers(bench: _Bench, rng: Generator) -> None:
     errors = [log_uniform(rng, 0.03, 0.5) * np.exp(2j * np.pi * rng.random()) for _ in where]
 
     def after(termination: Termination, repeat: int, frequency_hz: FloatArray, impedance: ComplexArray) -> ComplexArray:
-        spoilt = impedance.copy()
+        disturbed = impedance.copy()
         for (which, number, point), error in zip(where, errors, strict=True):
             if (which, number) == (termination, repeat):
-                spoilt[point] *= 1 + error
-        return spoilt
+                disturbed[point] *= 1 + error
+        return disturbed
 
     bench.after = after
 
@@ -151,12 +151,12 @@ def _capacitance_apart(bench: _Bench, rng: Generator) -> None:
     bench.ranges = {"Ca": (min(1.0, factor), max(1.0, factor))}
 
 
-def _pocket_errors(rng: Generator) -> ReflectionAnalyser:
+def _handheld_analyser(rng: Generator) -> ReflectionAnalyser:
     return ReflectionAnalyser(rng, 10 ** (uniform(rng, -60.0, -54.0) / 20))
 
 
 def _vna_reflection(bench: _Bench, rng: Generator) -> None:
-    bench.pocket, bench.declared = _pocket_errors(rng), "nanovna"
+    bench.handheld, bench.declared = _handheld_analyser(rng), "nanovna"
 
 
 def _vna_not_compensated(bench: _Bench, rng: Generator) -> None:
@@ -165,12 +165,12 @@ def _vna_not_compensated(bench: _Bench, rng: Generator) -> None:
     def before(termination: Termination, repeat: int, frequency_hz: FloatArray, impedance: ComplexArray) -> ComplexArray:
         return behind_fixture(impedance, frequency_hz, ohm, henry, farad)
 
-    bench.before, bench.pocket, bench.declared = before, _pocket_errors(rng), "nanovna"
+    bench.before, bench.handheld, bench.declared = before, _handheld_analyser(rng), "nanovna"
 
 
 def _flicker(bench: _Bench, rng: Generator) -> None:
     size = log_uniform(rng, 3.0, 15.0)
-    series = {name: (wandering(rng, bench.repeats * POINTS), wandering(rng, bench.repeats * POINTS)) for name in TERMINATIONS}
+    series = {name: (flicker_noise(rng, bench.repeats * POINTS), flicker_noise(rng, bench.repeats * POINTS)) for name in TERMINATIONS}
 
     def after(termination: Termination, repeat: int, frequency_hz: FloatArray, impedance: ComplexArray) -> ComplexArray:
         here = slice(repeat * POINTS, (repeat + 1) * POINTS)
@@ -196,7 +196,9 @@ def _warming(bench: _Bench, rng: Generator) -> None:
 def _stations(bench: _Bench, rng: Generator) -> None:
     steady = bool(rng.random() < 0.5)
     points = station_points(rng, bench.grids["short"])
-    errors = {(name, repeat): drawn(rng, points, POINTS, 5.0, 100.0) for name in TERMINATIONS for repeat in range(1 if steady else bench.repeats)}
+    errors = {
+        (name, repeat): point_errors(rng, points, POINTS, 5.0, 100.0) for name in TERMINATIONS for repeat in range(1 if steady else bench.repeats)
+    }
 
     def after(termination: Termination, repeat: int, frequency_hz: FloatArray, impedance: ComplexArray) -> ComplexArray:
         error = errors[termination, 0 if steady else repeat]
@@ -207,7 +209,7 @@ def _stations(bench: _Bench, rng: Generator) -> None:
 
 def _declared_wrongly(bench: _Bench, rng: Generator) -> None:
     if rng.random() < 0.5:
-        bench.pocket, bench.declared = _pocket_errors(rng), "4294a"
+        bench.handheld, bench.declared = _handheld_analyser(rng), "4294a"
     else:
         bench.declared = "none"
 
@@ -229,7 +231,7 @@ def _weak_effect(bench: _Bench, rng: Generator) -> None:
 
 
 def _nothing(bench: _Bench, rng: Generator) -> None:
-    """Measured by the protocol; what is hidden makes the case hard."""
+    """No departure: the hidden effects make the case hard."""
 
 
 @lru_cache(maxsize=256)
@@ -258,7 +260,7 @@ DEPARTURES: Mapping[str, Callable[[_Bench, Generator], None]] = {
     "outside": _nothing,
     "three": _nothing,
 }
-# Findings that name a departure truly.
+# Findings that name a departure correctly.
 FINDINGS: Mapping[str, tuple[str, ...]] = {
     "flicker": ("correlated-noise", "drift"),
     "warming": ("drift", "sweeps-disagree", "correlated-noise"),
@@ -278,11 +280,11 @@ class HardCase:
     Parameters
     ----------
     seed, index : int
-        A case depends on these two only.
+        They determine the case.
     departure : str
         Key of `DEPARTURES`.
     hidden : tuple of str
-        Identifiers as in the catalogue; `outside-...` for what is not in it.
+        Identifiers as in the catalogue; `outside-...` for effects that are not in it.
     motor_seed : int
     """
 
@@ -294,41 +296,41 @@ class HardCase:
 
     @property
     def accepted(self) -> tuple[str, ...]:
-        """Ids of the findings that name the departure truly; none where the data are as good as any."""
-        # A core that changes with the level makes the sweeps contradict each other.
+        """Ids of the findings that name the departure correctly; none if the data are not disturbed."""
+        # With a core that depends on the level the two sweeps contradict each other.
         by_effect = ("sweeps-disagree",) if "outside-level-dependent-core" in self.hidden else ()
         return (*FINDINGS.get(self.departure, ()), *by_effect)
 
     def sweeps(self, hidden: Sequence[str] | None = None) -> list[ImpedanceSweep]:
-        """What was measured; `hidden` replaces what the motor hides, all else the same."""
+        """The measured sweeps; `hidden` replaces the hidden effects, everything else is the same."""
         return self._bench(hidden).sweeps()
 
-    def motor(self, hidden: Sequence[str] | None = None) -> SimulatedMotor | StrangeMotor:
-        """The motor with what it hides, as weak as it is, before anything moved."""
+    def motor(self, hidden: Sequence[str] | None = None) -> SimulatedMotor | UncataloguedMotor:
+        """The motor with its hidden effects at their strength, at the beginning of the measurement."""
         return self._bench(hidden).motor
 
     def truth(self) -> dict[str, float]:
-        """The seven elements of the motor before anything moved, SI units."""
+        """The seven elements of the motor at the beginning of the measurement, SI units."""
         return dict(self.motor().elements)
 
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value that each element had during the measurement, SI units."""
+        """Lowest and highest value of each element during the measurement, SI units."""
         bench = self._bench()
         factors = {name: bench.ranges.get(name, (1.0, 1.0)) for name in ELEMENTS}
         return {name: (value * factors[name][0], value * factors[name][1]) for name, value in bench.plain.elements.items()}
 
     def _bench(self, hidden: Sequence[str] | None = None) -> _Bench:
         names = self.hidden if hidden is None else tuple(hidden)
-        strange = [name for name in names if name in STRANGE_EFFECTS]
-        plain = SimulatedMotor.random(self.motor_seed, [name for name in names if name not in strange])
-        motor = StrangeMotor(plain, strange[0], self.motor_seed) if strange else plain
+        uncatalogued = [name for name in names if name in UNCATALOGUED_EFFECTS]
+        plain = SimulatedMotor.random(self.motor_seed, [name for name in names if name not in uncatalogued])
+        motor = UncataloguedMotor(plain, uncatalogued[0], self.motor_seed) if uncatalogued else plain
         bench = _Bench(self.motor_seed, motor, SimulatedAnalyser(self.motor_seed + 1))
         DEPARTURES[self.departure](bench, np.random.default_rng([self.motor_seed, zlib.crc32(self.departure.encode())]))
         return bench
 
 
 def draw_hard(seed: int, index: int) -> HardCase:
-    """The case of a number; numbers go round all departures, every other case of each hides one effect."""
+    """The case with this number; the departures follow each other cyclically, and every other case of each has one hidden effect."""
     if seed < 0 or index < 0:
         raise BadInput(f"seed {seed} and index {index} must be 0 or above")
     rng = np.random.default_rng([seed, index, zlib.crc32(b"hard")])
@@ -337,7 +339,7 @@ def draw_hard(seed: int, index: int) -> HardCase:
     known = catalogue_kinds()["one"]
     hidden: tuple[str, ...] = ()
     if departure == "outside":
-        hidden = (str(rng.choice([*OUTSIDE_EFFECTS, *STRANGE_EFFECTS])),)
+        hidden = (str(rng.choice([*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS])),)
     elif departure == "three":
         hidden = tuple(str(name) for name in rng.choice(known, 3, replace=False))
         while set(hidden) >= _COPPER:

@@ -1,4 +1,4 @@
-"""What goes wrong at the bench, added to simulated sweeps: wandering noise, stations, a pocket analyser, a warm motor."""
+"""Disturbances that are added to simulated sweeps: flicker noise, stations, a handheld analyser, a motor that warms."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from motoremi.simulate.motor import SimulatedMotor
 Generator: TypeAlias = np.random.Generator
 
 LINE_OHM = 50.0
-# Noise of a pocket analyser's reflection at 1 kHz bandwidth.
+# Noise of a handheld analyser's reflection coefficient at 1 kHz bandwidth.
 REFLECTION_NOISE = 1e-4
 # Medium wave and the short-wave broadcast bands, in hertz.
 BROADCAST_HZ = (
     (531e3, 1602e3), (3.9e6, 4.0e6), (5.9e6, 6.2e6), (7.2e6, 7.45e6), (9.4e6, 9.9e6), (11.6e6, 12.1e6),
     (13.57e6, 13.87e6), (15.1e6, 15.83e6), (17.48e6, 17.9e6), (21.45e6, 21.85e6),
 )  # fmt: skip
-# A motor that warms is solved at this many states; sweeps go through all between.
+# Number of states at which a warming motor is computed; between them it is interpolated.
 _STATES = 7
 
 
-def wandering(rng: Generator, points: int) -> FloatArray:
-    """Noise whose power falls as 1/f, of unit variance: what follows in time is alike, and no average gets rid of it."""
+def flicker_noise(rng: Generator, points: int) -> FloatArray:
+    """Noise with a 1/f power spectrum and unit variance: it is correlated in time, and averaging does not remove it."""
     count = points // 2 + 1
     amplitude = 1 / np.sqrt(np.maximum(np.arange(count), 1))
     series = np.fft.irfft(amplitude * (rng.standard_normal(count) + 1j * rng.standard_normal(count)), points)
-    wander: FloatArray = series / series.std()
-    return wander
+    noise: FloatArray = series / series.std()
+    return noise
 
 
 def smooth_error(rng: Generator, frequency_hz: FloatArray, size: float) -> ComplexArray:
@@ -47,7 +47,7 @@ def smooth_error(rng: Generator, frequency_hz: FloatArray, size: float) -> Compl
 
 
 class ReflectionAnalyser:
-    """A pocket network analyser: what calibration with cheap standards left of its three error terms, and noise of the reflection.
+    """A handheld network analyser: residuals of its three error terms after calibration with low-cost standards, and noise.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class ReflectionAnalyser:
     level : float
         Size of each error term.
     noise : Generator, optional
-        Of the noise, where that is not to go on from the errors' own.
+        Random stream of the noise; by default that of the errors.
     """
 
     def __init__(self, rng: Generator, level: float, noise: Generator | None = None) -> None:
@@ -74,7 +74,7 @@ class ReflectionAnalyser:
 
 
 class DoubledAnalyser(SimulatedAnalyser):
-    """An analyser whose gain error is twice what its calibration promises."""
+    """An analyser with twice the usual gain error."""
 
     def gain_error(self, frequency_hz: FloatArray) -> ComplexArray:
         """Twice the usual error."""
@@ -82,14 +82,14 @@ class DoubledAnalyser(SimulatedAnalyser):
 
 
 def behind_fixture(impedance: ComplexArray, frequency_hz: FloatArray, ohm: float, henry: float, farad: float) -> ComplexArray:
-    """What is seen through a fixture: R and L in series with the motor, C across its far side."""
+    """Impedance at the input of a fixture: R and L in series with the motor, C across the input."""
     s = 2j * np.pi * frequency_hz
     series = impedance + ohm + s * henry
     return np.asarray(series / (1 + s * farad * series), dtype=np.complex128)
 
 
 def warming(motor: SimulatedMotor, termination: Termination, frequency_hz: FloatArray, warmth: FloatArray, rises: dict[str, float]) -> ComplexArray:
-    """Impedance of a motor that is somewhat warmer at each point.
+    """Impedance of a motor that warms from point to point.
 
     Parameters
     ----------
@@ -97,9 +97,9 @@ def warming(motor: SimulatedMotor, termination: Termination, frequency_hz: Float
     termination : {"short", "open"}
     frequency_hz : ndarray, shape (n,)
     warmth : ndarray, shape (n,)
-        0 (cold) to 1.
+        0 (cold) to 1 (warm).
     rises : dict
-        Relative rise of elements from 0 to 1.
+        Relative increase of elements from cold to warm.
     """
     states = 0.5 - 0.5 * np.cos(np.pi * np.arange(_STATES) / (_STATES - 1))
     motors = [changed(motor, {name: 1 + rise * state for name, rise in rises.items()}) for state in states]
@@ -116,7 +116,7 @@ def changed(motor: SimulatedMotor, factors: dict[str, float]) -> SimulatedMotor:
 
 
 def station_points(rng: Generator, frequency_hz: FloatArray) -> list[int]:
-    """3 to 15 points where broadcast stations are, in clusters of one to three."""
+    """3 to 15 points in broadcast bands, in clusters of one to three."""
     wanted, chosen = int(rng.integers(3, 16)), set[int]()
     audible = [band for band in BROADCAST_HZ if band[0] < frequency_hz[-1] and band[1] > frequency_hz[0]]
     while len(chosen) < wanted:
@@ -127,8 +127,8 @@ def station_points(rng: Generator, frequency_hz: FloatArray) -> list[int]:
     return sorted(chosen)
 
 
-def drawn(rng: Generator, points: Sequence[int], size: int, low: float, high: float) -> ComplexArray:
-    """Errors at these points of `size`, nothing elsewhere: magnitudes `low` to `high`, phases random."""
+def point_errors(rng: Generator, points: Sequence[int], size: int, low: float, high: float) -> ComplexArray:
+    """Errors of random phase and of magnitude `low` to `high` at these of `size` points, zero at the others."""
     error = np.zeros(size, dtype=np.complex128)
     magnitude = np.exp(rng.uniform(np.log(low), np.log(high), len(points)))
     error[list(points)] = magnitude * np.exp(2j * np.pi * rng.random(len(points)))

@@ -1,4 +1,4 @@
-"""The hard scoreboard: motors measured outside the protocol, diagnosed as a user would, and what the answers are worth."""
+"""The hard scoreboard: diagnosis of motors that are measured outside the protocol."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.blind.calibration import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.cases import visible
 from motoremi.blind.departures import DEPARTURES, HardCase, draw_hard_many
-from motoremi.blind.hard_scoring import GOOD, Element, attached, of_the_motor, strict, sure_and_wrong, true_word
+from motoremi.blind.hard_scoring import GOOD, Element, attached, of_the_motor, statement_is_true, strict, sure_and_wrong
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoreboard import seconds
 from motoremi.blind.scoring import Answer, Outcome
@@ -25,7 +25,7 @@ from motoremi.model.motor import dc_motor
 from motoremi.simulate.hidden import ELEMENTS
 
 STRICT_GOAL, SURE_AND_WRONG_GOAL, CALIBRATION_GOAL, COVERAGE_GOAL = 0.93, 0.02, 0.10, 0.88
-# Intervals of one motor are wrong together, so that fewer motors than these say nothing.
+# Fewest motors for a figure of coverage, because the intervals of one motor are not independent.
 LEAST_MOTORS = 5
 
 
@@ -40,9 +40,9 @@ class PlayedHard:
     findings : tuple of str
         Ids of the serious findings.
     seen : tuple of str
-        Those of the hidden effects that the data show at all.
+        The hidden effects that are visible in the data.
     elements : tuple of Element
-        Where the best model has just the hidden effects: what can be held against the simulated motor.
+        Fitted elements that can be compared with the simulated motor; empty unless the best model has exactly the hidden effects.
     """
 
     case: HardCase
@@ -53,17 +53,17 @@ class PlayedHard:
 
     @cached_property
     def outcome(self) -> Outcome:
-        """What the answer is worth."""
+        """Score of the answer."""
         return strict(self.case, self.answer, self.findings, self.seen)
 
     @cached_property
     def hit(self) -> bool:
-        """Whether what the confidence speaks of is true."""
-        return true_word(self.case, self.answer, self.findings, self.seen)
+        """Whether the statement that has the confidence is true."""
+        return statement_is_true(self.case, self.answer, self.findings, self.seen)
 
     @property
     def misleads(self) -> bool:
-        """Whether it is sure and wrong."""
+        """Whether the answer is wrong with high confidence."""
         return sure_and_wrong(self.case, self.answer, self.outcome)
 
     def to_dict(self) -> JsonDict:
@@ -82,7 +82,7 @@ def play_hard(case: HardCase) -> PlayedHard:
         found = diagnose(base)
         took = time.perf_counter() - started
         document = found.to_dict()
-    except Exception as error:  # a crash is an answer too, and the worst; the others go on
+    except Exception as error:  # a crash is scored as an answer and must not stop the other cases
         return PlayedHard(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"))
     families = tuple(tuple(family) for family in document["families"])
     answer = Answer(document["verdict"], tuple(document["effects"]), families, document["confidence"], seconds=took)
@@ -91,7 +91,7 @@ def play_hard(case: HardCase) -> PlayedHard:
 
 
 def _seen(case: HardCase, base: Fit) -> tuple[str, ...]:
-    """Those of the hidden effects that alone keep the best refit of the seven elements above noise and specification."""
+    """The hidden effects that alone cannot be described by the seven elements within noise and specification."""
     if len(case.hidden) <= 1:
         return case.hidden if visible(base) else ()
     return tuple(name for name in case.hidden if visible(fit(dc_motor(), case.sweeps((name,)))))
@@ -107,7 +107,7 @@ def _elements(case: HardCase, found: Diagnosis) -> tuple[Element, ...]:
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedHard]:
-    """The first cases of a seed, in order; the same whatever the number of jobs."""
+    """The first cases of a seed, in order; the result does not depend on the number of jobs."""
     return play_each(play_hard, draw_hard_many(seed, count), jobs, progress)
 
 
@@ -118,8 +118,8 @@ def summary(played: Sequence[PlayedHard]) -> JsonDict:
     -------
     dict
         `goals`, as on the usual scoreboard; `by_departure`: outcomes, share of good ones and median time; `kinds_of_verdict` and
-        `reliability`: stated confidence against hit rate; `coverage`: how many 95 % intervals hold the truth; `confusion`: hidden effect ->
-        answer -> number; `findings`: departure -> serious finding -> number; `sure_and_wrong`, `wrong`, `troubles`: cases to look at.
+        `reliability`: stated confidence against hit rate; `coverage`: share of 95 % intervals that contain the truth; `confusion`: hidden effect
+        -> answer -> number; `findings`: departure -> serious finding -> number; `sure_and_wrong`, `wrong`, `troubles`: cases to examine.
     """
     by_departure: dict[str, list[PlayedHard]] = {name: [] for name in DEPARTURES}
     for one in played:

@@ -1,4 +1,4 @@
-"""What an answer is worth where the data are outside the protocol: strict, but a true word about the data counts."""
+"""Scoring of answers for data outside the protocol: strict, but a correct finding about the data counts as right."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from motoremi.simulate.hidden import ELEMENTS
 
 GOOD = ("right", "family")
 SURE = 0.8
-# Departures that are the analyser's errors: to blame it is right, and to name one of its errors beside the motor's effect is too.
+# Departures that are errors of the analyser: the verdict `instrument`, or the name of such an error in addition to the motor's effect, is right.
 OF_THE_ANALYSER = ("vna-reflection", "vna-not-compensated", "doubled-errors", "declared-wrongly", "leads-apart")
-# Departures that are the motor's own change during the measurement, which the catalogue has a name for.
+# Departures that are changes of the motor during the measurement, for which the catalogue has an effect.
 OF_THE_MOTOR = ("capacitance-apart", "warming")
 DRIFT = "temperature-drift"
-# Departures that are faults of the data: to be unable to explain them is no false certainty.
+# Departures that are faults of the data: the verdicts `unexplained` and `data` do not count as sure and wrong there.
 OF_THE_DATA = (*OF_THE_ANALYSER, *OF_THE_MOTOR, "flicker", "stations", "outliers")
-# Elements whose meaning a hidden effect changes: their fitted values are not comparable.
+# Elements whose meaning is changed by a hidden effect: their fitted values cannot be compared with the truth.
 ATTACHED: Mapping[str, tuple[str, ...]] = {
     "skin-effect": ("Ra", "La"),
     "proximity-effect": ("Ra", "La"),
@@ -42,7 +42,7 @@ ATTACHED: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Element:
-    """A fitted element of a played case, and the values that it had during the measurement, SI units."""
+    """A fitted element of a case, with its lowest and highest true value during the measurement, SI units."""
 
     name: str
     value: float
@@ -52,7 +52,7 @@ class Element:
 
     @property
     def inside(self) -> bool:
-        """Whether its 95 % interval holds what it was."""
+        """Whether its 95 % interval contains a true value."""
         return self.value - 1.96 * self.sigma <= self.high and self.value + 1.96 * self.sigma >= self.low
 
 
@@ -66,12 +66,12 @@ def attached(hidden: Sequence[str]) -> set[str]:
 
 
 def of_the_motor(case: HardCase, effects: Sequence[str]) -> tuple[str, ...]:
-    """Those of the named effects that are not the departure by another name."""
+    """The named effects without those that are a description of the departure itself."""
     return tuple(name for name in effects if not _is_departure(case, name))
 
 
 def strict(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequence[str]) -> Outcome:
-    """What an answer is worth.
+    """Score of an answer.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def strict(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequen
     findings : sequence of str
         Ids of the serious findings.
     seen : sequence of str
-        Those of the hidden effects that the data show at all.
+        The hidden effects that are visible in the data.
     """
     if answer.trouble:
         return "crashed"
@@ -94,22 +94,22 @@ def strict(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequen
         return "right"
     if answer.verdict == "instrument" and not about_motor.effects and not seen and (named_truly or case.departure in OF_THE_ANALYSER):
         return "right"
-    # Nothing but the departure itself was named: for a motor that shows nothing, that is the whole truth.
+    # Only the departure itself was named, which is right for a motor without visible effects.
     if answer.effects and not about_motor.effects and not seen and case.departure in OF_THE_MOTOR:
         return "right"
     worths = [outcome(hidden, about_motor) for hidden in dict.fromkeys([tuple(case.hidden), tuple(seen)])]
     return next((worth for worth in worths if worth in GOOD), worths[0])
 
 
-def true_word(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequence[str]) -> bool:
-    """Whether what the answer's confidence speaks of is true: as `strict`, but a family may be of any size."""
+def statement_is_true(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequence[str]) -> bool:
+    """Whether the statement that has the answer's confidence is true: as `strict`, but a family may have any size."""
     if strict(case, answer, findings, seen) in GOOD:
         return True
     return answer.verdict not in ("data", "instrument") and hit(case.hidden, _about_motor(case, answer), detectable=bool(seen) or not case.hidden)
 
 
 def sure_and_wrong(case: HardCase, answer: Answer, worth: Outcome) -> bool:
-    """Whether somebody who believed the answer would be misled."""
+    """Whether the answer is wrong with a confidence of at least `SURE`."""
     excused = answer.verdict in ("unexplained", "data") and case.departure in OF_THE_DATA
     return answer.confidence >= SURE and worth not in GOOD and not excused
 
@@ -121,7 +121,7 @@ def _is_departure(case: HardCase, name: str) -> bool:
 
 
 def _about_motor(case: HardCase, answer: Answer) -> Answer:
-    """The answer without what is the departure by another name."""
+    """The answer without effects that are a description of the departure itself."""
     effects = of_the_motor(case, answer.effects)
     dropped = set(answer.effects) - set(effects)
     families = tuple(family for family in answer.families if not dropped & set(family))

@@ -1,4 +1,4 @@
-"""The board of investigations: sealed motors played to the end by each policy, and what it took and was worth."""
+"""The scoreboard of investigations: sealed motors are investigated to the end by each policy, and cost and result are scored."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from motoremi.diagnosis.rivals import Lessons
 from motoremi.workflow_thinking import searched, with_lessons
 
 ODDS, BUDGET_MINUTES = 20.0, 240.0
-# A policy that asks for more than so much never ends.
+# Largest number of measurements of a run.
 MOST_STEPS = 24
 NAMED_GOAL, WRONG_GOAL, CALIBRATION_GOAL, MISTAKES_GOAL = 0.95, 0.02, 0.05, 0.90
 MINUTES_GOALS: Mapping[str, float] = {"fixed order": 0.5, "random": 0.5, "cheapest first": 0.7, "clairvoyant": 1.3}
 SECONDS_GOAL, SURE = 5.0, 0.8
 
 Judge: TypeAlias = Callable[[Evidence], Standing]
-# Measurements by name and turn, in alphabetical order: what was measured, whoever asked for it first.
+# The measurements so far by name and turn, in alphabetical order, so that the order of the requests does not matter.
 _Done: TypeAlias = tuple[tuple[str, int], ...]
 
 
 class Product:
-    """What the product says of evidence; what it found in the reference sweeps is kept while only other things are added."""
+    """The assessment of evidence by this software; the search on the reference sweeps is cached while they do not change."""
 
     def __init__(self) -> None:
         self._searched: dict[bytes, tuple[Diagnosis, Lessons]] = {}
 
     def __call__(self, evidence: Evidence) -> Standing:
-        """What stands, and what to measure next."""
+        """The probabilities of the explanations, and the next measurement."""
         measurement = Measurement.of(evidence.sweeps, values=evidence.values)
         reference = [sweep for sweep in evidence.sweeps if sweep.condition is None]
         key = b"".join(sweep.impedance_ohm.tobytes() for sweep in reference)
@@ -71,22 +71,22 @@ def _answer(found: Diagnosis) -> Answer:
 
 @dataclass(frozen=True)
 class Run:
-    """One motor played to the end by one policy.
+    """One investigation by one policy.
 
     Parameters
     ----------
     policy : str
     steps : tuple of str
-        What was measured, in order.
+        The measurements, in order.
     minutes : float
-        At the bench.
+        Time at the bench.
     stop : str
     answer : Answer
-        The last.
+        The final answer.
     made, found, alarms : tuple of str
-        Measurements that the operator did otherwise, those of them that were noticed, and those that were done as asked and doubted.
+        Measurements with a mistake of the operator, those of them that were noticed, and correct ones that were taken for mistakes.
     seconds, search_seconds : tuple of float
-        Of each decision, and of the search before it (0 where nothing was searched).
+        Time of each decision, and of the search before it (0 without a search).
     """
 
     policy: str
@@ -103,14 +103,14 @@ class Run:
 
 @dataclass(frozen=True)
 class PlayedRun:
-    """A run with the truth, as tables of calibration want it.
+    """A run with the truth, for the tables of calibration.
 
     Parameters
     ----------
     case : Sealed
     run : Run
     detectable : bool
-        Whether the motor's two sweeps show all that is hidden: no goal speaks of what they do not.
+        Whether all hidden effects are visible in the motor's two sweeps; other cases are in no goal.
     """
 
     case: Sealed
@@ -119,46 +119,46 @@ class PlayedRun:
 
     @property
     def answer(self) -> Answer:
-        """What was said at last."""
+        """The final answer."""
         return self.run.answer
 
     @property
     def outcome(self) -> Outcome:
-        """What it is worth."""
+        """Score of the final answer."""
         return outcome(self.case.hidden, self.run.answer)
 
     @property
     def hit(self) -> bool:
-        """Whether what its confidence speaks of is true."""
+        """Whether the statement that has the confidence is true."""
         return hit(self.case.hidden, self.run.answer, self.detectable)
 
     @property
     def settled(self) -> bool:
-        """Named, or proven inseparable: a family counts only where nothing on the menu could tell its members apart."""
+        """Named, or proven inseparable: a family counts only if no measurement of the menu could distinguish its members."""
         return self.outcome == "right" or (self.outcome == "family" and self.run.stop == "inseparable")
 
     @property
     def wrong(self) -> bool:
-        """Whether somebody who believed it would be misled."""
+        """Whether the final answer is wrong."""
         return self.outcome in ("wrong", "false alarm", "crashed")
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
-        told = {"outcome": self.outcome, "settled": self.settled, "detectable": self.detectable}
-        return {**asdict(self.case), **asdict(self.run), **asdict(self.run.answer), **told}
+        scores = {"outcome": self.outcome, "settled": self.settled, "detectable": self.detectable}
+        return {**asdict(self.case), **asdict(self.run), **asdict(self.run.answer), **scores}
 
 
 def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
-    """Play one sealed motor by each policy; what one of them has measured and judged is not judged again for another."""
+    """Investigate one sealed motor by each policy; evidence that several of them collect is assessed once."""
     known: dict[_Done, Standing] = {}
-    says = judge or Product()
+    assess = judge or Product()
 
     def standing(done: _Done, asked: Mapping[str, Offer]) -> Standing:
         if done not in known:
             evidence = case.begin()
             for name, turn in done:
                 evidence = evidence.plus(case.give(asked[name].asked, turn).evidence)
-            known[done] = says(evidence)
+            known[done] = assess(evidence)
         return known[done]
 
     detectable = case.detectable()
@@ -168,7 +168,7 @@ def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tup
 def _guarded(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
     try:
         return _run(case, policy, standing)
-    except Exception as error:  # a crash is an answer too, and the worst; the others go on
+    except Exception as error:  # a crash is scored as an answer and must not stop the other cases
         trouble = f"{type(error).__name__}: {error}"
         return Run(policy, (), 0.0, "", Answer("crashed", (), (), 0.0, trouble=trouble))
 
@@ -219,7 +219,7 @@ def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sea
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedRun]:
-    """The first motors of a seed by all policies; the same whatever the number of jobs."""
+    """The runs of all policies on the first motors of a seed; the result does not depend on the number of jobs."""
     return [one for runs in play_each(play, draw_sealed_many(seed, count), jobs, progress) for one in runs]
 
 
@@ -276,7 +276,7 @@ def _seconds(measured: Sequence[float]) -> JsonDict:
 
 
 def _minutes_goal(by_policy: Mapping[str, Sequence[PlayedRun]], name: str, wanted: float) -> JsonDict:
-    """Median minutes of the product over those of another policy, on the same motors."""
+    """Median minutes of this software's policy divided by those of another policy, on the same motors."""
     own, other = by_policy.get(PRODUCT, ()), by_policy.get(name, ())
     if not own or not other or not (median := _median(other)):
         return goal_of(None, wanted, 0, at_most=True)

@@ -1,4 +1,4 @@
-"""Ways to choose the next measurement, for the board of investigations: the product's own, others, and one that knows the truth."""
+"""Policies for the choice of the next measurement: that of this software, others for comparison, and one that knows the truth."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from motoremi.data.conditions import VALUES
 from motoremi.errors import BadInput
 from motoremi.workflow_investigate import order_of
 
-# Frozen: how somebody with experience would go about it who looks at no model. First what is free or completes the record, then the
-# instrument, then what needs no tool, then tools, then heat and disassembly.
+# Fixed order of an experienced engineer without a model: first measurements that are free or complete the data, then the instrument, then what
+# needs no tools, then what needs tools, then heat and disassembly.
 EXPERT = (
     "open-sweep", "short-sweep", "repeat-compensation", "repeats", "dc-resistance", "insulation-resistance", "wide-sweep", "far-end-grounded",
     "contacts-cleaned", "repeat-first-sweep", "sweep-downwards", "fixture-short", "fixture-open", "fixture-load", "standards", "shaft-turned",
     "longer-lead", "longer-strap", "terminal-block", "end-turn-touched", "known-capacitor", "field-winding", "dc-bias", "second-temperature",
     "brushes-lifted", "dried", "rotor-out",
 )  # fmt: skip
-# The order of the contract: that of a menu which nobody thinks about.
+# The order of the menu.
 FIXED = (
     "short-sweep", "open-sweep", "wide-sweep", "far-end-grounded", "dc-resistance", "insulation-resistance", "repeat-first-sweep",
     "sweep-downwards", "shaft-turned", "contacts-cleaned", "field-winding", "standards", "repeat-compensation", "longer-lead", "longer-strap",
     "terminal-block", "end-turn-touched", "dc-bias", "second-temperature", "dried", "repeats", "known-capacitor", "brushes-lifted", "rotor-out",
     "fixture-open", "fixture-short", "fixture-load",
 )  # fmt: skip
-# How many of the cheapest measurements the one that knows the truth tries before it is content with the best of them.
+# Number of the cheapest measurements among which the policy that knows the truth chooses.
 TRIED = 8
 _HALF = 0.5
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A measurement that could be made next.
+    """A possible next measurement.
 
     Parameters
     ----------
     asked : Asked
     minutes, bits : float
-        What it takes and what it is expected to teach.
+        Its time, and its expected information.
     """
 
     asked: Asked
@@ -52,37 +52,37 @@ class Offer:
 
     @property
     def id(self) -> str:
-        """On the menu."""
+        """Identifier on the menu."""
         return self.asked.id
 
     @classmethod
-    def of(cls, told: JsonDict) -> Offer:
+    def of(cls, entry: JsonDict) -> Offer:
         """From an entry of `motoremi next --json`."""
-        order = order_of(told)
-        terminations = () if told["id"] in VALUES else order.terminations
-        return cls(Asked(order.id, order.condition, terminations), float(told["minutes"]), float(told["information_bits"]))
+        order = order_of(entry)
+        terminations = () if entry["id"] in VALUES else order.terminations
+        return cls(Asked(order.id, order.condition, terminations), float(entry["minutes"]), float(entry["information_bits"]))
 
 
 @dataclass(frozen=True)
 class Standing:
-    """What the product says of the evidence so far.
+    """The assessment of the evidence so far.
 
     Parameters
     ----------
     probabilities : dict
-        Of each explanation by its label.
+        Probability of each explanation by its label.
     offers : tuple of Offer
-        What can be measured next, the product's own choice first.
+        Possible next measurements, this software's choice first.
     stop : str
-        Why there is nothing left to ask; empty while there is.
+        Reason to stop; empty if there is a useful next measurement.
     mistaken : tuple of str
-        Measurements that it believes to be something else than was asked.
+        Measurements that were probably not done as requested.
     conclude : callable
-        The answer that is given if this is the end.
+        Returns the final answer.
     seconds : float
-        That it took to weigh the explanations and to choose.
+        Time to compute the probabilities and to choose.
     search_seconds : float
-        That it took before to find them, where the reference sweeps were new.
+        Time of the search for explanations, if the reference sweeps were new.
     """
 
     probabilities: Mapping[str, float]
@@ -94,9 +94,9 @@ class Standing:
     search_seconds: float = 0.0
 
 
-# Looks ahead: what would stand after an offer. Only one policy may.
+# The assessment after a measurement; used only by the policy that knows the truth.
 Look: TypeAlias = Callable[[Offer], Standing]
-# (standing, look ahead, truth, random stream) -> offer
+# (assessment, look-ahead, truth, random stream) -> next measurement
 Policy: TypeAlias = Callable[[Standing, Look, tuple[str, ...], np.random.Generator], Offer]
 
 
@@ -124,7 +124,7 @@ def _in_order(order: tuple[str, ...]) -> Policy:
 
 
 def _clairvoyant(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
-    """The cheapest measurement after which the truth stands; where there is none, the one that moves most towards it for each minute."""
+    """The cheapest measurement after which the truth is the only explanation; otherwise the one that most increases its probability per minute."""
     label = " + ".join(sorted(truth))
     best: tuple[float, Offer] | None = None
     for offer in sorted(standing.offers, key=lambda one: one.minutes)[:TRIED]:

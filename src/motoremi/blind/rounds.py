@@ -1,4 +1,4 @@
-"""Many blind cases played, alone or in several processes."""
+"""Play many blind cases, in one or several processes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Played = TypeVar("Played")
 
 
 def play_each(play: Callable[[Case], Played], cases: Sequence[Case], jobs: int, progress: Progress | None = None) -> list[Played]:
-    """All cases in order; the same whatever the number of jobs.
+    """The results of all cases, in order; they do not depend on the number of jobs.
 
     Parameters
     ----------
     play : callable
-        Plays one case; a function of a module, so that it can be sent to other processes.
+        Plays one case; a module-level function, which can be sent to other processes.
     cases : sequence
     jobs : int
-        Processes; with one, nothing is sent anywhere.
+        Number of processes; with one, the cases are played in this process.
     progress : callable, optional
     """
     count = len(cases)

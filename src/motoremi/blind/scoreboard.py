@@ -1,4 +1,4 @@
-"""The scoreboard: many blind cases, and how often the diagnosis is right and as sure as it should be."""
+"""The scoreboard: many blind cases, with the hit rate of the diagnosis and the calibration of its confidence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.fitting.fit import fit
 from motoremi.model.motor import dc_motor
 
-# Stated confidence and hit rate of any kind of verdict may differ by this.
+# Largest accepted difference of stated confidence and hit rate.
 CALIBRATION_GOAL = 0.05
 
 
@@ -32,12 +32,12 @@ class Played:
 
     @property
     def outcome(self) -> Outcome:
-        """What the answer is worth."""
+        """Score of the answer."""
         return outcome(self.case.hidden, self.answer)
 
     @property
     def hit(self) -> bool:
-        """Whether what the confidence speaks of is true."""
+        """Whether the statement that has the confidence is true."""
         return hit(self.case.hidden, self.answer, self.detectable)
 
     def to_dict(self) -> JsonDict:
@@ -53,7 +53,7 @@ def play(case: Case) -> Played:
         started = time.perf_counter()
         found = diagnose(base)
         took = time.perf_counter() - started
-    except Exception as error:  # a crash is an answer too, and the worst; the others go on
+    except Exception as error:  # a crash is scored as an answer and must not stop the other cases
         return Played(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), detectable)
     floor = found.best.noise_percent
     answer = Answer(
@@ -64,7 +64,7 @@ def play(case: Case) -> Played:
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[Played]:
-    """All cases of a seed, in order; the same whatever the number of jobs."""
+    """All cases of a seed, in order; the result does not depend on the number of jobs."""
     return play_each(play, draw_many(seed, count), jobs, progress)
 
 
@@ -123,7 +123,7 @@ def summary(played: Sequence[Played]) -> JsonDict:
 
 
 def seconds(answers: Sequence[Answer]) -> JsonDict:
-    """How long diagnoses took: median, 90 %, largest."""
+    """Time of the diagnoses: median, 90 % quantile, largest."""
     finite = [answer.seconds for answer in answers if np.isfinite(answer.seconds)]
     if not finite:
         return {"cases": 0, "median": None, "most": None, "largest": None}

@@ -1,4 +1,4 @@
-"""What an answer is worth: right, family, wrong, missed, false alarm."""
+"""Scoring of answers: right, family, wrong, missed, false alarm."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Literal, TypeAlias
 
 Outcome: TypeAlias = Literal["right", "family", "wrong", "missed", "false alarm", "unexplained", "crashed"]
 
-# A family that holds half of the catalogue is no answer.
+# Largest family that counts as an answer.
 LARGEST_FAMILY = 3
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis said, and what it cost.
+    """The answer of a diagnosis, and its time.
 
     Parameters
     ----------
@@ -23,9 +23,9 @@ class Answer:
     families : tuple of tuple of str
     confidence : float
     error_before_floors, error_after_floors : float
-        Errors of base and best model, the analyser's likely ones taken off, in multiples of the random noise.
+        Errors of base and best model, with the analyser's most likely errors removed, in multiples of the random noise.
     seconds : float
-        The diagnosis took, by the clock.
+        Wall time of the diagnosis.
     trouble : str
         The error message of a diagnosis that crashed.
     """
@@ -41,12 +41,12 @@ class Answer:
 
 
 def outcome(hidden: Sequence[str], answer: Answer) -> Outcome:
-    """How an answer compares with the truth.
+    """Score of an answer.
 
     Parameters
     ----------
     hidden : sequence of str
-        Names that start with `outside-` are in no catalogue: the right answer is `unexplained`.
+        Names that start with `outside-` are not in the catalogue: the right answer is `unexplained`.
     """
     if answer.trouble:
         return "crashed"
@@ -65,7 +65,7 @@ def outcome(hidden: Sequence[str], answer: Answer) -> Outcome:
 
 
 def hit(hidden: Sequence[str], answer: Answer, detectable: bool) -> bool:
-    """Whether what the answer's confidence speaks of is true: what is hidden is named, or in a family of any size."""
+    """Whether the statement that has the answer's confidence is true: the hidden effects are named, or in a family of any size."""
     if answer.trouble:
         return False
     if any(name.startswith("outside-") for name in hidden):
@@ -76,12 +76,12 @@ def hit(hidden: Sequence[str], answer: Answer, detectable: bool) -> bool:
 
 
 def named_exactly(hidden: Sequence[str], answer: Answer) -> bool:
-    """Whether the first name given for each place is the hidden one."""
+    """Whether the named effects are exactly the hidden ones, regardless of families."""
     return not answer.trouble and set(hidden) == set(answer.effects)
 
 
 def _held(hidden: Sequence[str], effects: Sequence[str], families: Sequence[Sequence[str]]) -> bool:
-    """Whether each hidden effect has a place of its own among the named ones or in their families."""
+    """Whether each hidden effect can be assigned to a different named effect or its family."""
     if len(hidden) != len(effects):
         return False
     places = [{effect, *(name for family in families if effect in family for name in family)} for effect in effects]

@@ -1,4 +1,4 @@
-"""Sealed motors for the board of investigations: what they hide, how each begins, and what the bench gives when somebody is asked for more."""
+"""Sealed motors for the scoreboard of investigations: hidden effects, first measurements, and the bench that measures on request."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ from motoremi.simulate.specimen import Specimen
 
 Start: TypeAlias = Literal["one short sweep", "uncompensated NanoVNA", "two effects"]
 STARTS: tuple[Start, ...] = get_args(Start)
-# Share of the motors whose truth is in no catalogue.
+# Share of the motors with an effect outside the catalogue.
 OUTSIDE = 0.1
-# A lead or strap of a handheld analyser, and the three error terms of its calibration.
+# Ranges of the fixture of a handheld analyser, and of its three error terms in dB.
 _FIXTURE = {"resistance_ohm": (20e-3, 300e-3), "inductance_h": (5e-9, 40e-9), "capacitance_f": (0.5e-12, 5e-12)}
-_POCKET_DB = (-60.0, -54.0)
-# Both decide on the copper resistance, so that a motor has at most one of them.
+_ERROR_TERMS_DB = (-60.0, -54.0)
+# Both determine the copper resistance, so a motor has at most one of them.
 _COPPER = {"skin-effect", "proximity-effect"}
-# The noise of the standards has its say beyond these.
+# Largest span of a wide sweep.
 _WIDE_HZ = (400.0, 60e6)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """All that was measured of a motor so far.
+    """All measurements of a motor so far.
 
     Parameters
     ----------
     sweeps : tuple of ImpedanceSweep
-        Those under a condition among them.
+        With those under a condition.
     values : tuple of SingleValue
     """
 
@@ -57,22 +57,22 @@ class Evidence:
     values: tuple[SingleValue, ...] = ()
 
     def plus(self, other: Evidence) -> Evidence:
-        """With more."""
+        """The evidence with more measurements."""
         return Evidence((*self.sweeps, *other.sweeps), (*self.values, *other.values))
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A measurement that somebody is asked for.
+    """A requested measurement.
 
     Parameters
     ----------
     id : str
-        On the menu.
+        Identifier on the menu.
     condition : Condition, optional
-        What is to be set up; None for more of the motor as it is, and for a single value.
+        The requested condition; None for further sweeps of the motor as it is, and for a single value.
     terminations : tuple of str
-        Which sweeps; empty for a single value.
+        The requested sweeps; empty for a single value.
     """
 
     id: str
@@ -81,15 +81,15 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Pocket:
-    """A handheld network analyser with a fixture that nobody compensated.
+class HandheldAnalyser:
+    """A handheld network analyser with a fixture that is not compensated at first.
 
     Parameters
     ----------
     seed : int
     compensated : bool
     purpose : str
-        Whose noise it makes.
+        Name of the random stream of the noise.
     """
 
     seed: int
@@ -105,7 +105,7 @@ class Pocket:
         bandwidth_factor: int = 5,
         averages: int = 1,
     ) -> ComplexArray:
-        """One sweep, in ohm; its bandwidth is always the same."""
+        """One sweep, in ohm; the bandwidth cannot be changed."""
         seen = true_impedance
         if not self.compensated:
             rng = self._rng("fixture")
@@ -118,29 +118,30 @@ class Pocket:
             )
         rng = self._rng("errors")
         noise = self._rng(f"noise {self.purpose} {termination} {connection}")
-        return ReflectionAnalyser(rng, 10 ** (uniform(rng, *_POCKET_DB) / 20), noise).measure(frequency_hz, seen)
+        return ReflectionAnalyser(rng, 10 ** (uniform(rng, *_ERROR_TERMS_DB) / 20), noise).measure(frequency_hz, seen)
 
-    def without(self, faults: Sequence[str], *, compensated: bool = False) -> Pocket:
-        """After compensation, if it was done; it has no other faults to mend."""
+    def without(self, faults: Sequence[str], *, compensated: bool = False) -> HandheldAnalyser:
+        """The analyser after compensation, if it was done; it has no other faults."""
         return replace(self, compensated=self.compensated or compensated)
 
-    def with_noise(self, purpose: str) -> Pocket:
-        """With a noise of its own for some purpose."""
+    def with_noise(self, purpose: str) -> HandheldAnalyser:
+        """The analyser with a separate stream of noise."""
         return replace(self, purpose=purpose)
 
     def _rng(self, purpose: str) -> np.random.Generator:
+        # The word is part of the seed: another one would draw other analysers.
         return np.random.default_rng([self.seed, zlib.crc32(f"pocket {purpose}".encode())])
 
 
 @dataclass(frozen=True)
 class Given:
-    """What the bench gave.
+    """The result of a request.
 
     Parameters
     ----------
     evidence : Evidence
     mistake : Mistake, optional
-        What the operator did otherwise: known to the scorer alone.
+        The operator's mistake, which is known only to the scoring.
     """
 
     evidence: Evidence
@@ -149,19 +150,19 @@ class Given:
 
 @dataclass(frozen=True)
 class Sealed:
-    """One sealed motor and how its investigation begins.
+    """One sealed motor and its first measurements.
 
     Parameters
     ----------
     seed, index : int
-        It depends on these two only.
+        They determine the case.
     start : str
         One of `STARTS`.
     hidden : tuple of str
-        Identifiers as in the catalogue; `outside-...` for what is not in it.
+        Identifiers as in the catalogue; `outside-...` for effects that are not in it.
     motor_seed : int
     mistaken : float
-        Share of the operator's actions that go wrong.
+        Probability of a mistake of the operator.
     """
 
     seed: int
@@ -178,23 +179,23 @@ class Sealed:
 
     @cached_property
     def specimen(self) -> Specimen:
-        """The motor with its answers to changes."""
+        """The motor with its responses to conditions."""
         in_motor, _ = split_effects(self.hidden)
         return Specimen(SimulatedMotor.random(self.motor_seed, in_motor), self.motor_seed)
 
     @cached_property
-    def analyser(self) -> SimulatedAnalyser | Pocket:
-        """What measures it."""
+    def analyser(self) -> SimulatedAnalyser | HandheldAnalyser:
+        """The analyser that measures it."""
         _, faults = split_effects(self.hidden)
-        return Pocket(self.motor_seed + 1) if self.declared == "nanovna" else SimulatedAnalyser(self.motor_seed + 1, faults=faults)
+        return HandheldAnalyser(self.motor_seed + 1) if self.declared == "nanovna" else SimulatedAnalyser(self.motor_seed + 1, faults=faults)
 
     def begin(self) -> Evidence:
-        """What there is before anybody asks."""
+        """The measurements before any request."""
         terminations: tuple[Termination, ...] = ("short",) if self.start == "one short sweep" else TERMINATIONS
         return self._measured(Arrangement(self.specimen, None, terminations), "begin", 0, REPEATS if self.start == "two effects" else 1)
 
     def give(self, asked: Asked, turn: int = 0) -> Given:
-        """What comes when this is asked for the `turn`-th time (from 0); it does not depend on what was asked before."""
+        """The result when this is requested for the `turn`-th time (from 0); it does not depend on other requests."""
         operator = Operator(self.motor_seed + 2, self.mistaken)
         arrangement = Arrangement.made_by(operator, self.specimen, asked.condition, asked.terminations, asked.id, turn)
         if asked.id in VALUES:
@@ -202,7 +203,7 @@ class Sealed:
         return Given(self._measured(arrangement, asked.id, 2 + zlib.crc32(f"{asked.id} {turn}".encode()) % 2**20, 1), arrangement.mistake)
 
     def detectable(self) -> bool:
-        """Whether the sweeps of both terminations show each hidden effect, where the model has all the others."""
+        """Whether each hidden effect is visible in the sweeps of both terminations with a model that has all the others."""
         both = Measurement.of(self._measured(Arrangement(self.specimen), "begin", 0, REPEATS).sweeps)
         base = fit(dc_motor(), both)
         return all(visible(reduce(Fit.add, (other for other in self.hidden if other != name), base)) for name in self.hidden)
@@ -218,7 +219,7 @@ class Sealed:
 
 
 def draw_sealed(seed: int, index: int) -> Sealed:
-    """The motor of a number; numbers go round the starts."""
+    """The motor with this number; the starts follow each other cyclically."""
     if seed < 0 or index < 0:
         raise BadInput(f"seed {seed} and index {index} must be 0 or above")
     rng = np.random.default_rng([seed, index, zlib.crc32(b"investigation")])
@@ -226,7 +227,7 @@ def draw_sealed(seed: int, index: int) -> Sealed:
     kinds = catalogue_kinds()
     if rng.random() < OUTSIDE:
         return Sealed(seed, index, start, (str(rng.choice(OUTSIDE_EFFECTS)),), int(rng.integers(1, 2**31 - 3)))
-    # Two faults of the analyser at once, or one beside an uncompensated fixture, would test something else.
+    # Not two faults of the analyser at once, and none together with an uncompensated fixture.
     known = kinds["one"] + (kinds["instrument"] if start == "one short sweep" else [])
     while True:
         hidden = tuple(str(name) for name in rng.choice(known, 2 if start == "two effects" else 1, replace=False))

@@ -1,7 +1,7 @@
-"""The scoreboard for spectra: motors whose source or path hides an effect, measured in the time domain, diagnosed by the formulas.
+"""The scoreboard for spectra: effects of source or path, simulated in the time domain and diagnosed by formulas.
 
-Truth: events drawn one by one, a sampled waveform, the network by nodal analysis, a receiver that works on samples
-(`motoremi.simulate.emission`). The diagnosis sees impedance sweeps, a peak and an average spectrum, and the stated speed.
+The spectra are simulated with single events, a sampled waveform, nodal analysis of the network, and a receiver that processes the samples
+(`motoremi.simulate.emission`). The diagnosis has impedance sweeps, a peak and an average spectrum, and the stated speed.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from motoremi.simulate.motor import SimulatedMotor
 POINTS = 201
 REPEATS = 3
 SHARE_OF_NONE = 0.25
-# A tachometer at the shaft.
+# Relative error of the stated speed, as of a tachometer.
 SPEED_ERROR = 0.01
-# An effect that changes the readings by less than what the receiver itself is off by cannot be seen.
+# An effect that changes the readings by less than the receiver's own error cannot be detected.
 LEAST_CHANGE_DB = float(np.hypot(emission.OFFSET_DB, emission.RIPPLE_DB))
 
 
@@ -62,7 +62,7 @@ class SpectrumCase:
     motor_seed: int
 
     def motor(self) -> SimulatedMotor:
-        """The motor, which hides nothing itself."""
+        """The motor, which has no hidden effect itself."""
         return SimulatedMotor.random(self.motor_seed)
 
     def sweeps(self) -> list[ImpedanceSweep]:
@@ -78,7 +78,7 @@ class SpectrumCase:
         return measured
 
     def stand(self) -> emission.Stand:
-        """Source, path and receiver as they really are."""
+        """True source, path and receiver."""
         return emission.Stand.random(self.motor_seed, self.hidden)
 
     def spectra(self) -> list[Spectrum]:
@@ -86,16 +86,16 @@ class SpectrumCase:
         return _scanned(self.motor_seed, self.hidden)
 
     def detectable(self) -> bool:
-        """Whether what is hidden changes a detector's readings by more than the receiver's own error, rms over some octave.
+        """Whether the hidden effect changes a detector's readings by more than the receiver's own error, rms over some octave.
 
-        Judged from the truth with and without it, all else and all chance the same; the catalogue's formulas have no part in it.
+        It is decided by simulations with and without the effect, with the same random numbers, without the formulas of the catalogue.
         """
         if not self.hidden:
             return True
         return largest_change_db(self.spectra(), _scanned(self.motor_seed, ())) >= LEAST_CHANGE_DB
 
     def stated(self) -> Setup:
-        """What the bench book says: the speed, with its error."""
+        """The set-up as the user states it: the speed, with its error."""
         error = float(np.random.default_rng([self.seed, self.index, 2]).normal(0.0, SPEED_ERROR))
         return Setup(Source(repetition_hz=self.stand().repetition_hz * (1 + error)), assumed=())
 
@@ -108,7 +108,7 @@ def _scanned(motor_seed: int, hidden: tuple[str, ...]) -> list[Spectrum]:
 
 
 def largest_change_db(one: Sequence[Spectrum], other: Sequence[Spectrum]) -> float:
-    """By how much two scans differ: rms over the octave, and on the detector, where they differ most."""
+    """Difference of two scans: rms over the octave and of the detector for which it is largest."""
     largest = 0.0
     for first, second in zip(one, other, strict=True):
         difference = first.level_dbuv - second.level_dbuv
@@ -119,7 +119,7 @@ def largest_change_db(one: Sequence[Spectrum], other: Sequence[Spectrum]) -> flo
 
 
 def draw(seed: int, index: int) -> SpectrumCase:
-    """The case of a number."""
+    """The case with this number."""
     rng = np.random.default_rng([seed, index, 1])
     hidden = () if rng.random() < SHARE_OF_NONE else (str(rng.choice(list(emission.SOURCE_EFFECTS))),)
     return SpectrumCase(seed, index, hidden, int(rng.integers(1, 2**31)))
@@ -137,7 +137,7 @@ class PlayedSpectrum:
 
     @property
     def outcome(self) -> Outcome:
-        """What the answer is worth."""
+        """Score of the answer."""
         return outcome(self.case.hidden, self.answer)
 
     def to_dict(self) -> JsonDict:
@@ -153,19 +153,19 @@ class PlayedSpectrum:
 
 
 def problem_of(case: SpectrumCase) -> Problem:
-    """What a user would have: the fitted sweeps, the spectra, the stated speed."""
+    """The problem that a user would have: fitted sweeps, spectra, stated speed."""
     fitted, stated = fit(dc_motor(), case.sweeps()), case.stated()
     return Problem(case.spectra(), motor_function(fitted, stated), stated)
 
 
 def play(case: SpectrumCase) -> PlayedSpectrum:
-    """Diagnose one case; the seconds are those of the diagnosis."""
+    """Diagnose one case; the time is that of the diagnosis alone."""
     detectable = case.detectable()
     try:
         problem = problem_of(case)
         started = time.process_time()
         found = diagnose_emission(problem)
-    except Exception as error:  # a crash is an answer too, and the worst; the others go on
+    except Exception as error:  # a crash is scored as an answer and must not stop the other cases
         return PlayedSpectrum(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), np.nan, np.nan, detectable)
     seconds = time.process_time() - started
     answer = Answer(found.verdict, found.effects, found.families, found.confidence, seconds=seconds)
@@ -173,14 +173,14 @@ def play(case: SpectrumCase) -> PlayedSpectrum:
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedSpectrum]:
-    """All cases of a seed, in order; the same whatever the number of jobs."""
+    """All cases of a seed, in order; the result does not depend on the number of jobs."""
     if count < 1:
         raise BadInput(f"{count} cases: ask for at least one")
     return play_each(play, [draw(seed, index) for index in range(count)], jobs, progress)
 
 
 def summary(played: Sequence[PlayedSpectrum]) -> JsonDict:
-    """The figures of a scoreboard of spectra; effects too weak to be seen are counted, but no goal speaks of them."""
+    """The figures of a scoreboard of spectra; effects that are too weak to be detected are counted, but are in no goal."""
     with_effect = [one for one in played if one.case.hidden and one.detectable]
     without = [one for one in played if not one.case.hidden]
     named = [one for one in with_effect if one.outcome in ("right", "family")]

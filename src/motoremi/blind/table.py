@@ -55,7 +55,7 @@ def calibration_lines(result: JsonDict) -> list[str]:
 
 
 def confusion_lines(confusion: JsonDict, hidden: str, named: str) -> list[str]:
-    """What was said instead of what, most often first."""
+    """Hidden effect and named effects, the most frequent first."""
     lines = [f"| {hidden} | {named} |", "|---|---|"]
     for kind, counts in confusion.items():
         lines.append(f"| {kind} | {', '.join(f'{name} {count}' for name, count in sorted(counts.items(), key=lambda pair: -pair[1]))} |")
@@ -63,7 +63,7 @@ def confusion_lines(confusion: JsonDict, hidden: str, named: str) -> list[str]:
 
 
 def wrong_line(one: JsonDict) -> str:
-    """One case to look at: what was hidden, what was said."""
+    """One case to examine: hidden effects and answer."""
     answer = " + ".join(one["effects"]) or one["trouble"] or one["verdict"]
     families = "; ".join(", ".join(family) for family in one["families"])
     return f"- {one['index']}: {' + '.join(one['hidden']) or 'none'} -> {answer}" + (f" ({families})" if families else "")

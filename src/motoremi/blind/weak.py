@@ -1,4 +1,4 @@
-"""Hidden effects made weak: how each is scaled down, and how far until the seven elements miss it by a chosen number of noise floors."""
+"""Weak hidden effects: scaling of each effect, and the strength at which the seven elements leave a given multiple of the noise."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from motoremi.errors import BadInput
 from motoremi.simulate.analyser import noise_sd_ohm
 from motoremi.simulate.hidden import ELEMENTS
 from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.strange import StrangeMotor
+from motoremi.simulate.uncatalogued import UncataloguedMotor
 
-# Which sizes make an effect weak, each as the power of its strength that it goes with.
+# The sizes that scale an effect, each with the power of the strength that it is proportional to.
 STRENGTH: Mapping[str, Mapping[str, float]] = {
     "skin-effect": {"radius_m": 0.5},
     "proximity-effect": {"height_m": 0.5},
@@ -45,17 +45,17 @@ STRENGTH: Mapping[str, Mapping[str, float]] = {
     "suppressor-choke": {"inductance_h": 1, "resistance_ohm": 1},
 }
 _LEAST_STRENGTH = 1e-4
-# The seven elements stay within this factor (natural logarithm) of the motor's own.
+# Bound of the fitted elements: natural logarithm of the factor on the motor's own.
 _FARTHEST = 1.5
 
 
 def weakened(motor: SimulatedMotor, strength: float) -> SimulatedMotor:
-    """The motor with all that it hides at `strength` (0 .. 1) of its size.
+    """The motor with all hidden effects at `strength` (0 .. 1) of their size.
 
     Raises
     ------
     BadInput
-        For an effect that nobody has said how to weaken.
+        For an effect that is not in `STRENGTH`.
     """
     effects = []
     for effect in motor.effects:
@@ -66,8 +66,8 @@ def weakened(motor: SimulatedMotor, strength: float) -> SimulatedMotor:
     return dataclasses.replace(motor, effects=tuple(effects))
 
 
-def misfit(motor: SimulatedMotor | StrangeMotor, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:
-    """What the best seven elements leave of a motor, rms in multiples of the random noise of the mean of the repeats."""
+def misfit(motor: SimulatedMotor | UncataloguedMotor, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:
+    """Rms residual of the best fit of the seven elements, in multiples of the random noise of the mean of the repeats."""
     truth = [motor.impedance(termination, frequency_hz) for termination in TERMINATIONS]
     weights = [np.abs(z) / noise_sd_ohm(frequency_hz, z, bandwidth_factor) * np.sqrt(repeats / 2) for z in truth]
     weight, target = np.concatenate(weights), np.log(np.concatenate(truth))
@@ -89,7 +89,7 @@ def _response(logarithms: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
 
 
 def strength_for(motor: SimulatedMotor, floors: float, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:
-    """The strength at which the seven elements miss the motor by `floors` noise floors; 1 where it is no more at full size."""
+    """The strength at which the residual of the seven elements is `floors` times the noise; 1 if it is smaller at full size."""
 
     def excess(logarithm: float) -> float:
         return float(np.log(max(misfit(weakened(motor, float(np.exp(logarithm))), frequency_hz, bandwidth_factor, repeats), 1e-9) / floors))

@@ -6,14 +6,14 @@ import os
 import sys
 from typing import NoReturn
 
-# What a shell, and typer, make of Ctrl-C.
+# Exit status of a command that was stopped by Ctrl-C, as in shells.
 STOPPED = 130
 
 
 def main() -> None:
-    """Run a command; every expected trouble is one line on standard error and an exit status."""
+    """Run a command; every expected error is one line on standard error and an exit status."""
     try:
-        status = _obeyed()
+        status = _run()
     except KeyboardInterrupt:
         status = STOPPED
     if status == STOPPED:
@@ -21,8 +21,8 @@ def main() -> None:
     sys.exit(status or 0)
 
 
-def _obeyed() -> int | None:
-    """Do what the command line says; its exit status."""
+def _run() -> int | None:
+    """Run the command of the command line; its exit status."""
     import typer
 
     from motoremi.cli.app import app
@@ -43,7 +43,7 @@ def _obeyed() -> int | None:
     except typer.Abort:
         return STOPPED
     except BrokenPipeError:
-        # The reader of our output went away: nothing is wrong on our side.
+        # The program that reads the output has closed it, which is not an error.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
@@ -55,7 +55,7 @@ def _obeyed() -> int | None:
 
 
 def fail(message: str, status: int) -> NoReturn:
-    """Say what is wrong in one line and leave."""
+    """Print an error in one line and exit."""
     from motoremi.data.text import clean_text
 
     sys.stderr.write(f"motoremi: {clean_text(' '.join(message.split()))}\n")

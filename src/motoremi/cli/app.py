@@ -1,4 +1,4 @@
-"""All commands in one list; each lives in the module of its subject."""
+"""The command-line application; each command is defined in the module of its subject."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ _ONE_VALUE = (
 
 
 def expanded(arguments: Sequence[str]) -> list[str]:
-    """Arguments of `motoremi import` with each file behind its own option; others unchanged."""
+    """Arguments of `motoremi import` with the option repeated before each file; other commands are not changed."""
     if not arguments or arguments[0] != "import":
         return list(arguments)
     result: list[str] = [arguments[0]]
@@ -38,5 +38,5 @@ def expanded(arguments: Sequence[str]) -> list[str]:
         positional.append(result.pop())
         result.pop()
     if option in SEVERAL and not taken:
-        result.append(option)  # an option without a file: let the parser say so
+        result.append(option)  # an option without a file, for which the parser raises an error
     return [result[0], *positional, *result[1:]]

@@ -1,4 +1,4 @@
-"""Progress bars with remaining time, on a terminal only."""
+"""Progress bars with remaining time, shown only on a terminal."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ REDRAWN_S = 0.1
 
 
 class Bars:
-    """Bars by label, each shown from its first step on.
+    """Progress bars by label; a bar appears with its first step.
 
     Parameters
     ----------
     live : rich.progress.Progress or None
-        None where nobody looks.
+        None if no bars are shown.
     """
 
     def __init__(self, live: RichProgress | None) -> None:
@@ -32,7 +32,7 @@ class Bars:
         self._drawn = 0.0
 
     def bar(self, label: str) -> Progress | None:
-        """What moves a bar: takes what is being done, how much is done, how much in all; None where nobody looks."""
+        """The callback of a bar: (name of the step, steps done, steps in all); None if no bars are shown."""
         live = self._live
         if live is None:
             return None
@@ -49,7 +49,7 @@ class Bars:
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Take the bars off the terminal while somebody answers a question there."""
+        """Remove the bars from the terminal while a question is answered there."""
         if self._live is not None:
             self._live.stop()
         try:
@@ -61,7 +61,7 @@ class Bars:
 
 @contextmanager
 def progress_bars(quiet: bool) -> Iterator[Bars]:
-    """Bars on standard error if it is a terminal and somebody wants them."""
+    """Bars on standard error if it is a terminal and `quiet` is false."""
     if quiet or not sys.stderr.isatty():
         yield Bars(None)
         return
@@ -70,6 +70,6 @@ def progress_bars(quiet: bool) -> Iterator[Bars]:
     from rich.progress import Progress as Live
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    # Drawn as work goes on, not by a thread of its own: beside other threads a diagnosis would not use the second core.
+    # Drawn by the working thread itself: with another thread running, a diagnosis would not use the second core.
     with Live(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as live:
         yield Bars(live)

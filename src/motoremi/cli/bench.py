@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from motoremi.schema.bench_file import BenchFile
     from motoremi.schema.procedure import Procedure
 
-# What one step of a dry run shows of its messages.
+# Largest number of messages that a dry run shows for one step.
 SHOWN_MESSAGES = 40
 
 
@@ -147,7 +147,7 @@ def _rehearse(procedure: Procedure, bench_file: BenchFile, as_json: bool) -> Non
         )
         return
     say(f"{procedure.title}: rehearsed on simulated instruments; nothing is sent to real ones.")
-    say("Times are those of the simulators; fitting, diagnosis and the operator take their own.")
+    say("Times are those of the simulators, without fitting, diagnosis and the operator.")
     say("Readings of the error queue, one after each message where an instrument has a queue, are not listed.")
     for remark in procedure.remarks():
         say(f"note: {remark}")
@@ -285,7 +285,7 @@ def tell(document: JsonDict) -> None:
         identity = document["identity"]
         say(f"  {document['role']}: {identity['vendor']} {identity['model']} serial {identity['serial']} at {document['resource']}")
     elif kind in ("sweep", "spectrum", "standard"):
-        what = " ".join(_told(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
+        what = " ".join(_text(document[key]) for key in ("termination", "detector", "standard", "condition") if key in document)
         say(f"  {what} {kind}: {document['points']} points, {show_band(*document['span_hz'])} -> {document['file']}")
         if "state" in document:
             say(
@@ -297,27 +297,27 @@ def tell(document: JsonDict) -> None:
         chosen = ", ".join(show(one["frequency_hz"], "Hz") for one in document["maxima"])
         say(f"  {len(document['maxima'])} maxima to read again: {chosen}" if chosen else "  no maximum is near the limit: nothing to read again")
         if document["more"]:
-            say(f"  {document['more']} more are as near to the limit; a larger 'maxima' in the procedure reads them too")
+            say(f"  {document['more']} more are within the margin; with a larger 'maxima' in the procedure they are read as well")
     elif kind == "final":
         where = " ".join(str(document[key]) for key in ("line", "operating") if key in document)
         say(f"  {document['detector']} at {show(document['maximum_hz'], 'Hz')} {where}: reading {document['highest_dbuv']:.1f} dBuV")
     elif kind == "supply":
         say(f"  supply {document['output']}" + (f"; {document['trouble']}" if document["trouble"] else ""))
     elif kind == "state":
-        reached = document["reached"] or "not reached, the operator goes on"
+        reached = document["reached"] or "not reached, the operator continues"
         say(f"  {reached} after {_duration(document['seconds'])}: {state_line(document['state'])}")
     elif kind == "asked":
         say(f"asked: {document['order']['instruction']} ({document['minutes']:.3g} min)")
     elif kind == "refused":
-        say(f"  {document['id']} is not done; the next best instead")
+        say(f"  {document['id']} is not done; the next best measurement instead")
     elif kind == "prompt":
         say(f"  the operator: {document['answer']}")
     elif kind == "step-start":
         detail = " ".join(str(value) for value in document["parameters"].values())
-        again = " (again, for what follows)" if document.get("again") else ""
+        again = " (again, for the steps that follow)" if document.get("again") else ""
         say(f"[{document['step']}/{document['of']}] {document['do']} {detail}".rstrip() + again)
     elif kind == "resume":
-        say(f"going on at step {document['step']}" + (f", of which {document['stored']} are stored" if document["stored"] else ""))
+        say(f"continuing at step {document['step']}" + (f", of which {document['stored']} are stored" if document["stored"] else ""))
     elif kind == "verdict":
         _tell_verdict(document)
     elif kind == "doubt":
@@ -326,7 +326,7 @@ def tell(document: JsonDict) -> None:
         say(f"  {document['role']} could NOT be brought into its safe state: {document['problem']}")
 
 
-def _told(value: object) -> str:
+def _text(value: object) -> str:
     """A value of a document as text; a condition is stored as a table."""
     from motoremi.data.conditions import Condition
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def challenge_(
     out: Annotated[Path | None, typer.Argument(metavar="[OUT]", help="Session folder to make.", show_default=False)] = None,
-    seed: Annotated[int | None, typer.Option(help="Which motor and what it hides; by default nobody knows.", min=0)] = None,
+    seed: Annotated[int | None, typer.Option(help="Determines the motor and what it hides; random by default.", min=0)] = None,
     opened: Annotated[Path | None, typer.Option("--reveal", metavar="DIR", help="Open the seal of a challenge and score the answer.")] = None,
     answer: Annotated[
         list[str] | None,
@@ -61,10 +61,10 @@ def challenge_(
 
 def scoreboard_(
     cases: Annotated[int, typer.Option(help="How many blind cases.", min=1)] = 300,
-    seed: Annotated[int | None, typer.Option(help="Which cases; by default nobody knows, and it is printed.", min=0)] = None,
-    jobs: Annotated[int, typer.Option(help="Processes. With 1 a diagnosis has two cores, as at the bench.", min=1)] = max(1, os.cpu_count() or 1),
+    seed: Annotated[int | None, typer.Option(help="Determines the cases; random by default, and printed.", min=0)] = None,
+    jobs: Annotated[int, typer.Option(help="Number of processes. With 1 each diagnosis may use two cores.", min=1)] = max(1, os.cpu_count() or 1),
     hard: Annotated[bool, typer.Option("--hard", help="Motors measured outside the protocol, one departure each.")] = False,
-    spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, seen in emission spectra.")] = False,
+    spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, in emission spectra.")] = False,
     investigate: Annotated[
         bool, typer.Option("--investigate", help="Sealed motors investigated by several policies: minutes at the bench, names, mistakes found.")
     ] = False,
@@ -76,7 +76,7 @@ def scoreboard_(
     from motoremi.cli.output import emit_json, say
 
     if hard + spectra + investigate > 1:
-        raise BadInput("--hard, --spectra and --investigate are scoreboards of their own: ask for one")
+        raise BadInput("--hard, --spectra and --investigate are different scoreboards: give one of them")
     chosen = seed if seed is not None else secrets.randbelow(1_000_000)
     board = _boards()["hard" if hard else "spectra" if spectra else "investigate" if investigate else "usual"]
     with progress_bars(as_json) as bars:
@@ -93,7 +93,7 @@ def scoreboard_(
 
 @dataclass(frozen=True)
 class _Board:
-    """A kind of scoreboard: how it is played, summed up, said and written."""
+    """A kind of scoreboard: functions that play it, summarise it, format it and write it."""
 
     label: str
     play: Callable[[int, int, int, Progress | None], Any]

@@ -1,4 +1,4 @@
-"""The command that tells what effects there are."""
+"""The command that shows the catalogue of effects."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def effects_(
     identifier: Annotated[str | None, typer.Argument(metavar="[ID]", help="One effect in full.", show_default=False)] = None,
     session: Annotated[
-        Path | None, typer.Option("--session", metavar="SESSION", help="Show it on this motor: its fitted circuit is used.", show_default=False)
+        Path | None,
+        typer.Option("--session", metavar="SESSION", help="Show the effect on this motor, with its fitted circuit.", show_default=False),
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="SVG, PNG or PDF of its signature on that motor.")] = None,
     as_json: AsJson = False,
@@ -33,10 +34,10 @@ def effects_(
     known: list[Effect | SourceEffect] = [*catalogue(), *source_effects()]
     file = None if plot is None else plot_file(plot)
     if plot is not None and session is None:
-        raise BadInput("a signature is plotted on a motor: say --session SESSION")
+        raise BadInput("a signature is plotted for a motor: give --session SESSION")
     if identifier is None:
         if session is not None:
-            raise BadInput("say which effect to show: motoremi effects ID --session SESSION")
+            raise BadInput("give the effect to show: motoremi effects ID --session SESSION")
         if as_json:
             emit_json({"schema": "motoremi.effects/1", "effects": [effect.to_dict() for effect in known]})
             return
@@ -71,14 +72,14 @@ def effects_(
 
 
 def _signature(session: Path, identifier: str, file: Path | None) -> Signature:
-    """The effect on the session's motor; a name without its place stands for the first one."""
+    """The effect on the session's motor; a name without a place means its first place."""
     from motoremi.emission.effects import is_source_effect
     from motoremi.errors import BadInput
     from motoremi.model.effects import catalogue
     from motoremi.workflow import opened, signature_on
 
     if is_source_effect(identifier):
-        raise BadInput(f"{identifier} shows in spectra, not in the impedance: motoremi diagnose {session} --emission")
+        raise BadInput(f"{identifier} changes spectra, not the impedance: motoremi diagnose {session} --emission")
     first = {effect.name: effect.identifiers[0] for effect in catalogue()}
     with opened(session) as store:
         found = signature_on(store, first.get(identifier, identifier))
@@ -88,13 +89,13 @@ def _signature(session: Path, identifier: str, file: Path | None) -> Signature:
 
 
 def _say_signature(found: Signature) -> None:
-    """Where it would show on the motor, in words."""
+    """Print where the effect would change the motor's impedance."""
     import numpy as np
 
     from motoremi.cli.output import say
     from motoremi.quantities import show
 
-    say(f"  on this motor, as {found.effect} (in brackets: what is left once the elements have adapted)")
+    say(f"  on this motor, as {found.effect} (in brackets: after the elements are fitted again)")
     for size in found.sizes:
         values = ", ".join(f"{name} {value:.3g}" for name, value in size.parameters.items())
         for termination, change in size.change.items():

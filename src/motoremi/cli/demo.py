@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from motoremi.fitting.result import Fit
     from motoremi.schema.procedure import Procedure
 
-# A motor whose sweeps leave two explanations standing that one measurement tells apart.
+# Seed and effect of a motor whose sweeps have two explanations, which one further measurement distinguishes.
 INVESTIGATED = (5, "bearing-film")
 
 
@@ -24,7 +24,7 @@ def demo_(
     effect: Annotated[str | None, typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default one at random.")] = None,
     seed: Annotated[int | None, typer.Option(help="Which motor, which errors of the analyser, which effect.", min=0)] = None,
     investigate: Annotated[
-        bool, typer.Option("--investigate", help="Measure once, and let the bench ask for what decides between the explanations that stand.")
+        bool, typer.Option("--investigate", help="Measure once, then choose and make the measurements that decide between the explanations.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -44,8 +44,8 @@ def demo_(
     if investigate:
         from motoremi.cli.demo_investigate import demo_investigation
 
-        told = INVESTIGATED if seed is None and effect is None else (1 if seed is None else seed, effect or INVESTIGATED[1])
-        demo_investigation(out if out is not None else fresh_folder("demo"), *told, as_json=as_json)
+        motor = INVESTIGATED if seed is None and effect is None else (1 if seed is None else seed, effect or INVESTIGATED[1])
+        demo_investigation(out if out is not None else fresh_folder("demo"), *motor, as_json=as_json)
         return
     chosen_seed = seed if seed is not None else secrets.randbelow(100_000)
     chosen = DEMO_EFFECTS[chosen_seed % len(DEMO_EFFECTS)] if effect is None else effect
@@ -102,7 +102,7 @@ def demo_(
 
 
 def _procedure(effect: str) -> Procedure:
-    """The full motor test, from 100 Hz upwards where the effect shows only below the usual band."""
+    """The full motor test; from 100 Hz for an effect that is visible only below the usual band."""
     from motoremi.model.effects import find_effect, identifiers
     from motoremi.schema.procedure import load_procedure, parse_procedure
 
@@ -114,7 +114,7 @@ def _procedure(effect: str) -> Procedure:
 
 
 def _story(found: JsonDict, base: Fit, last: Fit) -> None:
-    """What happened, for a person."""
+    """Print what was found in the impedance."""
     from motoremi.cli.output import say
     from motoremi.quantities import show_band
     from motoremi.report.words import beside_the_error, in_words, would_leave
@@ -137,7 +137,7 @@ def _story(found: JsonDict, base: Fit, last: Fit) -> None:
 
 
 def _emission_story(emission: JsonDict) -> None:
-    """The second half: the spectrum."""
+    """Print what was found in the spectrum."""
     from motoremi.cli.output import say
 
     say(f"\nThe spectrum: source and fitted motor alone miss it by {emission['error_before_db']:.1f} dB rms.")

@@ -1,4 +1,4 @@
-"""`motoremi demo --investigate`: two explanations stand, one measurement is asked for, one explanation is left."""
+"""`motoremi demo --investigate`: a motor with two explanations, and the measurement that decides between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BUDGET_MINUTES, ODDS = 120.0, 20.0
 
 
 def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -> None:
-    """Measure a simulated motor once, and let the bench ask for what decides."""
+    """Measure a simulated motor once, then investigate it."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import SessionWriter
     from motoremi.run.hidden_bench import keep_bench
@@ -32,7 +32,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
         writer = SessionWriter.create(folder, {**start_document(procedure, bench_file), "motor": f"simulated motor {seed}"})
         keep_bench(writer, seed, hidden)
         if not as_json:
-            say("A simulated motor hides something; it is measured once, then the bench asks for what decides.\n")
+            say("A simulated motor hides something; it is measured once, then the measurements that decide are chosen and made.\n")
             writer.subscribe(tell)
         run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
     finally:
@@ -46,7 +46,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
 
 
 def _measuring_only() -> Procedure:
-    """The usual impedance test without its steps of analysis, one sweep each."""
+    """The usual impedance test without its analysis steps, with one sweep of each termination."""
     from motoremi.schema.procedure import load_procedure, parse_procedure
 
     source = load_procedure("impedance_only").source

@@ -1,4 +1,4 @@
-"""Commands that tell what is there: instruments, doctor."""
+"""Commands that show what is installed and connected: instruments, doctor."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
     from motoremi.bench.survey import Answer
 
-Ask = Annotated[list[str] | None, typer.Option("--ask", metavar="RESOURCE", help="Ask this one too: sockets are on no list.", show_default=False)]
+Ask = Annotated[
+    list[str] | None,
+    typer.Option("--ask", metavar="RESOURCE", help="Also ask this resource, such as a socket, which VISA does not list.", show_default=False),
+]
 PACKAGES = ("motoremi", "numpy", "scipy", "pandas", "scikit-rf", "pyvisa", "pyvisa-py", "pyvisa-sim", "pyserial", "matplotlib", "jinja2")
-# What motoremi can do without, and what it is for.
+# Optional packages and their purpose.
 OPTIONAL = {
     "h5py": "export to HDF5",
     "xarray": "export to HDF5",
@@ -31,7 +34,7 @@ OPTIONAL = {
 
 
 def instruments_(as_json: AsJson = False, ask: Ask = None) -> None:
-    """Known drivers and what answers on the bus."""
+    """The known drivers, and the instruments that answer on the bus."""
     from motoremi.bench.connect import driver_names
     from motoremi.bench.survey import load_trouble, title
     from motoremi.cli.output import emit_json, say
@@ -53,7 +56,7 @@ def instruments_(as_json: AsJson = False, ask: Ask = None) -> None:
 
 
 def doctor_(as_json: AsJson = False, ask: Ask = None) -> None:
-    """What is installed, what is not, and what answers."""
+    """Check what is installed, which connections work, and which instruments answer."""
     import platform
     import shutil
 
@@ -120,7 +123,7 @@ def _backends() -> dict[str, str]:
 
 
 def _bus(ask: list[str] | None) -> tuple[list[Answer], str]:
-    """What answers, and why VISA sees nothing."""
+    """The instruments that answer, and the error if VISA cannot be used."""
     from motoremi.bench.connect import open_manager
     from motoremi.bench.survey import survey
     from motoremi.errors import InstrumentError

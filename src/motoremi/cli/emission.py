@@ -19,19 +19,21 @@ def predict_(
         Path | None, typer.Option("--setup", metavar="FILE", help="TOML: source, path, receiver (see docs/emission.md); kept in the session.")
     ] = None,
     limit: Annotated[str | None, typer.Option("--limit", metavar="NAME", help="A limit ('motoremi limits') or your own .toml; kept.")] = None,
-    uncertainty_db: Annotated[float, typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty, the guard band.", min=0)] = 3.4,
+    uncertainty_db: Annotated[
+        float, typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty (k = 2), the guard band.", min=0)
+    ] = 3.4,
     corrections: Annotated[
         Path | None,
         typer.Option(
             "--corrections",
             metavar="FILE",
-            help="Pads, cables, transducers in front of the receiver (TOML with [[correction]]), in place of those told before; kept.",
+            help="Attenuators, cables, transducers in front of the receiver (TOML with correction tables); replaces earlier ones; kept.",
         ),
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture as SVG, PNG or PDF.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Common-mode spectrum at the LISN from source and fitted motor, against the measured one and the limit; FAIL is exit status 1."""
+    """Predict the spectrum at the LISN from source and fitted motor; compare it with the measured one and the limit; FAIL is exit status 1."""
     from motoremi.cli.output import emit_json, say
     from motoremi.workflow import opened
     from motoremi.workflow_emission import predict_session

@@ -25,11 +25,13 @@ def export_(
     csv: Annotated[Path | None, _file("--csv", "All sweeps in one table, the model beside them.")] = None,
     hdf5: Annotated[Path | None, _file("--hdf5", "Sweeps, spectra, model and analyses (extra hdf5).")] = None,
     parquet: Annotated[Path | None, _file("--parquet", "The table of --csv as Parquet (extra parquet).")] = None,
-    termination: Annotated[Literal["short", "open"] | None, typer.Option(help="Which sweep goes to --touchstone; open if there is one.")] = None,
+    termination: Annotated[
+        Literal["short", "open"] | None, typer.Option(help="Which sweep goes to --touchstone; by default open if there is one.")
+    ] = None,
     model: Annotated[bool, typer.Option("--model", help="Write the fitted model to --touchstone instead of the measurement.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Take the model or the data elsewhere; several formats at once are fine."""
+    """Write the model or the data for other programs; several formats may be given at once."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.data.storage import write_whole
@@ -50,7 +52,7 @@ def export_(
     for file, make in ((csv, exporter.csv), (hdf5, exporter.hdf5), (parquet, exporter.parquet)):
         if file is not None:
             written.append((file, make()))
-    # Everything is made before the first file is written.
+    # All contents are computed before the first file is written.
     for file, made in written:
         write_whole(file, made.data)
     if as_json:

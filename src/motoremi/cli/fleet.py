@@ -1,4 +1,4 @@
-"""`motoremi fleet`: the same for thousands of sessions."""
+"""`motoremi fleet`: fit and diagnose thousands of sessions."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def fleet_(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="An existing Dask cluster, tcp://HOST:PORT (extra fleet).", show_default=False)
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes on this machine.", min=1)] = max(1, os.cpu_count() or 1),
+    jobs: Annotated[int, typer.Option(help="Number of processes on this machine.", min=1)] = max(1, os.cpu_count() or 1),
     golden: Annotated[
         str | None, typer.Option(metavar="PATTERN", help='Sessions of motors known to be good, such as "golden/*": limits for the rest.')
     ] = None,
     fit_only: Annotated[bool, typer.Option("--fit-only", help="Fit the paper's circuit and do not look for missing effects.")] = False,
     reports: Annotated[bool, typer.Option("--reports", help="Write each session's own report as well, into reports/ of the results.")] = False,
-    seed: Annotated[int, typer.Option(help="The search is deterministic for a seed.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Start of the random numbers; the same seed gives the same result.", min=0)] = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Fit and diagnose all sessions below a folder, then report on them together; run again, it goes on where it stopped."""
+    """Fit and diagnose all sessions below a folder, then write one report on all; run again to continue where it stopped."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, say
     from motoremi.data.plain import to_page
@@ -51,7 +51,7 @@ def fleet_(
         if isinstance(maker, DaskCluster):
             maker.close()
     figures = together(settled(work, target / RESULTS), golden)
-    # The columns behind the figures stand in the table.
+    # The values of each session are in the table.
     shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
     write_whole(target / "fleet.json", to_page(shown).encode())
     write_whole(target / "parameters.csv", _parameter_table(figures).encode())

@@ -1,4 +1,4 @@
-"""`motoremi investigate`: the bench asks, measures and decides until one explanation stands."""
+"""`motoremi investigate`: choose measurements and make them until one explanation is left."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ def investigate_(
         str, typer.Option(metavar="BENCH", help="Bench file; 'sim' is the simulated bench that the session was made on.", show_default=False)
     ],
     budget: Annotated[str, typer.Option(metavar="TIME", help="Time to spend at the bench in all, for example 30min.")] = "2h",
-    odds: Annotated[float, typer.Option(metavar="N", help="An explanation stands that is so many times as likely as all others together.")] = 20.0,
+    odds: Annotated[float, typer.Option(metavar="N", help="Stop when one explanation is N times as likely as all others together.")] = 20.0,
     without: Annotated[
         list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure, diagnose, choose, ask, measure again, until one explanation stands. Ctrl-C keeps all; the same command goes on."""
+    """Measure, diagnose and choose the next measurement until one explanation is left. After Ctrl-C the same command continues."""
     from motoremi.cli.output import emit_json
     from motoremi.schema.bench_file import load_bench_file
 
     minutes = minutes_of(budget)
     if odds <= 1:
-        raise BadInput(f"odds of {odds:g} let nothing stand: give a number above 1, for example 20")
+        raise BadInput(f"odds of {odds:g} cannot decide: give a number above 1, for example 20")
     found = investigated(path, load_bench_file(bench), minutes, odds, tuple(without or ()), quiet=as_json)
     if as_json:
         emit_json(found.to_dict())
@@ -57,7 +57,7 @@ def investigate_(
 
 
 def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float, without: tuple[str, ...], *, quiet: bool) -> Investigation:
-    """Investigate a session on a bench, told on standard output unless `quiet`."""
+    """Investigate a session on a bench; the progress is printed unless `quiet`."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.bench import keeping, tell, warn
     from motoremi.data.session import load, reopen
@@ -102,7 +102,7 @@ def minutes_of(text: str) -> float:
     Raises
     ------
     BadInput
-        If it is none.
+        If it cannot be read.
     """
     found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z]+)\s*", text.lower())
     if found is None or found[2] not in _MINUTES:
@@ -126,12 +126,12 @@ def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
     if kept is not None:
         return kept
     if not was_begun_on(session, bench_file):
-        raise BadInput(f"{name} was not measured on this simulated bench: its motor is not there; give the bench file that it was measured with")
+        raise BadInput(f"{name} was not measured on this simulated bench; give the bench file that it was measured with")
     return bench_file
 
 
 def _uncorrected(session: Session) -> tuple[str, ...]:
-    """The widest sweep, where what stands between motor and analyser is not known over its span."""
+    """The wide sweep, if the corrections between motor and analyser are not known over its span."""
     from motoremi.run.requested import WIDE
     from motoremi.schema.procedure import load_procedure
 
@@ -167,7 +167,7 @@ class _Operator:
         self.requests.measure(order)
 
     def value(self, order: MeasurementRequest) -> SingleValue:
-        """The number that another meter shows."""
+        """The reading of another meter."""
         from motoremi.virtual.simulated_bench import SimulatedBench
 
         self.started_s = time.monotonic()
@@ -212,10 +212,10 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
         if not (typed := sys.stdin.readline()):
             raise BadInput("the question was not answered: standard input has ended; run from a terminal")
         text = typed.strip()
-        said = TYPED.get(text.casefold()) if text else None
-        if said == "stop":
+        answer = TYPED.get(text.casefold()) if text else None
+        if answer == "stop":
             raise KeyboardInterrupt
-        if said == "not done":
+        if answer == "not done":
             raise NotDone(f"the operator has no value for {order.id}")
         try:
             return requested_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
@@ -224,13 +224,13 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
 
 
 def show_step(thought: Thought, step: Step | None) -> None:
-    """What stands, as bars of probability, and what the step taught."""
+    """Print the probabilities of the explanations as bars, and the information of the step."""
     from motoremi.cli.output import say
 
     if step is not None:
-        say(f"{step.id}: {step.minutes:.3g} min, taught {step.taught_bits:.2g} bits; error so far {step.error_percent:.3g} %")
+        say(f"{step.id}: {step.minutes:.3g} min, information {step.taught_bits:.2g} bits; error so far {step.error_percent:.3g} %")
     else:
-        say(f"error so far {thought.error_percent:.3g} %; what stands:")
+        say(f"error so far {thought.error_percent:.3g} %; possible explanations:")
     for name, share in list(thought.probabilities.items())[:_SHOWN]:
         say(f"  {name:44s} {'#' * round(_WIDTH * share):{_WIDTH}s} {share:.3f}")
     for finding in thought.findings:
@@ -238,16 +238,16 @@ def show_step(thought: Thought, step: Step | None) -> None:
 
 
 _ENDS = {
-    "one-stands": "one explanation stands",
-    "inseparable": "nothing on the menu can tell apart what stands",
+    "one-stands": "one explanation is left",
+    "inseparable": "no measurement of the menu can distinguish the explanations that are left",
     "nothing-missing": "nothing is missing that these data could show",
-    "budget": "what is left to measure takes longer than the time that is left",
-    "nothing-left": "nothing is left that this bench can measure",
+    "budget": "the measurements that are left take longer than the time that is left",
+    "nothing-left": "no measurement is left that this bench can make",
 }
 
 
 def show_end(found: Investigation) -> None:
-    """How it ended."""
+    """Print the result."""
     from motoremi.cli.output import say
 
     diagnosis = found.diagnosis

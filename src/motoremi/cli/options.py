@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands have in common."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def plot_file(path: Path) -> Path:
     Raises
     ------
     BadInput
-        For any other ending, or a folder that is not there.
+        For any other ending, or a folder that does not exist.
     """
     if path.suffix.lower() not in (".svg", ".png", ".pdf"):
         raise BadInput(f"{path}: plots are written as .svg, .png or .pdf")
@@ -40,12 +40,12 @@ def plot_file(path: Path) -> Path:
 
 
 def corrections_of(path: Path) -> Corrections:
-    """The corrections of a file; on a terminal a loss or gain of the wrong sign is asked about, once."""
+    """The corrections of a file; on a terminal the user is asked about a loss or gain with the wrong sign."""
     from motoremi.data.corrections import read_corrections
 
     return read_corrections(path, ask_once())
 
 
 def ask_once() -> Callable[[str], bool] | None:
-    """Asks a yes-or-no question where somebody can answer it; None where nobody can."""
+    """A function that asks a yes-or-no question; None if standard input is not a terminal."""
     return (lambda question: typer.confirm(question, err=True)) if sys.stdin.isatty() else None

@@ -1,4 +1,4 @@
-"""What commands print: text for people, one JSON document for machines."""
+"""Output of commands: text, or one JSON document."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def emit_json(document: Any) -> None:
 
 
 def say(text: str = "") -> None:
-    """A line for a person; control characters from outside are shown, not obeyed."""
+    """Print text, with control characters made visible."""
     sys.stdout.write("\n".join(clean_text(line) for line in text.splitlines()) + "\n")

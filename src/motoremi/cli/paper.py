@@ -1,4 +1,4 @@
-"""`motoremi paper`: the paper's Fig. 6 - 8 on simulated data, and where its numbers do not agree."""
+"""`motoremi paper`: the paper's Fig. 6 - 8 on simulated data, and checks of its numbers."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def import_(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make, or with --append to add to.", show_default=False)],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make; with --append, the session to add to.", show_default=False)],
     append: Annotated[bool, typer.Option("--append", help="Add to a session: more repeats, sweeps under a condition, values.")] = False,
     condition: Annotated[
         str,
@@ -45,26 +45,26 @@ def import_(
         typer.Option(
             "--analyser",
             metavar="NAME",
-            help="Who made the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); "
+            help="Analyser of the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); "
             "unknown, the default: the size of its errors is estimated.",
         ),
     ] = None,
     fixture: Annotated[
         Literal["series-through", "shunt-through"] | None,
-        typer.Option("--fixture", help="For Touchstone of two ports (.s2p): motor from port to port, or across the line."),
+        typer.Option("--fixture", help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line."),
     ] = None,
     band: Annotated[
         str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
     ] = "",
     accuracy: Annotated[
-        str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|: a model that is as good is good enough.")
+        str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|; a model with this error is good enough.")
     ] = "",
     corrections: Annotated[
         Path | None,
         typer.Option(
             "--corrections",
             metavar="FILE",
-            help="What stood between motor and instruments: TOML with [[correction]] tables (motoremi procedures --keys).",
+            help="Corrections for the parts between motor and instruments: TOML with correction tables (motoremi procedures --keys).",
         ),
     ] = None,
     limit: Annotated[
@@ -72,17 +72,17 @@ def import_(
         typer.Option("--limit", metavar="NAME", help="Judge the spectra against it ('motoremi limits', or your own .toml); FAIL is status 1."),
     ] = "",
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
-    serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number: a fleet report looks for drift along it.")] = "",
+    serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number; a fleet report looks for drift with it.")] = "",
     operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
     ambient: Annotated[str, typer.Option("--ambient", metavar="TEXT", help="Temperature and humidity, for the report.")] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Make a session from files that you already have."""
+    """Make a session from files, or add files to a session."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.conditions import parse_condition, parse_value
     from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
-    from motoremi.workflow_import import Told, addition, prepared
+    from motoremi.workflow_import import ImportOptions, addition, prepared
 
     values = [parse_value(text) for text in value or []]
     if append:
@@ -90,21 +90,20 @@ def import_(
         for name in (name for name, given in beside.items() if given):
             raise BadInput(f"{name} is for a new session: leave it out with --append")
         under = parse_condition(condition) if condition else None
-        told = Told(analyser, band, accuracy)
-        added = addition(out, _sweeps(short or [], open_ or [], fixture), values, under, told)
+        added = addition(out, _sweeps(short or [], open_ or [], fixture), values, under, ImportOptions(analyser, band, accuracy))
         added.store(out)
         _show_addition(out, added, as_json)
         return
     if condition:
-        raise BadInput("--condition is for sweeps that are added to a session: import the motor as it is first, then --append")
+        raise BadInput("--condition is for sweeps that are added to a session: import sweeps of the motor as it is first, then use --append")
     files = [*(short or []), *(open_ or []), *(spectrum or [])]
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     read = _sweeps(short or [], open_ or [], fixture)
     spectra = [item for path in spectrum or [] for item in read_spectra(path)]
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
-    told = Told(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
-    made = prepared(read, spectra, told, [path.name for path in files], values)
+    stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
+    made = prepared(read, spectra, stated, [path.name for path in files], values)
     sweeps, start = made.sweeps, made.start
     verdict = made.store(out)
     if as_json:
@@ -124,14 +123,14 @@ def import_(
         )
         raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
     for sweep in sweeps:
-        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
+        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_changes(sweep.metadata)])}")
     for item in made.corrected:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
     for entry in chain.entries:
         say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:
-        say("analyser not named: the size of its errors is estimated from the data; say --analyser NAME if you know it (none for ideal data)")
+        say("analyser not named: the size of its errors is estimated from the data; give --analyser NAME if you know it (none for ideal data)")
     for remark in [*made.caveats, *(one["text"] for one in made.observations)]:
         say(f"note: {remark}")
     if verdict is not None:
@@ -164,7 +163,7 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
         )
         return
     for sweep in added.sweeps:
-        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_told(sweep.metadata)])}")
+        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_changes(sweep.metadata)])}")
     for one in added.values:
         say(f"value {one}")
     for remark in added.caveats:
@@ -178,7 +177,7 @@ def _sweeps(short: list[Path], open_: list[Path], fixture: str | None) -> list[I
     Raises
     ------
     BadInput
-        As the readers, and for a fixture that no file can use.
+        As the readers, and for a fixture that applies to none of the files.
     """
     from motoremi.data.files import read_impedance
 
@@ -189,12 +188,12 @@ def _sweeps(short: list[Path], open_: list[Path], fixture: str | None) -> list[I
 
 
 def _read(metadata: Mapping[str, Any]) -> JsonDict:
-    """File, format and contents of what was read, what was changed, and the accuracy that is stated."""
+    """File, format and quantities, changes on import, and stated accuracy."""
     return {key: metadata[key] for key in ("source", "format", "read_as", "changes", "accuracy_percent") if key in metadata}
 
 
-def _told(metadata: Mapping[str, Any]) -> list[str]:
-    """What was changed on import and which accuracy is stated, in words."""
+def _changes(metadata: Mapping[str, Any]) -> list[str]:
+    """Changes on import and the stated accuracy, in words."""
     percent = metadata.get("accuracy_percent")
     return [*metadata.get("changes", []), *([] if percent is None else [f"accuracy stated: {percent:g} %"])]
 
@@ -205,7 +204,7 @@ def _origin(metadata: Mapping[str, Any]) -> str:
 
 
 def verify_(path: SessionPath, as_json: AsJson = False) -> None:
-    """Check a session's hash chain and manifest: FAIL if anything was changed since."""
+    """Check a session's hash chain and manifest: FAIL if anything was changed after it was stored."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load, verify
 
@@ -225,17 +224,18 @@ def verify_(path: SessionPath, as_json: AsJson = False) -> None:
 
 def fit_(
     path: SessionPath,
-    method: Annotated[str, typer.Option(help="ant-colony, or paper for the algorithm as printed.")] = "ant-colony",
-    seed: Annotated[int, typer.Option(help="The search is deterministic for a seed.", min=0)] = 1,
+    method: Annotated[str, typer.Option(help="ant-colony, or paper for the algorithm as printed in the paper.")] = "ant-colony",
+    seed: Annotated[int, typer.Option(help="Start of the random numbers; the same seed gives the same result.", min=0)] = 1,
     bound: Annotated[
         list[str] | None, typer.Option("--bound", metavar="NAME=LOW:HIGH", help='For example "La=1 uH:100 uH"; may be repeated.')
     ] = None,
     hold: Annotated[
-        list[str] | None, typer.Option("--hold", metavar="NAME=VALUE", help="Known, not fitted: for example Ra=2.3Ohm; may be repeated.")
+        list[str] | None,
+        typer.Option("--hold", metavar="NAME=VALUE", help="A known value that is not fitted, for example Ra=2.3Ohm; may be repeated."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit the model that the session's ladder stands at; at first the paper's circuit."""
+    """Fit the last model of the session's ladder; at first the paper's circuit."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.diagnosis.following import next_measurement
@@ -295,7 +295,7 @@ def compare_(
     phase_deg: Annotated[float | None, typer.Option(help="Largest error of phase allowed, in degrees.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Model against measurement: error per sweep and band, where it fails, PASS or FAIL (without a tolerance: the last one used, at first 10 %)."""
+    """Compare model and measurement: error per sweep and band, where it fails, PASS or FAIL. Without a tolerance: the last one, at first 10 %."""
     from motoremi.cli.output import emit_json, say
     from motoremi.diagnosis.compare import Tolerance
     from motoremi.workflow import compare_session, opened
@@ -312,12 +312,12 @@ def compare_(
 def diagnose_(
     path: SessionPath,
     start: Annotated[
-        Literal["ladder", "base"], typer.Option("--from", help="Start from the model that the ladder stands at, or the paper's circuit.")
+        Literal["ladder", "base"], typer.Option("--from", help="Start from the last model of the ladder, or from the paper's circuit.")
     ] = "ladder",
     emission: Annotated[bool, typer.Option("--emission", help="Diagnose the spectra: which effect of source or path is missing.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Which physical effect is missing, with the evidence, what cannot be told apart, and what to measure next."""
+    """Find the missing physical effect: evidence, effects that cannot be distinguished, next measurement."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import diagnose_spectra
     from motoremi.cli.output import emit_json, say
@@ -347,7 +347,7 @@ def diagnose_(
 
 
 def _say_findings(result: Diagnosis) -> None:
-    """What stands beside the verdict: how good the model is, whose errors were allowed for, and what to do about what the data show."""
+    """Print the errors of the model, the stated accuracy, and the findings about the data."""
     from motoremi.cli.output import say
     from motoremi.report.words import beside_the_error, findings_of, place_of
 
@@ -366,7 +366,7 @@ def inspect_(
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="SVG, PNG or PDF of the curve with its uncertainty.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """What an element would have to be, at each frequency, for the model to be exact."""
+    """Show the value that an element would need at each frequency for the model to be exact."""
     from motoremi.cli.output import emit_json, say
     from motoremi.workflow import inspect_session, opened
 
@@ -388,7 +388,7 @@ def add_(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="From the catalogue: motoremi effects.", show_default=False)],
     as_json: AsJson = False,
 ) -> None:
-    """Add an effect to the model, refit, and see the error fall; effects of source and path go into the model of the spectra."""
+    """Add an effect to the model, fit again and show the errors before and after; effects of source and path are added to the spectra's model."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import show_emission_step
     from motoremi.data.session import load
@@ -408,10 +408,10 @@ def add_(
 
 def drop_(
     path: SessionPath,
-    emission: Annotated[bool, typer.Option("--emission", help="Of the model of the spectra.")] = False,
+    emission: Annotated[bool, typer.Option("--emission", help="The last effect of the model of the spectra.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Step back on the ladder: take out the effect that was added last."""
+    """Go one step back on the ladder: remove the effect that was added last."""
     from motoremi.cli.emission import show_emission_step
     from motoremi.workflow import drop_from_session, opened
     from motoremi.workflow_emission import drop_source_effect
@@ -451,7 +451,7 @@ def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None 
 
 
 def _say_details(step: JsonDict) -> None:
-    """Error per band and what a person should see at a step of the ladder."""
+    """Print the error per band and the notes of a step of the ladder."""
     from motoremi.cli.output import say
     from motoremi.quantities import show_band
 
@@ -464,7 +464,7 @@ def _say_details(step: JsonDict) -> None:
 
 
 def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
-    """The history of models and their errors."""
+    """Show the ladder: the models so far and their errors."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
     from motoremi.report.words import described, would_leave
@@ -496,7 +496,7 @@ def next_(
     menu: Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """The measurement that would teach most about the explanations still standing, for each minute at the bench."""
+    """Show the measurement with the most information about the possible explanations per minute at the bench."""
     from motoremi.cli.output import emit_json, say
     from motoremi.workflow_ask import question_of
 
@@ -512,7 +512,7 @@ def next_(
 
 
 def _answer(path: Path, asked: JsonDict) -> str:
-    """The command that brings the answer."""
+    """The command that imports the answer."""
     asks = asked["asks"]
     if asks["kind"] == "value":
         return f"motoremi import {path} --append --value {asks['condition']}=VALUE{asks['unit']}"
@@ -527,28 +527,28 @@ def _answer(path: Path, asked: JsonDict) -> str:
 def report_(
     context: typer.Context,
     paths: Annotated[list[Path], typer.Argument(metavar="SESSION...", help="A session folder; several are compared.", show_default=False)],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where the comparison of several sessions goes.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the comparison of several sessions.")] = None,
     profile: Annotated[
         Path | None,
-        typer.Option("--profile", metavar="FILE", help="The laboratory that signs: TOML, kept with the session (docs/howto/report.md)."),
+        typer.Option("--profile", metavar="FILE", help="Profile of the laboratory: TOML, kept with the session (docs/howto/report.md)."),
     ] = None,
-    form: Annotated[str, typer.Option("--form", metavar="FORM", help="long, or short: the two pages that a customer reads.")] = "long",
+    form: Annotated[str, typer.Option("--form", metavar="FORM", help="long, or short: two pages for a customer.")] = "long",
     sections: Annotated[
         str, typer.Option("--sections", metavar="NAMES", help=f"Sections of the long form, with commas between: {', '.join(SECTIONS)}.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """HTML, PDF, JSON, JUnit XML and CSV from one report, in the session's report folder; several sessions side by side, each against the first."""
+    """Write the report as HTML, PDF, JSON, JUnit XML and CSV; for several sessions a comparison, each with the first."""
     from motoremi.report.parts import Choice
 
     if len(paths) == 1 and out is not None:
         raise BadInput("--out is for several sessions; the report of one goes into its own report folder")
     for name in ("profile", "form", "sections") if len(paths) > 1 else ():
-        # Those that stand in a settings file are for every report of one session.
+        # In a settings file these options are allowed: they apply to reports of one session.
         if (source := context.get_parameter_source(name)) is not None and source.name == "COMMANDLINE":
             raise BadInput(f"--{name} is for the report of one session")
     choice = Choice(form, frozenset(name.strip() for name in sections.split(",") if name.strip()))
-    # A report makes half a million objects that live to its end: to look for garbage among them takes a tenth of its time.
+    # A report creates half a million objects that live until its end; garbage collection would take a tenth of its time.
     gc.disable()
     try:
         from motoremi.cli.output import emit_json, say
@@ -557,7 +557,7 @@ def report_(
 
         if len(paths) > 1:
             if out is None:
-                raise BadInput("several sessions side by side: say where the comparison goes with --out DIR")
+                raise BadInput("for a comparison of several sessions give a folder: --out DIR")
             files = report_together(paths, out)
         else:
             with opened(paths[0]) as store:
@@ -583,7 +583,7 @@ def plot_(
     effect: Annotated[str | None, typer.Option("--effect", metavar="ID", help="For signature: an effect of the catalogue.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Any plot of the report alone."""
+    """Write one plot of the report."""
     from motoremi.cli.output import emit_json, say
     from motoremi.workflow_plots import figure_of
 

@@ -1,4 +1,4 @@
-"""Settings: one TOML file, or environment variables, for any option of any command; what stands on the command line wins."""
+"""Settings for any option of any command, from a TOML file or environment variables; the command line has priority."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ import typer
 from motoremi.errors import BadInput
 
 LOCAL_NAME = "motoremi.toml"
-# Options that stand before the command, or anywhere else: each takes one value.
+# Global options, which may be anywhere on the command line; each takes one value.
 GLOBAL = ("--config", "--effects-from")
 
 
 def hoisted(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """The global options, wherever they stood, and the rest."""
+    """The global options, and the rest of the arguments."""
     front: list[str] = []
     rest: list[str] = []
     words = iter(arguments)
@@ -36,7 +36,7 @@ def hoisted(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 
 def settings_file(named: Path | None) -> Path | None:
-    """The file that counts: the one that is named, `motoremi.toml` here, or the user's own `config.toml`."""
+    """The settings file: the named one, `motoremi.toml` in the current folder, or the user's `config.toml`."""
     if named is not None:
         if not named.is_file():
             raise BadInput(f"{named}: no such configuration file")
@@ -46,7 +46,7 @@ def settings_file(named: Path | None) -> Path | None:
 
 
 def defaults(file: Path | None, commands: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Defaults of each command: from the file, then from variables, which win: `MOTOREMI_FIT_SEED=3` is `motoremi fit --seed 3`."""
+    """Defaults of each command from the file and from variables, which have priority: `MOTOREMI_FIT_SEED=3` is `motoremi fit --seed 3`."""
     known = {} if file is None else _from_file(file, commands)
     for name, command in commands.items():
         for spelling, parameter in _options(command).items():
@@ -74,7 +74,7 @@ def _from_file(file: Path, commands: dict[str, Any]) -> dict[str, dict[str, Any]
     Raises
     ------
     BadInput
-        If the file is no TOML, or names a command or an option that does not exist.
+        If the file is not TOML, or names a command or an option that does not exist.
     """
     try:
         content = tomllib.loads(file.read_text("utf-8"))
@@ -83,7 +83,7 @@ def _from_file(file: Path, commands: dict[str, Any]) -> dict[str, dict[str, Any]
     found: dict[str, dict[str, Any]] = {}
     for table, entries in content.items():
         if table not in commands:
-            # A file that happens to lie in the current folder must not run code, so effects of one's own are never named here.
+            # A settings file in the current folder must not run code, so files with effects cannot be named in it.
             hint = "name it on the command line: it runs code" if table in ("effects-from", "effects_from") else _close(table, commands)
             raise BadInput(f"{file}: there is no command {table!r}: {hint}")
         if not isinstance(entries, dict):
@@ -102,6 +102,6 @@ def _close(word: str, known: dict[str, Any]) -> str:
 
 
 def tell_own_effects(files: list[Path]) -> None:
-    """Say plainly that code is run."""
+    """Print that code of these files is run."""
     for file in files:
         sys.stderr.write(f"motoremi: running the code of {file} for effects of your own\n")

@@ -1,4 +1,4 @@
-"""Serve a virtual instrument to other programs: simulate."""
+"""`motoremi simulate`: serve a virtual instrument to other programs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def simulate_(
     pty: Annotated[bool, typer.Option("--pty", help="Serve on a pseudo-terminal, which is a serial port to other programs.")] = False,
     effect: Annotated[list[str] | None, typer.Option(metavar="ID", help="Hidden effect of the motor or the instrument.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Number from which motor, errors and noise are drawn.")] = 1,
-    connected: Annotated[str | None, typer.Option(metavar="WHAT", help="What is connected at first.", show_default=False)] = None,
+    connected: Annotated[str | None, typer.Option(metavar="WHAT", help="What is connected at the beginning.", show_default=False)] = None,
     speed: Annotated[float, typer.Option(min=0.001, help="Speed of the instrument's time: 10 is ten times real time.")] = 1.0,
 ) -> None:
     """Serve a virtual instrument on loopback until Ctrl-C; prints {"resource": ...} when ready.

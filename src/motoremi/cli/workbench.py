@@ -16,16 +16,16 @@ NEEDED = ("starlette", "uvicorn")
 
 def workbench_(
     path: Annotated[Path | None, typer.Argument(metavar="[SESSION]", help="A session folder to open.", show_default=False)] = None,
-    folder: Annotated[Path, typer.Option(metavar="DIR", help="Where new sessions are made; its sessions are offered too.")] = Path(),
+    folder: Annotated[Path, typer.Option(metavar="DIR", help="Folder for new sessions; its sessions are listed.")] = Path(),
     bench: Annotated[Path | None, typer.Option(metavar="FILE", help="Bench file with real instruments.", show_default=False)] = None,
     profile: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The laboratory that signs the reports (docs/howto/report.md).", show_default=False)
+        Path | None, typer.Option(metavar="FILE", help="Profile of the laboratory for reports (docs/howto/report.md).", show_default=False)
     ] = None,
-    port: Annotated[int, typer.Option(help="0 takes a free one.", min=0, max=65535)] = 0,
+    port: Annotated[int, typer.Option(help="TCP port; 0 takes any free one.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page (from a terminal only).")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """The local web page for all of this. Answers on this machine only, to whoever has the address that it prints. Ctrl-C ends it."""
+    """Serve the local web page for all of this. Only programs on this machine that know the printed address can use it. Ctrl-C ends it."""
     from importlib.util import find_spec
 
     if missing := [name for name in NEEDED if find_spec(name) is None]:
@@ -40,7 +40,7 @@ def workbench_(
     if path is not None and not (path / SESSION).is_file():
         raise BadInput(f"{path}: no session here ({SESSION} is missing)")
     if profile is not None:
-        read_laboratory(profile)  # what is wrong with it is told before the page opens
+        read_laboratory(profile)  # errors are reported before the page opens
     bench_file = None if bench is None else load_bench_file(bench)
     opener = Opener()
 

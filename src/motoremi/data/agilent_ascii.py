@@ -23,7 +23,7 @@ _R_AND_X = (
     {"IMPEDANCE", "REAL", "IMAG"},
 )
 _VALUE_TITLE = "Data Trace Real"
-# How the header names an adapter, after the table of the Programming Manual, page 54; the spelling in files is unconfirmed.
+# Names of adapters in the header, from the table on page 54 of the Programming Manual; the spelling in files is unconfirmed.
 _ADAPTERS = {"1M": "1m", "2M": "2m", "42942": "42942a", "42941": "42941a"}
 _SECOND_TITLE = "Data Trace Imag"
 
@@ -46,7 +46,7 @@ def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray,
     Raises
     ------
     BadInput
-        If a trace is missing or cut off, or the traces hold something else than impedance against frequency.
+        If a trace is missing or cut off, or the traces hold anything but impedance against frequency.
     """
     header, traces = _sections(text, name)
     for letter in "AB":

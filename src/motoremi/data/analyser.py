@@ -1,8 +1,8 @@
-"""What an analyser within its specification may do to a sweep: priors of its errors.
+"""Error models of analysers: prior distributions of the systematic errors that an analyser within its specification makes.
 
-A verdict that forgets these calls a calibration error physics. An impedance analyser errs in gain, a network analyser in its reflection
-coefficient, and both by what compensation left at the connection. How far these sizes can be trusted is itself uncertain (`scales`):
-specifications are exceeded, and of an `unknown` analyser nothing is taken for granted.
+Without them a diagnosis would take a calibration error for a physical effect. An impedance analyser has a gain error, a network analyser
+errors of its reflection coefficient, and both have the residuals that compensation leaves at the connection. The specified sizes are
+themselves uncertain (`scales`): analysers can be outside their specification, and for an `unknown` analyser no size is assumed.
 """
 
 from __future__ import annotations
@@ -17,18 +17,17 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.kernels import Parts, smooth_basis
 from motoremi.errors import BadInput
 
-# Prior of the factor by which the declared sizes must be multiplied: an analyser is as good as its specification three times in four.
-# An assumption; unconfirmed.
+# Prior of the factor on the declared sizes: three analysers in four are within their specification. An assumption; unconfirmed.
 DECLARED: Mapping[float, float] = {1.0: 0.75, 2.0: 0.17, 4.0: 0.08}
-# An analyser that nobody named may be as good as a 4294A and as poor as a bridge of 3 %. An assumption; unconfirmed.
+# An analyser that is not named may be as accurate as a 4294A, or as inaccurate as a bridge of 3 %. An assumption; unconfirmed.
 UNKNOWN: Mapping[float, float] = {1.0: 0.4, 3.0: 0.3, 10.0: 0.2, 30.0: 0.1}
-# Impedance against which a network analyser measures, in ohm.
+# Reference impedance of a network analyser, in ohm.
 REFERENCE_OHM = 50.0
 
 
 @dataclass(frozen=True)
 class Fixture:
-    """Standard deviations of a fixture that nobody compensated, one and the same for all sweeps."""
+    """Standard deviations of the series and shunt elements of a fixture that was not compensated; the same elements for all sweeps."""
 
     resistance_ohm: float
     inductance_h: float
@@ -51,16 +50,16 @@ class Analyser:
     step_share : float
         Size of such a step as a share of `gain_sigma`.
     span_hz : tuple of float
-        Widest sweep.
+        Lowest and highest frequency.
     conductance_sigma_s : callable
-        Frequency in Hz -> standard deviation of the conductance left across the terminals, in siemens, one draw a connection.
+        Frequency in Hz -> standard deviation of the residual conductance across the terminals, in siemens; each connection has its own value.
     capacitance_sigma_f, resistance_sigma_ohm, inductance_sigma_h : float
-        Standard deviations of what open and short compensation leave, one draw a connection.
+        Standard deviations of the residuals of open and short compensation; each connection has its own values.
     reflection_sigma : tuple of float
         Standard deviations of directivity, tracking and match: of the terms of the error in the reflection coefficient that are
-        constant, linear and quadratic in it, each smooth along frequency. Empty for an analyser of impedance.
+        constant, linear and quadratic in it, each smooth along frequency. Empty for an impedance analyser.
     fixture : Fixture, optional
-        What lies between the plane of calibration and the motor and was not compensated.
+        Fixture between the calibration plane and the motor that was not compensated.
     scales : mapping
         Factor on all these sizes -> prior probability.
     """
@@ -90,12 +89,12 @@ class Analyser:
         """Whether it measures the reflection coefficient."""
         return bool(self.reflection_sigma)
 
-    def compensated_here(self) -> Analyser:
+    def with_compensated_fixture(self) -> Analyser:
         """The same analyser with its fixture compensated."""
         return dataclasses.replace(self, fixture=None)
 
     def uncertainty(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> FloatArray:
-        """Standard deviation of the systematic error relative to |Z|, per point; an uncompensated fixture is none of it."""
+        """Standard deviation of the systematic error relative to |Z|, per point; without an uncompensated fixture, which is fitted instead."""
         omega = 2 * np.pi * frequency_hz
         magnitude = np.abs(impedance_ohm)
         series = np.hypot(self.resistance_sigma_ohm, omega * self.inductance_sigma_h) / magnitude
@@ -105,7 +104,7 @@ class Analyser:
         return total
 
     def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
-        """Standard deviations of the relative errors that are smooth along frequency, shape (m, n), as factors on a smooth process each.
+        """Standard deviations of the relative errors that are smooth along frequency, shape (m, n): each row scales one smooth process.
 
         With dG = a + b G + c G^2 in the reflection coefficient G, dZ/Z = 2 dG / (1 - G^2).
         """
@@ -117,7 +116,7 @@ class Analyser:
 
 
 def _banded(frequency_hz: FloatArray, bands: tuple[tuple[float, float], ...], beyond: float) -> FloatArray:
-    """A value for each frequency: the first band whose upper edge is not below it."""
+    """A value for each frequency: that of the first (upper edge, value) whose edge is not below it, or `beyond`."""
     conditions = [frequency_hz <= edge for edge, _ in bands]
     return np.select(conditions, [np.full_like(frequency_hz, value) for _, value in bands], beyond)
 
@@ -174,7 +173,7 @@ ANALYSERS = (
     dataclasses.replace(
         _4294A,
         name="unknown",
-        title="an analyser that nobody named: the size of its errors is estimated from the data",
+        title="an analyser that is not named: the size of its errors is estimated from the data",
         source="the shape of a 4294A's errors, at 1 to 30 times their size",
         scales=UNKNOWN,
     ),
@@ -193,16 +192,16 @@ DEFAULT_ANALYSER = "unknown"
 
 
 @dataclass(frozen=True)
-class Between:
-    """What stands between an analyser with four-terminal-pair ports and the motor, and what it adds to the errors.
+class Attachment:
+    """An adapter or a fixture at the four-terminal-pair ports of an analyser, and what it adds to the analyser's errors.
 
     Parameters
     ----------
     name, title : str
     gain_percent : callable
-        Frequency in Hz -> what is added to the tolerance of the gain, in percent.
+        Frequency in Hz -> addition to the tolerance of the gain, in percent.
     residuals : float
-        Factor on what open and short compensation leave.
+        Factor on the residuals of open and short compensation.
     """
 
     name: str
@@ -210,8 +209,8 @@ class Between:
     gain_percent: Callable[[FloatArray], FloatArray]
     residuals: float = 1.0
 
-    def behind(self, analyser: Analyser) -> Analyser:
-        """The same analyser with this in front of it."""
+    def connected_to(self, analyser: Analyser) -> Analyser:
+        """The error model of an analyser with this adapter or fixture."""
 
         def gain_sigma(frequency_hz: FloatArray) -> FloatArray:
             return analyser.gain_sigma(frequency_hz) + self.gain_percent(frequency_hz) / 300
@@ -233,50 +232,50 @@ class Between:
 
 
 FOUR_TERMINAL_PAIR = ("4294a", "e4990a")
-# Sizes are assumptions in the form of the makers' tables: a share that does not depend on frequency and one that grows with it.
-ADAPTERS: Mapping[str, Between] = {
-    between.name: between
-    for between in (
-        Between("1m", "a 1 m extension cable", lambda f: 0.02 + 0.02e-6 * f),
-        Between("2m", "a 2 m extension cable", lambda f: 0.02 + 0.03e-6 * f),
-        Between("42942a", "a 42942A terminal adapter", lambda f: 0.1 + 0.02e-6 * f),
-        Between("42941a", "a 42941A impedance probe", lambda f: 0.2 + 0.03e-6 * f, residuals=2.0),
+# Sizes are assumptions in the form of the makers' tables: a part that does not depend on frequency and one that grows with it.
+ADAPTERS: Mapping[str, Attachment] = {
+    attachment.name: attachment
+    for attachment in (
+        Attachment("1m", "a 1 m extension cable", lambda f: 0.02 + 0.02e-6 * f),
+        Attachment("2m", "a 2 m extension cable", lambda f: 0.02 + 0.03e-6 * f),
+        Attachment("42942a", "a 42942A terminal adapter", lambda f: 0.1 + 0.02e-6 * f),
+        Attachment("42941a", "a 42941A impedance probe", lambda f: 0.2 + 0.03e-6 * f, residuals=2.0),
     )
 }
-FIXTURES: Mapping[str, Between] = {
-    between.name: between
-    for between in (
-        Between("16034g", "a 16034G fixture", _zero),
-        Between("16047e", "a 16047E fixture", _zero),
-        Between("16089", "16089 clip leads", _zero, residuals=5.0),
-        Between("leads", "leads of one's own", _zero, residuals=5.0),
+FIXTURES: Mapping[str, Attachment] = {
+    attachment.name: attachment
+    for attachment in (
+        Attachment("16034g", "a 16034G fixture", _zero),
+        Attachment("16047e", "a 16047E fixture", _zero),
+        Attachment("16089", "16089 clip leads", _zero, residuals=5.0),
+        Attachment("leads", "self-made leads", _zero, residuals=5.0),
     )
 }
 
 
 def find_analyser(name: str) -> Analyser:
-    """The analyser called `name`, or with `name` in the form of `specification`.
+    """The error model called `name`: an analyser's name, or one with adapter and fixture as `specification` makes it.
 
     Raises
     ------
     BadInput
-        If it is not known, or takes no such adapter or fixture.
+        If it is not known, or the analyser has no such adapter or fixture.
     """
     first, *parts = name.strip().lower().split("+")
     found = next((analyser for analyser in ANALYSERS if analyser.name == first), None)
     if found is None:
         raise BadInput(f"unknown analyser {name!r}: use one of {', '.join(a.name for a in ANALYSERS)}")
     for part in parts:
-        made = ADAPTERS.get(part) or FIXTURES.get(part)
-        if made is None or first not in FOUR_TERMINAL_PAIR:
+        attachment = ADAPTERS.get(part) or FIXTURES.get(part)
+        if attachment is None or first not in FOUR_TERMINAL_PAIR:
             takes = f"{first}+ADAPTER+FIXTURE with {', '.join((*ADAPTERS, *FIXTURES))}" if first in FOUR_TERMINAL_PAIR else f"{first} alone"
-            raise BadInput(f"unknown analyser {name!r}: {part!r} is no part of it; use {takes}")
-        found = made.behind(found)
+            raise BadInput(f"unknown analyser {name!r}: {part!r} is not an adapter or fixture of it; use {takes}")
+        found = attachment.connected_to(found)
     return found
 
 
 def specification(analyser: str, adapter: str, fixture: str) -> str:
-    """Name of the error model of an analyser with what is connected to it, such as `4294a+42941a+leads`."""
+    """Name of the error model of an analyser with its adapter and fixture, such as `4294a+42941a+leads`."""
     return "+".join([analyser, *(part.lower() for part in (adapter, fixture) if part.lower() in ADAPTERS or part.lower() in FIXTURES)])
 
 
@@ -286,7 +285,7 @@ GAIN: Parts = ((1.0, 0.6),)
 
 
 def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
-    """Columns that span the analyser's errors which are smooth along frequency, each with unit variance of its coefficient.
+    """Columns that span those errors of the analyser which are smooth along frequency; each coefficient has unit variance.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""The CSV file that an E4990A (or a kin analyser of Agilent and Keysight) saves: `!` comments, BEGIN, names with units, rows, END.
+"""The CSV file that an E4990A (or a related analyser of Agilent and Keysight) saves: `!` comments, BEGIN, names with units, rows, END.
 
-Between BEGIN and the names may stand a title (`Title label, TEXT`) and the bias that its monitors show (`DCV(V), 0.1, DCI(A), 0.001`).
+Between BEGIN and the names there may be a title (`Title label, TEXT`) and the bias as monitored (`DCV(V), 0.1, DCI(A), 0.001`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def is_analyser_csv(text: str) -> bool:
 
 
 def plain_table(text: str, name: str) -> tuple[str, JsonDict]:
-    """The same lines as a plain CSV table, and what the lines above the names say: the analyser, a title, the bias.
+    """The same lines as a plain CSV table, and what the lines above the names contain: the analyser, a title, the bias.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def plain_table(text: str, name: str) -> tuple[str, JsonDict]:
 
 
 def _block_line(line: str, where: str) -> JsonDict:
-    """What a line between BEGIN and the names says; empty for the names themselves and for rows."""
+    """The entries of a line between BEGIN and the names; empty for the names themselves and for rows."""
     first, _, rest = line.partition(",")
     if first.strip().strip('"').lower() == "title label":
         return {"Title label": clean_text(rest.strip().strip('"'), 200)}

@@ -1,4 +1,4 @@
-"""How old a calibration may be."""
+"""Check of a calibration's age."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ USUAL_DAYS = 365.0
 
 
 def calibration_doubt(role: str, age_days: int, within_days: float | None = None) -> str:
-    """What is doubtful about a calibration of that age; empty if nothing is.
+    """A warning about a calibration that is too old or dated in the future; empty if it is neither.
 
     Parameters
     ----------
     role : str
-        What the instrument is in the procedure.
+        Role of the instrument in the procedure.
     age_days : int
         Days from the calibration to the measurement.
     within_days : float, optional
-        Longest age, a year unless given.
+        Longest age; a year unless given.
     """
     if age_days < 0:
         return f"the calibration of the {role} lies {-age_days} days in the future"

@@ -17,7 +17,7 @@ _OWN_KEYS = ("seq", "time", "kind", "previous_sha256")
 
 @dataclass(frozen=True)
 class Chain:
-    """What the bytes of a `session.jsonl` hold.
+    """The content of a `session.jsonl`.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Chain:
     last_sha256 : str
         Of the last whole line.
     torn : bytes
-        What follows the last line end: a line whose writing was interrupted.
+        Bytes after the last line end: a line whose writing was interrupted.
     """
 
     documents: tuple[JsonDict, ...]
@@ -42,7 +42,7 @@ def make_document(seq: int, time: str, kind: str, previous_sha256: str, content:
     Raises
     ------
     BadInput
-        If the content uses a key that every document has.
+        If the content uses a key that is reserved for every document.
     """
     taken = [key for key in _OWN_KEYS if key in content]
     if taken:
@@ -77,7 +77,7 @@ def read_chain(data: bytes) -> Chain:
             if document.get("previous_sha256") != previous:
                 problem = "does not follow from the line before; a line was changed, removed or added"
             elif document.get("seq") != number - 1 or not isinstance(document.get("kind"), str):
-                problem = "has no right number or kind"
+                problem = "has a wrong sequence number or no kind"
         if problem:
             return Chain(tuple(documents), (f"line {number} {problem}",), previous, torn)
         documents.append(document)

@@ -1,9 +1,9 @@
-"""Sweeps of many thousand points, averaged down to what their curve can show.
+"""Sweeps of many points, averaged in bins to about 800 points for search and diagnosis.
 
-Neighbouring points are put together where the curve hardly moves between them: bins are equally long along (ln f, ln Z), so that a
-resonance keeps its share however narrow it is. Weights are kept: the white noise of k points together is smaller by sqrt(k). All else of
-the noise (what is correlated, what drifts) is that of the points. A mean over a bin differs from the middle of the bin by the curve's
-bend, which the neighbouring bins tell.
+Bins have equal length along the curve (ln f, ln Z), so that neighbouring points are averaged where the curve hardly changes, and a
+resonance keeps its points however narrow it is. Weights are kept: the white noise of the mean of k points is smaller by sqrt(k). The other
+parts of the noise (correlated noise, drift) are averaged like the impedance. The mean over a bin differs from the value at its middle by
+the curvature; this is corrected with the curvature between the neighbouring bins.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from motoremi.data.kernels import logarithm, smoothed
 from motoremi.data.noise import Noise
 from motoremi.data.sweep import RepeatedSweep
 
-# A sweep of more points than the first is averaged down to about the second: twice what the bench measures by itself.
+# A sweep of more points than the first number is averaged to about the second, twice the number that the ready procedures measure.
 MOST_POINTS, COARSE_POINTS = 1201, 801
 
 
 def bins_of(sweep: RepeatedSweep, steps_hz: Sequence[float]) -> np.ndarray:
-    """Which bin each point of a sweep is in, shape (n,), rising from 0.
+    """Number of the bin that each point of a sweep is in, shape (n,), increasing from 0.
 
     Parameters
     ----------
     sweep : RepeatedSweep
     steps_hz : sequence of float
-        Where the analyser may switch ranges: no bin lies on both sides.
+        Frequencies at which the analyser may switch ranges: no bin contains points of both sides.
     """
     curve = logarithm(smoothed(sweep.mean_ohm))
     length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(np.log(sweep.frequency_hz)), 0.5 * np.abs(np.diff(curve))))])
     at = np.minimum((COARSE_POINTS * length / length[-1]).astype(np.intp), COARSE_POINTS - 1)
     ranges = np.searchsorted(np.sort(steps_hz), sweep.frequency_hz)
-    # A bin between two points is none.
+    # Bins without points are left out.
     bins: np.ndarray = np.unique(at + ranges * COARSE_POINTS, return_inverse=True)[1]
     return bins
 
 
 def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tuple[RepeatedSweep, Noise]:
-    """The same sweep on fewer points; itself where it has few.
+    """The sweep averaged in bins; the sweep itself if it has few points.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tup
     spread = mean((place - middle[bins]) ** 2)
     curve = logarithm(sweep.mean_ohm)
     bend = 0.5 * spread * _second_derivative(middle, mean(curve))
-    # Each repeat against the mean, so that all have its phase.
+    # Each repeat relative to the mean, so that the phases of all repeats are unwrapped alike.
     repeats = np.array([mean(curve + np.log(one / sweep.mean_ohm)) - bend for one in sweep.impedance_ohm])
     outliers = noise.outliers
     return (
@@ -81,18 +81,18 @@ def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tup
     )
 
 
-def of_points(sweep: RepeatedSweep, steps_hz: Sequence[float], averages: BoolArray) -> BoolArray:
-    """The points of the averages that are chosen, shape (n,)."""
-    return averages if sweep.frequency_hz.size <= MOST_POINTS else averages[bins_of(sweep, steps_hz)]
+def points_in_bins(sweep: RepeatedSweep, steps_hz: Sequence[float], chosen: BoolArray) -> BoolArray:
+    """The measured points in the chosen bins, shape (n,)."""
+    return chosen if sweep.frequency_hz.size <= MOST_POINTS else chosen[bins_of(sweep, steps_hz)]
 
 
-def scattered(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float], left: ComplexArray) -> float:
-    """Weighted sum of squares of what is left at the points, shape (n,), round its mean in each bin; 0 where the sweep is not averaged."""
+def scatter_in_bins(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float], residuals: ComplexArray) -> float:
+    """Weighted sum of squares of the residuals of the points, shape (n,), about their mean in each bin; 0 for a sweep that is not averaged."""
     if sweep.frequency_hz.size <= MOST_POINTS:
         return 0.0
     bins, weight = bins_of(sweep, steps_hz), 1 / noise.sigma**2
-    mean = _sums(bins, left * weight) / _sums(bins, weight)
-    return float(np.sum(weight * np.abs(left - mean[bins]) ** 2))
+    mean = _sums(bins, residuals * weight) / _sums(bins, weight)
+    return float(np.sum(weight * np.abs(residuals - mean[bins]) ** 2))
 
 
 def _sums(bins: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -102,13 +102,13 @@ def _sums(bins: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _all_of(bins: np.ndarray, chosen: BoolArray) -> BoolArray | None:
-    """Bins of which all points are chosen; of others, those that are not say what is there."""
+    """Bins all of whose points are chosen, None if there is no such bin."""
     whole: BoolArray = np.logical_and.reduceat(chosen, np.flatnonzero(np.diff(bins, prepend=-1)))
     return whole if whole.any() else None
 
 
 def _second_derivative(x: FloatArray, y: ComplexArray) -> ComplexArray:
-    """At each place from those two further on either side, so that little of its own noise is in it; at the ends as beside them."""
+    """Second derivative at each place from the places two further on either side, to keep its noise small; at the ends the nearest value."""
     low, here, high = x[:-4], x[2:-2], x[4:]
     below, above = (y[2:-2] - y[:-4]) / (here - low), (y[4:] - y[2:-2]) / (high - here)
     result: ComplexArray = np.pad(2 * (above - below) / (high - low), 2, mode="edge")

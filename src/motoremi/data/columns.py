@@ -1,9 +1,9 @@
-"""Which column holds what: names and units as people and instruments write them.
+"""Recognise the columns of a table by name and unit, as people and instruments write them.
 
 A title is the name of a quantity, then its unit, as in `R[mOhm]`, `Re{Z}/Ohm`, `|Z| in kOhm`, `Frequency (MHz)` or `resistance_ohm`.
-The longest known name counts; blanks, brackets, `/`, `,`, `_`, `-` and the word `in` may stand between name and unit. Capitals do not matter,
-but for one letter: before ohm, `m` is milli and `M` is mega, and in capitals throughout (`MOHM`) it is either, so the unit is not taken.
-Before hertz both are mega, before all other units both are milli. A minus in front of the name, as in `-Im(Z)`, turns the sign.
+The longest known name counts; blanks, brackets, `/`, `,`, `_`, `-` and the word `in` may stand between name and unit. Case matters for one
+letter only: before ohm, `m` is milli and `M` is mega; a unit in capitals throughout (`MOHM`) could be either and is refused.
+Before hertz both are mega, before all other units both are milli. A minus in front of the name, as in `-Im(Z)`, changes the sign.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from motoremi.errors import BadInput
 _BETWEEN = r"\s()\[\]{}<>/\-_.,:;="
 _SEPARATORS = re.compile(f"[{_BETWEEN}]+")
 _BRACKETS = re.compile(r"[\s()\[\]{}<>]+")
-# An E4990A marks its traces with `-data`, and what it holds in memory for comparison with `-mem`.
+# An E4990A marks its data traces with `-data`, and the memory traces that it keeps for comparison with `-mem`.
 _TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
 _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
 _MINUS = re.compile(r"^[-−–]\s*")
@@ -51,21 +51,21 @@ class Column:
 
 @dataclass(frozen=True)
 class _Units:
-    """The units of one kind of quantity: how to recommend them, and the factor of each."""
+    """The units of one kind of quantity: as shown in messages, and the factor of each."""
 
     shown: str
     factors: dict[str, float]
 
     def factor(self, text: str) -> float | None:
-        """The factor of a unit as written, None if it is not known or may be two."""
+        """The factor of a unit as written, None if it is not known or ambiguous."""
         plain = _BRACKETS.sub("", text).strip(".").translate(_UNIT_SPELLINGS)
-        if self.may_be_two(plain):
+        if self.is_ambiguous(plain):
             return None
         lower = plain.lower()
         return self.factors.get(plain[:1] + lower[1:], self.factors.get(lower))
 
-    def may_be_two(self, text: str) -> bool:
-        """Whether it is written in capitals throughout, so that nothing tells milli from mega."""
+    def is_ambiguous(self, text: str) -> bool:
+        """Whether it is written in capitals throughout, so that M may be milli or mega."""
         rest = text[1:].lower()
         return text.isupper() and text.startswith("M") and "m" + rest in self.factors and "M" + rest in self.factors
 
@@ -105,19 +105,19 @@ def _part(symbol: str, *words: str) -> tuple[str, ...]:
 
 _REAL = ("re", "real")
 _IMAGINARY = ("im", "imag", "imaginary")
-_SIZE = ("abs", "mag", "magnitude", "modulus")
-_TURN = ("phase", "theta", "arg", "angle", "phi")
+_MAGNITUDE = ("abs", "mag", "magnitude", "modulus")
+_PHASE = ("phase", "theta", "arg", "angle", "phi")
 _LEVEL = ("level", "amplitude", "power")
 _QUANTITIES = (
     _Quantity("frequency", _HERTZ, ("frequency", "freq", "f")),
     _Quantity("resistance", _OHM, ("resistance", "r", *_REAL, "z'", *_part("z", *_REAL))),
     _Quantity("reactance", _OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part("z", *_IMAGINARY))),
-    _Quantity("magnitude", _OHM, ("impedance", "z", "|z|", "magnitude", "impedance_magnitude", *_part("z", *_SIZE))),
-    _Quantity("phase", _ANGLE, (*_TURN, "phase_angle", "impedance_phase", *_part("z", *_TURN))),
+    _Quantity("magnitude", _OHM, ("impedance", "z", "|z|", "magnitude", "impedance_magnitude", *_part("z", *_MAGNITUDE))),
+    _Quantity("phase", _ANGLE, (*_PHASE, "phase_angle", "impedance_phase", *_part("z", *_PHASE))),
     _Quantity("conductance", _SIEMENS, ("conductance", "g", "gp", *_part("y", *_REAL))),
     _Quantity("susceptance", _SIEMENS, ("susceptance", "b", "bp", *_part("y", *_IMAGINARY))),
-    _Quantity("admittance", _SIEMENS, ("admittance", "y", "|y|", "admittance_magnitude", *_part("y", *_SIZE))),
-    _Quantity("admittance_phase", _ANGLE, ("admittance_phase", *_part("y", *_TURN))),
+    _Quantity("admittance", _SIEMENS, ("admittance", "y", "|y|", "admittance_magnitude", *_part("y", *_MAGNITUDE))),
+    _Quantity("admittance_phase", _ANGLE, ("admittance_phase", *_part("y", *_PHASE))),
     _Quantity("series_inductance", _HENRY, ("ls", "series_inductance")),
     _Quantity("parallel_inductance", _HENRY, ("lp", "parallel_inductance")),
     _Quantity("series_capacitance", _FARAD, ("cs", "series_capacitance")),
@@ -131,7 +131,7 @@ _QUANTITIES = (
     _Quantity("level", _DBUV, _LEVEL),
     _Quantity("level_dbm", _DBM, _LEVEL),
     _Quantity("level_dbm", _NUMBER, ("dbm",)),
-    # Columns named after a detector, as receivers' software writes them.
+    # Columns named after a detector, as written by receiver software.
     _Quantity("level peak", _DBUV, ("peak", "max_peak", "maxpeak", "pk")),
     _Quantity("level quasi-peak", _DBUV, ("quasi_peak", "quasipeak", "qp", "qpk")),
     _Quantity("level average", _DBUV, ("average", "avg", "av")),
@@ -145,13 +145,13 @@ _BY_NAME = {name: [one for one in _QUANTITIES if name in one.names] for quantity
 
 @dataclass(frozen=True)
 class _Title:
-    """A title whose name is known: what it may mean, its unit as written, and 1 or -1."""
+    """A title with a known name: the quantities it may stand for, its unit as written, and the sign (1 or -1)."""
 
     quantities: list[_Quantity]
     unit: str
     sign: float
 
-    def reading(self) -> tuple[str, float] | None:
+    def interpreted(self) -> tuple[str, float] | None:
         """Meaning and factor; None if the unit is not known."""
         for quantity in self.quantities:
             factor = quantity.units.factor(self.unit)
@@ -170,7 +170,7 @@ def _normal(text: str) -> str:
 
 
 def _title(title: str) -> _Title | None:
-    """What a title says; None if it begins with no known name or is that of a memory trace."""
+    """A title split into name and unit; None if it begins with no known name or is that of a memory trace."""
     if len(title) > _LONGEST_TITLE or _MEMORY.search(title):
         return None
     whole = _TRACE_MARK.sub("", title.strip())
@@ -195,10 +195,10 @@ def find_columns(table: Table) -> dict[str, Column]:
     found: dict[str, Column] = {}
     for index, title in enumerate(table.columns):
         known = _title(title)
-        reading = known.reading() if known else None
-        if reading is None:
+        interpreted = known.interpreted() if known else None
+        if interpreted is None:
             continue
-        meaning, factor = reading
+        meaning, factor = interpreted
         if meaning in found:
             first = clean_text(table.columns[found[meaning].index], 40)
             raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
@@ -207,9 +207,9 @@ def find_columns(table: Table) -> dict[str, Column]:
 
 
 def unit_trouble(table: Table) -> str:
-    """Why a column with a known name is not taken, in words; empty if there is none.
+    """Why a column with a known name cannot be used, in words; empty if there is no such column.
 
-    A unit that is not known comes before one that is missing. Decibels are left to `has_decibels`.
+    An ambiguous unit is reported first, then an unknown one, then a missing one. Decibels are left to `has_decibels`.
     """
     troubles = sorted(_unit_troubles(table))
     return troubles[0][1] if troubles else ""
@@ -219,12 +219,12 @@ def _unit_troubles(table: Table) -> Iterator[tuple[int, str]]:
     for title in table.columns:
         known = _title(title)
         # Of several words behind the name, as in `R of the lead`, none is meant as its unit.
-        if known is None or known.reading() or re.search(r"[\s_]", known.unit) or known.unit.lower().startswith("db"):
+        if known is None or known.interpreted() or re.search(r"[\s_]", known.unit) or known.unit.lower().startswith("db"):
             continue
         shown, unit = clean_text(title, 40), clean_text(known.unit, 40)
         if not unit:
             yield 2, f"the column {shown!r} has no unit: add {known.units_shown}"
-        elif any(quantity.units.may_be_two(known.unit) for quantity in known.quantities):
+        elif any(quantity.units.is_ambiguous(known.unit) for quantity in known.quantities):
             yield 0, f"the unit {unit!r} of column {shown!r} may be milli or mega: write mOhm or MOhm"
         else:
             yield 1, f"the unit {unit!r} of column {shown!r} is not known: use {known.units_shown}"

@@ -1,4 +1,4 @@
-"""What was set up for a sweep beside its termination, and single numbers from other meters.
+"""Conditions that are set up for a sweep in addition to its termination, and single values from other meters.
 
 A condition is written as `second-temperature=53degC` or `far-end-grounded`, a value as `dc-resistance=21.3mohm+-0.1mohm`: on the command
 line, in the header of a file (`# condition: ...`) and in the documents of a session.
@@ -18,7 +18,7 @@ from motoremi.errors import BadInput
 from motoremi.quantities import parse, show
 
 ABSOLUTE_ZERO_DEGC = -273.15
-# Prefixes help nobody here.
+# Units that are written without prefixes.
 _PLAIN_UNITS = ("degC", "deg", "A", "m")
 _LENGTH = re.compile(r"([+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(mm|cm|m)")
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -27,17 +27,17 @@ _UNCERTAINTY = re.compile(r"\s*(?:\+-|\+/-|±)\s*")
 
 @dataclass(frozen=True)
 class Setting:
-    """The value that goes with a condition, or a single value: its unit and what it can be.
+    """Unit and range of the value of a condition, or of a single value.
 
     Parameters
     ----------
     unit : str
         As written after a number, SI but for degC and deg; "" for a plain number.
     low, high : float
-        Below and above it is a slip of the pen.
+        A value outside of this range is refused as a typing error.
     example : str
     needed : bool
-        Whether the condition says too little without it.
+        Whether the condition must have a value.
     """
 
     unit: str
@@ -47,7 +47,7 @@ class Setting:
     needed: bool = True
 
 
-# Every condition that a sweep of the menu may be taken under, with the value that belongs to it.
+# All conditions that the menu of measurements can ask for, with the value that each takes.
 CONDITIONS: Mapping[str, Setting | None] = {
     "wide-sweep": None,
     "far-end-grounded": None,
@@ -72,11 +72,11 @@ CONDITIONS: Mapping[str, Setting | None] = {
     "fixture-short": None,
     "fixture-load": Setting("Ohm", 1e-3, 1e7, "50ohm"),
 }
-# What only completes the reference state: sweeps without a condition.
+# Ids on the menu that ask for sweeps without a condition.
 REFERENCE = ("short-sweep", "open-sweep", "repeats")
-# Conditions under which a known part stands in the motor's place.
+# Conditions in which a standard is connected instead of the motor.
 STANDARDS = ("standards", "fixture-open", "fixture-short", "fixture-load")
-# Of these, what shows next to no impedance or next to no admittance.
+# Standards with almost no impedance or almost no admittance.
 NEXT_TO_NOTHING = ("fixture-open", "fixture-short")
 
 
@@ -87,7 +87,7 @@ class Condition:
     Parameters
     ----------
     id : str
-        Of the measurement on the menu, for example "second-temperature"; a laboratory's own have names of their own.
+        Of the measurement on the menu, for example "second-temperature".
     value : float, optional
         For example 53.0 degC; SI but for degC and deg.
     unit : str
@@ -120,16 +120,16 @@ class Condition:
             If it is not such a dictionary.
         """
         try:
-            told = dict(payload)  # type: ignore[call-overload]
-            value = told["value"]
-            return cls(str(told["id"]), None if value is None else float(value), str(told["unit"]))
+            stored = dict(payload)  # type: ignore[call-overload]
+            value = stored["value"]
+            return cls(str(stored["id"]), None if value is None else float(value), str(stored["unit"]))
         except (KeyError, TypeError, ValueError) as error:
             raise BadInput(f"a stored condition cannot be read: {clean_text(str(error), 80)}") from error
 
 
 @dataclass(frozen=True)
 class SingleValue:
-    """A number that another meter gave.
+    """A value that was measured with another meter.
 
     Parameters
     ----------
@@ -175,14 +175,14 @@ class SingleValue:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A single value that can be given.
+    """A kind of single value.
 
     Parameters
     ----------
     setting : Setting
     meaning : str
     relative, absolute : float
-        Uncertainty where none is given: of the value, and beside it.
+        Uncertainty if none is given: `relative` times the value plus `absolute`.
     """
 
     setting: Setting
@@ -206,7 +206,7 @@ def condition(name: str, value: float | None = None) -> Condition:
     Raises
     ------
     BadInput
-        For an unknown name, a value that is missing, out of range or not wanted.
+        For an unknown name, or a value that is missing, out of range or not allowed.
     """
     if name in VALUES:
         raise BadInput(f"{name} is a single value, not a condition of a sweep: write --value {name}={VALUES[name].setting.example}")
@@ -227,12 +227,12 @@ def condition(name: str, value: float | None = None) -> Condition:
 
 
 def parse_condition(text: str) -> Condition | None:
-    """A condition as a person writes it, `ID` or `ID=VALUE` with a unit; None for what only completes the reference state.
+    """A condition as a person writes it, `ID` or `ID=VALUE` with a unit; None for an id that asks for sweeps without a condition.
 
     Raises
     ------
     BadInput
-        For an unknown name, a missing value or unit, a wrong unit, or a value that cannot be.
+        For an unknown name, a missing value or unit, a wrong unit, or a value out of range.
     """
     name, equals, given = (part.strip() for part in str(text).partition("="))
     if name in REFERENCE and not equals:
@@ -251,7 +251,7 @@ def parse_value(text: str) -> SingleValue:
     Raises
     ------
     BadInput
-        For an unknown name, no number, a missing or wrong unit, or an uncertainty that is none.
+        For an unknown name, no number, a missing or wrong unit, or an unusable uncertainty.
     """
     name, equals, given = (part.strip() for part in str(text).partition("="))
     quantity = _quantity(name)
@@ -264,13 +264,13 @@ def parse_value(text: str) -> SingleValue:
     value = _with_unit(name, parts[0], setting)
     if len(parts) == 1:
         return checked_value(SingleValue(name, value, setting.unit, quantity.relative * abs(value) + quantity.absolute))
-    told = parts[1]
-    sigma = parse(told, "%") / 100 * abs(value) if told.endswith("%") else _with_unit(name, told, setting)
+    stated = parts[1]
+    sigma = parse(stated, "%") / 100 * abs(value) if stated.endswith("%") else _with_unit(name, stated, setting)
     return checked_value(SingleValue(name, value, setting.unit, sigma))
 
 
 def checked_value(value: SingleValue) -> SingleValue:
-    """The value, if it can be one.
+    """The value, after its range and uncertainty are checked.
 
     Raises
     ------
@@ -293,13 +293,13 @@ def _quantity(name: str) -> Quantity:
 
 
 def _with_unit(name: str, text: str, setting: Setting) -> float:
-    """A number in its unit, which must stand there: `longer-lead=50` could be 50 nH as well as 50 mm."""
+    """A number with its unit, which is required: `longer-lead=50` could be 50 nH as well as 50 mm."""
     written = text.replace("°C", "degC").replace("°", "deg").replace("Ω", "Ohm").replace("ohm", "Ohm")
     example = f"write for example {name}={setting.example}"
     if not text:
         raise BadInput(f"{name} needs its value: {example}")
     if setting.unit == "m":
-        # `0.3m` is 0.3 metres here and nowhere else.
+        # `0.3m` is 0.3 metres here; elsewhere m is the prefix milli.
         length = _LENGTH.fullmatch(written)
         if length is None:
             raise BadInput(f"cannot read {clean_text(text, 40)!r} as a length of {name}: {example}")
@@ -324,7 +324,7 @@ def _checked(name: str, value: float, setting: Setting) -> float:
 
 
 def _written(value: float, unit: str) -> str:
-    """A number with its unit and no blank, that reads back as the same number."""
+    """A number with its unit and no blank; reading it back gives exactly the same number."""
     if unit in _PLAIN_UNITS or not unit:
         return f"{value!r}".removesuffix(".0") + unit
     short = show(value, unit, 12).replace(" ", "")

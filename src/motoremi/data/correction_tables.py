@@ -1,4 +1,4 @@
-"""Tables of corrections as laboratories have them: CSV over frequency, Touchstone of a two-port."""
+"""Read correction tables of laboratories: CSV over frequency, or Touchstone of a two-port."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from motoremi.errors import BadInput
 
 # `db`, `loss_db`, `Loss (dB)`, `factor [dB/m]`, `dB(1/Ohm)`.
 _DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\([^)]*\))?)[)\]]?$", re.IGNORECASE)
-# As written by many, and as told here.
+# Spelling in a file, in lower case -> unit; empty for dB.
 _UNITS = {"db": "", "db/m": "dB/m", "db(1/m)": "dB(1/m)", "db(1/ohm)": "dB(1/Ohm)", "db(s)": "dB(S)"}
 
 
@@ -36,7 +36,7 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
     -------
     frequency_hz, db : ndarray, shape (n,)
     unit : str
-        Empty if the file does not say another one than dB.
+        Empty if the file states no unit other than dB.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
     text = decode(read_bytes(path), shown)
     if is_touchstone(text):
         if kind == "transducer":
-            raise BadInput(f"{shown}: a Touchstone file holds a loss or a gain, no transducer")
+            raise BadInput(f"{shown}: a Touchstone file holds a loss or a gain, not a transducer factor")
         frequency_hz, s = read_two_port(path)
         level: FloatArray = 20 * np.log10(np.abs(s[:, 1, 0]))
         return frequency_hz, level if kind == "gain" else -level, ""
@@ -65,7 +65,7 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
     if not np.all(np.isfinite(values)):
         raise BadInput(f"{shown}: a value is not a finite number")
     for row in np.flatnonzero(np.abs(values) > 200)[:1]:
-        raise BadInput(f"{table.where(int(row))}: {values[row]:g} dB is no correction; is the column in dB?")
+        raise BadInput(f"{table.where(int(row))}: {values[row]:g} dB is too large for a correction; is the column in dB?")
     written = str(table.header.get("unit", unit)).strip()
     plain = written.replace(" ", "").replace("Ω", "Ohm").lower()
     if plain not in _UNITS:

@@ -1,6 +1,7 @@
-"""What stands between the motor and the instrument: pads, limiters, cables, transducers, fixtures, and how a reading is corrected for them.
+"""Corrections of readings for the parts between motor and instrument: attenuators, limiters, cables, transducers, fixtures.
 
-Reading + loss - gain + transducer = corrected level. Readings are stored as they came; corrections are applied to what is judged and shown.
+Reading + loss - gain + transducer = corrected level. Readings are stored uncorrected; corrections are applied before anything is judged or
+shown.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from motoremi.errors import BadInput
 from motoremi.quantities import parse, show_band
 
 Role = Literal["receiver", "analyser"]
-# A transducer's unit, and that of the level it makes of dBuV: a voltage divider or LISN, a current probe, an antenna.
+# Unit of a transducer factor -> unit of the corrected level: voltage divider or LISN, current probe, antenna.
 UNITS = {"dB": "dBuV", "dB(1/Ohm)": "dBuA", "dB(S)": "dBuA", "dB/m": "dBuV/m", "dB(1/m)": "dBuV/m"}
-# An axis and the table that was measured on it may be written with different numbers of digits.
+# The frequencies of a sweep and of a table may be written with different numbers of digits.
 _ROUNDING = 1e-6
 _SIGNS = {"loss": 1.0, "gain": -1.0, "transducer": 1.0}
 _OTHER = {"loss": "gain", "gain": "loss"}
-# Between values further apart than this factor in frequency a table says little.
+# Neighbouring values of a table that are further apart than this factor in frequency cause a remark.
 WIDE_GAP = 10.0
 
 
@@ -83,7 +84,7 @@ class Correction(BaseModel):
         return self
 
     def loaded(self, folder: Path) -> Correction:
-        """The same with the content of its file in it.
+        """The same correction with the content of its file read.
 
         Raises
         ------
@@ -107,22 +108,22 @@ class Correction(BaseModel):
         return Correction.model_validate(content | ({"unit": unit} if unit else {}))
 
     @property
-    def is_turned(self) -> bool:
-        """Whether a loss or gain is negative on the whole: then the other one is meant, or the sign is wrong."""
+    def is_negative(self) -> bool:
+        """Whether a loss or gain is negative on average: the other kind is meant, or the sign is wrong."""
         return self.kind in _OTHER and self.db is not None and float(np.mean(self.db)) < 0
 
-    def turned(self) -> Correction:
-        """A negative loss as the gain that it is, and the other way round."""
+    def with_other_kind(self) -> Correction:
+        """A negative loss as a positive gain, and the other way round."""
         db = tuple(-value for value in self.db) if isinstance(self.db, tuple) else -(self.db or 0.0)
         return self.model_copy(update={"kind": _OTHER[self.kind], "db": db})
 
     def added_db(self, frequency_hz: FloatArray) -> FloatArray:
-        """What is added to a reading, in dB, shape (n,); between two values straight over the logarithm of frequency.
+        """The correction that is added to a reading, in dB, shape (n,); interpolated linearly over the logarithm of frequency.
 
         Raises
         ------
         BadInput
-            For frequencies outside its table: nothing is extrapolated.
+            For frequencies outside its table, because nothing is extrapolated.
         """
         self.refuse_outside(float(frequency_hz[0]), float(frequency_hz[-1]))
         if isinstance(self.db, tuple):
@@ -143,15 +144,15 @@ class Correction(BaseModel):
             )
 
     def widest_gap(self) -> tuple[float, float] | None:
-        """Two neighbouring frequencies in hertz with too much between them, or None."""
+        """The widest gap in the table, in hertz, if it is wider than `WIDE_GAP`; else None."""
         pairs = list(zip(self.frequency_hz, self.frequency_hz[1:], strict=False))
         return max((pair for pair in pairs if pair[1] > WIDE_GAP * pair[0]), key=lambda pair: pair[1] / pair[0], default=None)
 
     def de_embedded(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
-        """Impedance at the far side of the fixture from the one in front of it, in ohm; with 50 Ohm S-parameters.
+        """Impedance at the motor's side of the fixture from that at the analyser's side, in ohm; with 50 Ohm S-parameters.
 
-        The reflection in front of a two-port is S11 + S12 S21 g / (1 - S22 g), g the one behind it (any book on microwave circuits,
-        for example Pozar, Microwave Engineering, section 4.5).
+        A two-port terminated by the reflection coefficient g has the input reflection coefficient S11 + S12 S21 g / (1 - S22 g)
+        (Pozar, Microwave Engineering, section 4.5).
         """
         self.refuse_outside(float(frequency_hz[0]), float(frequency_hz[-1]))
         table = np.array(self.s_parameters)
@@ -171,23 +172,23 @@ class Correction(BaseModel):
         else:
             value = f"{self.kind} of {self.db:g} {self.unit}"
         span = f", {show_band(self.frequency_hz[0], self.frequency_hz[-1])}" if self.frequency_hz else ""
-        told = [f"serial {self.serial}" if self.serial else "", f"calibrated {self.calibrated}" if self.calibrated else ""]
-        told.append(f"uncertainty {self.uncertainty_db:g} dB" if self.uncertainty_db else "")
-        return ", ".join([f"{clean_text(self.name, 80)}: {value}{span}", *(clean_text(text, 80) for text in told if text)])
+        details = [f"serial {self.serial}" if self.serial else "", f"calibrated {self.calibrated}" if self.calibrated else ""]
+        details.append(f"uncertainty {self.uncertainty_db:g} dB" if self.uncertainty_db else "")
+        return ", ".join([f"{clean_text(self.name, 80)}: {value}{span}", *(clean_text(text, 80) for text in details if text)])
 
     def to_dict(self) -> JsonDict:
-        """Plain data; keys that say nothing are left out."""
+        """Plain data; keys with default values are left out."""
         return self.model_dump(mode="json", exclude_none=True, exclude_defaults=True) | {"role": self.role, "kind": self.kind}
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """Everything between the motor and the instruments.
+    """All corrections of a session or a bench.
 
     Parameters
     ----------
     entries : tuple of Correction
-        With their tables in them.
+        With their tables read.
     """
 
     entries: tuple[Correction, ...] = ()
@@ -197,12 +198,12 @@ class Corrections:
 
     @classmethod
     def of(cls, content: Iterable[Mapping[str, Any]], where: str) -> Corrections:
-        """From plain data; `where` names it in errors.
+        """From plain data; `where` names the source in errors.
 
         Raises
         ------
         BadInput
-            If it is none.
+            If an entry is not a correction.
         """
         try:
             return cls(tuple(Correction.model_validate(dict(entry)) for entry in content))
@@ -216,7 +217,7 @@ class Corrections:
         return tuple(entry for entry in self.entries if entry.role == role)
 
     def added_db(self, role: Role, frequency_hz: FloatArray) -> FloatArray:
-        """What is added to a reading in all, in dB, shape (n,)."""
+        """The sum of all corrections of a role, in dB, shape (n,)."""
         total: FloatArray = np.zeros(frequency_hz.shape)
         for entry in self.role(role):
             if not entry.s_parameters:
@@ -229,7 +230,7 @@ class Corrections:
             entry.refuse_outside(low_hz, high_hz)
 
     def uncertainty_db(self, role: Role = "receiver") -> float:
-        """Expanded uncertainty (k = 2) of all of them, in dB."""
+        """Expanded uncertainty (k = 2) of all corrections of a role together, in dB."""
         return float(np.sqrt(sum(entry.uncertainty_db**2 for entry in self.role(role))))
 
     @property
@@ -241,7 +242,7 @@ class Corrections:
         return UNITS[others[0]] if others else "dBuV"
 
     def corrected_spectrum(self, spectrum: Spectrum) -> Spectrum:
-        """The spectrum with levels at the motor's side; the metadata say in which unit."""
+        """The spectrum with corrected levels; `level_unit` of the metadata holds their unit."""
         if not self.role("receiver"):
             return spectrum
         self._refuse_twice(spectrum)
@@ -250,7 +251,7 @@ class Corrections:
         return Spectrum(spectrum.detector, spectrum.frequency_hz, level, spectrum.resolution_bandwidth_hz, spectrum.overload, metadata)
 
     def _refuse_twice(self, spectrum: Spectrum) -> None:
-        """What the receiver applied by itself, as the header of its file says, is not applied once more."""
+        """Refuse a correction that the receiver has already applied, according to the header of its file."""
         applied = str(spectrum.metadata.get("transducer", "")).strip(" ;")
         names = [part.strip().lower() for part in applied.split(";")]
         for entry in self.role("receiver"):
@@ -261,7 +262,7 @@ class Corrections:
                 )
 
     def corrected_sweep(self, sweep: ImpedanceSweep) -> ImpedanceSweep:
-        """The sweep with the impedance at the motor's side: fixtures de-embedded in their order, then |Z| in dB as a level."""
+        """The sweep with corrected impedance: fixtures are de-embedded in order, then |Z| is corrected by the values in dB."""
         entries = self.role("analyser")
         if not entries:
             return sweep
@@ -274,11 +275,11 @@ class Corrections:
         return ImpedanceSweep(sweep.termination, sweep.frequency_hz, impedance, sweep.sigma_relative, metadata, sweep.condition)
 
     def remarks(self) -> list[str]:
-        """What a reader has to know."""
+        """Remarks for the report."""
         found = []
         for entry in self.entries:
             if gap := entry.widest_gap():
-                found.append(f"the correction {entry.name!r} has no value between {show_band(*gap)}: it is taken to be straight there")
+                found.append(f"the correction {entry.name!r} has no value between {show_band(*gap)}: it is interpolated there")
         return found
 
     def to_list(self) -> list[JsonDict]:
@@ -296,7 +297,7 @@ def read_corrections(path: str | Path, confirm: Callable[[str], bool] | None = N
     ----------
     path : path-like
     confirm : callable, optional
-        Asked, with one question, whether a negative loss is a gain; without it that is an error.
+        Called with a question if a loss is negative: is it a gain? Without it, a negative loss is an error.
 
     Raises
     ------
@@ -315,18 +316,18 @@ def read_corrections(path: str | Path, confirm: Callable[[str], bool] | None = N
 
 
 def with_tables(corrections: Corrections, folder: Path, confirm: Callable[[str], bool] | None = None) -> Corrections:
-    """The same with every file read, from `folder`, and no loss or gain of the wrong sign; see `read_corrections`."""
+    """The same corrections with every file read from `folder` and signs checked; see `read_corrections`."""
     found = []
     for entry in corrections.entries:
         loaded = entry.loaded(folder)
-        if loaded.is_turned:
+        if loaded.is_negative:
             value = f"{float(np.mean(loaded.db)):g} dB"  # type: ignore[arg-type]
             if confirm is None or not confirm(f"{entry.name}: a {entry.kind} of {value} is a {_OTHER[entry.kind]}. Is it one?"):
                 raise BadInput(
                     f"{entry.name}: a {entry.kind} of {value}? A {entry.kind} is written as a positive number; write kind = "
                     f'"{_OTHER[entry.kind]}" with positive values if that is meant'
                 )
-            loaded = loaded.turned()
+            loaded = loaded.with_other_kind()
         found.append(loaded)
     made = Corrections(tuple(found))
     _ = made.level_unit
@@ -334,7 +335,7 @@ def with_tables(corrections: Corrections, folder: Path, confirm: Callable[[str],
 
 
 def problems(error: ValidationError) -> str:
-    """What is wrong, in one line."""
+    """The problems that pydantic found, in one line."""
     found = []
     for problem in error.errors():
         place = ".".join(str(part) for part in problem["loc"] if isinstance(part, str) and not part.startswith(("function", "tuple", "float")))

@@ -82,7 +82,7 @@ def _key_value(key: str, value: Any) -> str:
         line = f"# {written_key}: {value}"
         read_back: dict[str, Any] = {}
         read_key_value(line, read_back)
-        # Text that would come back as a number, or without its outer blanks, goes into quotes below.
+        # Text that would be read back as a number, or without its outer blanks, is quoted below.
         if read_back == {key: value}:
             return line
     return f"# {written_key}: {json.dumps(value, allow_nan=False)}"

@@ -6,7 +6,7 @@ import re
 
 from motoremi.data.text import clean_text
 
-# Levels in dBm at 50 ohm, in dBuV: 10 lg(50 Ohm * 1 mW / (1 uV)^2).
+# 0 dBm in 50 ohm in dBuV: 10 lg(50 Ohm * 1 mW / (1 uV)^2).
 DBUV_OF_0_DBM = 106.98970004336019
 _SPELLINGS = {
     "max-peak": "peak", "maxpeak": "peak", "pk": "peak", "pk+": "peak", "pos": "peak", "positive": "peak",
@@ -19,6 +19,6 @@ _SPELLINGS = {
 
 
 def detector_name(written: str) -> str:
-    """The contract's name of a detector, or what was written if it is none of them."""
+    """The standard name of a detector (`DETECTORS`), or the text as written if it is none of them."""
     spelling = clean_text(re.sub(r"[\s_-]+", "-", written.strip().lower()), 40)
     return _SPELLINGS.get(spelling, spelling)

@@ -1,4 +1,4 @@
-"""The directions in which columns reach, orthonormal, and how far."""
+"""Principal directions of a set of columns."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from motoremi.arrays import FloatArray
 
 
 def directions(columns: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, FloatArray]:
-    """Orthonormal directions of columns, and their variances.
+    """Orthonormal principal directions of columns, and their variances.
 
-    Costs the points times the square of the columns, also where the points are very many.
+    The cost is proportional to the number of points and to the square of the number of columns.
 
     Parameters
     ----------
     columns : ndarray, shape (n, q)
-        Complex or real; so are the directions.
+        Complex or real; the directions are of the same kind.
     least : float
-        Directions of less variance are left out, and those that are rounding.
+        Directions with less variance are left out, and those that are only rounding errors.
 
     Returns
     -------
@@ -32,6 +32,7 @@ def directions(columns: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, Flo
         return vectors[:, keep], variances[keep]
     variances, vectors = np.linalg.eigh(columns.conj().T @ columns)
     keep = variances > max(least, 1e-14 * float(variances[-1]))
-    # Of small ones beside large ones only the largest digits are orthogonal so far; the large ones come first, since they are exact.
+    # Directions of small variance are orthogonal to the others to a few digits only. QR makes them so; those of large variance come first,
+    # because they are accurate.
     orthonormal = np.linalg.qr((columns @ vectors[:, keep])[:, ::-1] / np.sqrt(variances[keep][::-1]))[0]
     return orthonormal, variances[keep][::-1]

@@ -1,4 +1,4 @@
-"""Read the files that users have. The format is found from the content, never from the name."""
+"""Read measurement files. The format is recognised from the content, never from the file name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, column_values, find_pair, impedance_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
-from motoremi.data.repeated import Rows, once_each
+from motoremi.data.repeated import Rows, merge_duplicates
 from motoremi.data.source import decode, file_name, read_bytes, show_name
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
@@ -34,7 +34,7 @@ Made = TypeVar("Made")
 
 
 class WrongKind(BadInput):
-    """A file that holds something else than what it was read for."""
+    """A file that holds a spectrum where a sweep was expected, or the other way round."""
 
 
 _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.second)}
@@ -50,41 +50,41 @@ def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str 
         quantities with its units), the ASCII file of a 4294A, the CSV of an E4990A, or Touchstone of one port (.s1p, .z1p) or of two
         (.s2p) with the motor between them.
     termination : {"short", "open"}
-        How the motor was connected.
+        Connection of the motor.
     fixture : {"series-through", "shunt-through"}, optional
-        For Touchstone of two ports: whether the motor stood in the line from port to port, or across it.
+        For Touchstone of two ports: whether the motor was connected in series between the ports, or across the line.
 
     Returns
     -------
     ImpedanceSweep
         With `source`, `format`, `read_as` and the header of the file in its metadata. Two rows of one frequency that agree within 3 %
-        are averaged; the metadata `changes` tell it.
+        are averaged; the metadata `changes` record it.
 
     Raises
     ------
     BadInput
-        One line with file, line number and what to do, whenever a number is not beyond doubt.
+        One line with file, line number and what to do, if any number is in doubt.
     """
     name, text = _read_text(path)
     return parse_impedance(text, name, termination, fixture)
 
 
 def parse_impedance(text: str, name: str, termination: str, fixture: str | None = None) -> ImpedanceSweep:
-    """One impedance sweep from the text of a file of that name; as `read_impedance`."""
+    """One impedance sweep from the text of a file; see `read_impedance`."""
     rows, header, kind = _impedance_rows(text, name, termination, fixture)
-    merged, told = once_each(rows)
+    merged, change = merge_duplicates(rows)
     if "accuracy_percent" in header:
         header["accuracy_percent"] = _of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
     condition = _condition(header, name)
     sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, name, kind))).under(condition)
-    return sweep.with_change(told) if told else sweep
+    return sweep.with_change(change) if change else sweep
 
 
 def _condition(header: JsonDict, name: str) -> Condition | None:
-    """What a line `condition: ...` of the header says, which is taken out of it."""
+    """The condition in a line `condition: ...` of the header, which is removed from it."""
     keys = [key for key in header if key.lower() == "condition"]
-    told = [str(header.pop(key)) for key in keys]
-    return _of_file(name, lambda: parse_condition(told[0])) if told else None
+    written = [str(header.pop(key)) for key in keys]
+    return _of_file(name, lambda: parse_condition(written[0])) if written else None
 
 
 def _impedance_rows(text: str, name: str, termination: str, fixture: str | None) -> tuple[Rows, JsonDict, str]:
@@ -113,19 +113,19 @@ def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
     path : path-like
         CSV with the columns `frequency_hz,level_dbuv` and the lines `# detector: peak` and `# rbw_hz: 9000`, or with columns named
         after detectors (`Frequency (MHz),QuasiPeak (dBuV),CAverage (dBuV)`); a receiver's DAT export; a tinySA's CSV. Without a
-        bandwidth 9 kHz is taken, and the metadata say so.
+        bandwidth 9 kHz is assumed, and the metadata record it.
 
     Raises
     ------
     BadInput
-        One line with file, line number and what to do, whenever a number is not beyond doubt.
+        One line with file, line number and what to do, if any number is in doubt.
     """
     name, text = _read_text(path)
     return parse_spectra(text, name)
 
 
 def parse_spectra(text: str, name: str) -> list[Spectrum]:
-    """The emission spectra from the text of a file of that name; as `read_spectra`."""
+    """The emission spectra from the text of a file; see `read_spectra`."""
     for is_other, what in (
         (is_agilent_ascii, "is an impedance sweep of a 4294A"),
         (is_touchstone, "is a Touchstone file"),
@@ -143,7 +143,7 @@ def parse_spectra(text: str, name: str) -> list[Spectrum]:
 
 
 def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
-    """Read the emission spectrum of a file that holds one; as `read_spectra`.
+    """Read a file that holds one emission spectrum; see `read_spectra`.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
 
 
 def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSweep:
-    """An impedance sweep from the text of a CSV file; metadata are those of its header alone, and each row is kept as it is.
+    """An impedance sweep from the text of a CSV file; metadata are those of its header, and rows of one frequency are not merged.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSwee
 
 
 def _rows_of_table(table: Table, termination: str) -> tuple[Rows, JsonDict, str]:
-    """The rows, the header, and what the columns hold."""
+    """The rows, the header, and the pair of quantities in the columns."""
     name = table.name
     found = find_columns(table)
     pair = find_pair(found)
@@ -188,7 +188,7 @@ def _rows_of_table(table: Table, termination: str) -> tuple[Rows, JsonDict, str]
 
 
 def parse_spectrum_csv(text: str, name: str) -> Spectrum:
-    """A spectrum from the text of a CSV file that holds one; metadata are those of its header alone.
+    """A spectrum from the text of a CSV file that holds one; metadata are those of its header.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def _origin(metadata: Mapping[str, Any], name: str, file_format: str) -> dict[str, Any]:
-    # What the file itself calls its source, format or changes is kept under another key, not overwritten.
+    # Entries of the file's own header with the names source, format or changes are kept under another key.
     kept = {f"header_{key}" if key in ("source", "format", "changes") else key: value for key, value in metadata.items()}
     return {**kept, "source": file_name(name), "format": file_format}
 
@@ -254,7 +254,7 @@ def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
 
 
 def _of_file(name: str, make: Callable[[], Made]) -> Made:
-    """What `make` returns; its `BadInput` names the file."""
+    """Call `make`, and add the file's name to its `BadInput`."""
     try:
         return make()
     except BadInput as error:
@@ -271,8 +271,8 @@ def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: st
     if trouble:
         return BadInput(f"{table.name}: {trouble}; {have}, but {what} needs the columns {needed}")
     if has_decibels(table):
-        cure = "dBuV (in 50 Ohm: dBm + 107)" if needed == SPECTRUM_COLUMNS else "ohm"
-        return BadInput(f"{table.name}: {have}, in another decibel unit; convert to {cure}: needed are {needed}")
+        wanted = "dBuV (in 50 Ohm: dBm + 107)" if needed == SPECTRUM_COLUMNS else "ohm"
+        return BadInput(f"{table.name}: {have}, in another decibel unit; convert to {wanted}: needed are {needed}")
     return BadInput(f"{table.name}: {have}, but {what} needs the columns {needed}")
 
 
@@ -297,7 +297,7 @@ def _overload(table: Table, column: Column) -> BoolArray:
 
 def _detector(written: object, name: str) -> str:
     if not isinstance(written, str):
-        raise BadInput(f"{name}: does not say which detector; add a line '# detector: peak' (or quasi-peak, average)")
+        raise BadInput(f"{name}: the detector is not stated; add a line '# detector: peak' (or quasi-peak, average)")
     return detector_name(written)
 
 
@@ -307,4 +307,4 @@ def _bandwidth(written: object, name: str) -> float:
             return parse(written, "Hz")
         except BadInput:
             pass
-    raise BadInput(f"{name}: the resolution bandwidth {clean_text(str(written), 40)!r} is none; write '# rbw_hz: 9000'")
+    raise BadInput(f"{name}: the resolution bandwidth {clean_text(str(written), 40)!r} is not a frequency; write '# rbw_hz: 9000'")

@@ -1,4 +1,4 @@
-"""Impedance from whatever pair of quantities a file holds: R and X, |Z| and phase, Ls and Rs, S11 ..."""
+"""Impedance from the pair of quantities in a file: R and X, |Z| and phase, Ls and Rs, S11 ..."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impe
 
 @dataclass(frozen=True)
 class Pair:
-    """Two columns that together are an impedance."""
+    """Two quantities that together give an impedance."""
 
     first: str
     second: str
@@ -47,16 +47,16 @@ def _reflection(w: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
 
 
 def _series(w: FloatArray, reactance: FloatArray, loss: FloatArray) -> ComplexArray:
-    """A reactance and its loss, the resistance in series relative to it."""
+    """A reactance with a series resistance; `loss` is their ratio."""
     return _rectangular(w, loss * np.abs(reactance), reactance)
 
 
 def _parallel(w: FloatArray, susceptance: FloatArray, loss: FloatArray) -> ComplexArray:
-    """A susceptance and its loss, the conductance across it relative to it."""
+    """A susceptance with a parallel conductance; `loss` is their ratio."""
     return 1 / _rectangular(w, loss * np.abs(susceptance), susceptance)
 
 
-# In the order in which they are taken where a file holds several.
+# In order of preference if a file holds several.
 PAIRS = (
     Pair("resistance", "reactance", "R and X", _rectangular),
     Pair("magnitude", "phase", "|Z| and phase", _polar),
@@ -81,7 +81,7 @@ PAIRS = (
 
 
 def find_pair(found: dict[str, Column]) -> Pair | None:
-    """The pair of columns that a table holds, or None."""
+    """The preferred pair of columns in a table, or None."""
     return next((pair for pair in PAIRS if {pair.first, pair.second} <= set(found)), None)
 
 

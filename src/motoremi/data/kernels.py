@@ -1,7 +1,7 @@
-"""What is smooth along frequency: Matern 3/2 processes over log10 of frequency, as few columns, and the shape of a sweep itself.
+"""Random functions that are smooth along frequency, each as a few columns; logarithm, smoothing and slope of a sweep.
 
-A process of that kind is continuous with kinks, like what is interpolated between the points of a calibration or left by a wrong model
-(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 4.17).
+The functions are Matern 3/2 processes over log10 of frequency: continuous with kinks, like an error that is interpolated between the points
+of a calibration (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 4.17).
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from scipy.ndimage import uniform_filter1d
 
 from motoremi.arrays import ComplexArray, FloatArray
 
-# Share of the variance, and length in decades.
+# (share of the variance, correlation length in decades) of each process.
 Parts = Sequence[tuple[float, float]]
-# Knots per length of the shortest part: between them the columns are straight lines (a test holds them against the kernel).
+# Knots per length of the shortest part; between them the columns are straight lines (a test compares them with the kernel).
 KNOTS_PER_LENGTH = 4
-# Modes below this share of the largest variance are noise of the arithmetic.
+# Modes below this share of the largest variance are rounding errors.
 LEAST_VARIANCE = 1e-6
-# Points over which a sweep is smoothed: a mean of so many leaves a quarter of white noise.
+# Number of points over which a sweep is smoothed; it reduces white noise to a quarter.
 SMOOTHED_POINTS = 15
-# Error of d ln Z / d ln f that does no harm: an inductance has a slope of one, a resonance one of its quality factor.
+# Acceptable error of d ln Z / d ln f. An inductance has a slope of 1, a resonance a slope of about its quality factor.
 SLOPE_ERROR = 0.3
 
 
 def matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
-    """Correlation between places, shape (n, m); places and length in the same unit."""
+    """Correlation between positions, shape (n, m); positions and length in the same unit."""
     distance = np.sqrt(3) * np.abs(one[:, None] - other[None, :]) / length
     correlation: FloatArray = (1 + distance) * np.exp(-distance)
     return correlation
@@ -58,13 +58,13 @@ def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
 
 
 def logarithm(impedance_ohm: ComplexArray) -> ComplexArray:
-    """ln Z along a sweep, its phase without jumps."""
+    """ln Z along a sweep, with unwrapped phase."""
     result: ComplexArray = np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
     return result
 
 
 def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
-    """A sweep with most of its white noise taken out, for what depends on the measured impedance but must not depend on its noise."""
+    """A sweep with most of its white noise removed, for error models that depend on the impedance but must not depend on its noise."""
     if impedance_ohm.size < 2 * SMOOTHED_POINTS:
         return impedance_ohm
     values = logarithm(impedance_ohm)
@@ -73,14 +73,14 @@ def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
 
 
 def _mean(values: FloatArray, width: int) -> FloatArray:
-    """Running mean round a straight line from end to end, so that a slope leaves its ends where they are."""
+    """Running mean of the deviation from the straight line between the ends, so that a slope does not shift the ends."""
     line = np.linspace(values[0], values[-1], values.size)
     mean: FloatArray = line + uniform_filter1d(values - line, width, mode="nearest")
     return mean
 
 
 def slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: float) -> ComplexArray:
-    """d ln Z / d ln f along a sweep, averaged over no more points than its noise asks for, so that sharp resonances keep theirs.
+    """d ln Z / d ln f along a sweep, averaged over no more points than its noise requires, to keep the slopes of sharp resonances.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The laboratory that signs a report: who it is, for whom it measures, by which rule it decides, and the equipment that no session knows."""
+"""Profile of the laboratory that issues a report: name, customer, decision rule, and equipment that a session does not record."""
 
 from __future__ import annotations
 
@@ -36,18 +36,20 @@ class _Table(BaseModel):
 
 
 class DecisionRule(_Table):
-    """How a verdict follows from a result and its uncertainty."""
+    """The rule by which a verdict follows from a result and its uncertainty."""
 
     rule: str = Field(min_length=1, max_length=1000, description="the rule, in words")
-    source: str = Field(min_length=1, max_length=300, description="where it stands: a standard, a guide, an agreement with the customer")
+    source: str = Field(min_length=1, max_length=300, description="its source: a standard, a guide, an agreement with the customer")
 
 
 class Equipment(_Table):
-    """A part of the set-up that the session does not know, or the calibration of one that it knows by its serial number."""
+    """A part of the set-up that the session does not record, or the calibration of an instrument that it records by serial number."""
 
     kind: str = Field(min_length=1, max_length=60, description="LISN, fixture, adapter, cable, instrument ...")
     name: str = Field(min_length=1, max_length=200, description="maker and type")
-    serial: str = Field(default="", max_length=200, description="serial or inventory number; joins it with what the session knows by the same")
+    serial: str = Field(
+        default="", max_length=200, description="serial or inventory number; an instrument of the session with this number gets this calibration"
+    )
     calibrated: date | None = Field(default=None, description="date of the last calibration")
     due: date | None = Field(default=None, description="date by which it has to be calibrated again")
     certificate: str = Field(default="", max_length=200, description="number of the calibration certificate")
@@ -73,8 +75,8 @@ class Laboratory(_Table):
     logo_svg: str = Field(default="", max_length=3 * MAXIMUM_BYTES, description="of a stored profile: the logo's drawing")
 
     @model_validator(mode="after")
-    def _logo_is_one(self) -> Self:
-        # A session may come from anywhere: what is stored in it is no safer than a file.
+    def _logo_is_image(self) -> Self:
+        # A session may come from anywhere, so a stored logo is checked like a file.
         if self.logo_png:
             checked_png(self.logo_png, "logo_png")
         if self.logo_svg:
@@ -82,17 +84,17 @@ class Laboratory(_Table):
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data; keys that say nothing are left out."""
+        """Plain data; keys with default values are left out."""
         return self.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
 
 
 def laboratory_of(content: Mapping[str, Any], where: str) -> Laboratory:
-    """A laboratory from plain data; `where` names it in errors.
+    """A laboratory from plain data; `where` names the source in errors.
 
     Raises
     ------
     BadInput
-        If it is none.
+        If it is not a profile.
     """
     try:
         return Laboratory.model_validate(dict(content))
@@ -124,7 +126,7 @@ def _logo(path: Path) -> dict[str, str]:
     name = show_name(path)
     data = read_bytes(path)
     if len(data) > MAXIMUM_BYTES:
-        raise BadInput(f"{name}: {len(data) / 1e6:.1f} MB are too many for a logo; the limit is {MAXIMUM_BYTES / 1e6:g} MB")
+        raise BadInput(f"{name}: {len(data) / 1e6:.1f} MB are too large for a logo; the limit is {MAXIMUM_BYTES / 1e6:g} MB")
     if data.startswith(PNG_START):
         return {"logo_png": png_logo(data, name)}
     try:

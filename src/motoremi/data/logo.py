@@ -1,4 +1,4 @@
-"""A logo from a user's file: PNG or SVG, checked so that it is a drawing and nothing else."""
+"""A logo from a user's file: PNG or SVG, checked to contain graphics only."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 from motoremi.errors import BadInput
 
 MAXIMUM_BYTES = 2_000_000
-# Sharp on paper at any size that a letterhead has.
+# Largest width and height of a file, and of the stored logo, which is sharp on paper at the size of a letterhead.
 MAXIMUM_PIXELS = 6000
 STORED_PIXELS = 1000
-# References are followed when it is drawn: ten levels of ten each would be ten thousand million shapes.
+# Largest number of shapes with all references followed: ten levels of ten references each would be ten thousand million shapes.
 MOST_SHAPES = 20_000
-# A drawing program nests a dozen groups; what draws it may nest no deeper than its stack.
+# Deepest nesting: drawing programs nest about a dozen groups, and the renderer recurses.
 DEEPEST = 50
 PNG_START = b"\x89PNG\r\n\x1a\n"
 _SVG = "{http://www.w3.org/2000/svg}"
@@ -46,7 +46,7 @@ _DRAWING = frozenset(
     ]
 )
 _SILENT = frozenset(("title", "desc", "metadata"))
-# What a style may not hold: anything that fetches, and escapes that would hide it.
+# Not allowed in a style: anything that fetches from outside, and escapes that could hide it.
 _FETCHES = re.compile(r"@import|\\|expression\(|url\(\s*(?![\"']?#)", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*\+?([\d.]+(?:[eE][+-]?\d+)?)\s*(?:px|pt|mm|cm|in|pc|em|%)?\s*")
 _TOO_COMPLICATED = "is too complicated for a logo; save it as PNG"
@@ -54,12 +54,12 @@ _NOT_AN_IMAGE = "is not an image that a report can show; save the logo as PNG or
 
 
 def png_logo(data: bytes, name: str) -> str:
-    """A PNG as base64 text: written anew, smaller if it is large, without anything but its pixels.
+    """A PNG as base64 text: encoded again with its pixels only, and scaled down if it is large.
 
     Raises
     ------
     BadInput
-        If it is no whole PNG of sensible size.
+        If it is not a complete PNG of acceptable size.
     """
     image = _opened(data, name)
     image = image.convert("RGBA" if "A" in image.getbands() or "transparency" in image.info else "RGB")
@@ -76,7 +76,7 @@ def checked_png(text: str, name: str) -> str:
     Raises
     ------
     BadInput
-        If it is none.
+        If it is not a PNG.
     """
     try:
         data = base64.b64decode(text, validate=True)
@@ -97,18 +97,18 @@ def _opened(data: bytes, name: str):  # type: ignore[no-untyped-def]
         image.load()
     except BadInput:
         raise
-    except Exception as error:  # the library raises whatever its parser meets
+    except Exception as error:  # the library's parsers raise exceptions of many kinds
         raise BadInput(f"{name}: {_NOT_AN_IMAGE}") from error
     return image
 
 
 def svg_logo(text: str, name: str) -> str:
-    """An SVG drawing, written anew without comments, metadata and what other programs keep in it.
+    """An SVG drawing, written again without comments, metadata and the elements of drawing programs.
 
     Raises
     ------
     BadInput
-        If it is none, has no size, or holds anything that is no shape: scripts, pictures, references to outside.
+        If it is not SVG, has no size, or contains anything but shapes: scripts, pictures, references to outside.
     """
     without_type = re.sub(r"<!DOCTYPE[^>\[]*>", "", text, count=1)
     if "<!DOCTYPE" in without_type or "<!ENTITY" in without_type:
@@ -128,7 +128,7 @@ def svg_logo(text: str, name: str) -> str:
 
 
 def _clean(element: ElementTree.Element, name: str, depth: int = 1) -> None:
-    """Take out what is no drawing; refuse what would do something."""
+    """Remove elements and attributes that are not graphics; refuse scripts and references to outside."""
     if depth > DEEPEST:
         raise BadInput(f"{name}: {_TOO_COMPLICATED}")
     for key, value in list(element.attrib.items()):
@@ -157,13 +157,13 @@ def _check_size(root: ElementTree.Element, name: str) -> None:
 
 
 def _check_references(root: ElementTree.Element, name: str) -> None:
-    """Refuse references in a circle, and so many or so deep that drawing would not end."""
+    """Refuse circular references, and more or deeper ones than can be drawn."""
     by_name = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-    # What stands for an element that is being looked at: met again on its own way, it is a circle.
+    # Infinite for an element that is still being counted: reaching it again is a circular reference.
     known: dict[int, tuple[float, float]] = {}
 
     def drawn(element: ElementTree.Element, depth: int) -> tuple[float, float]:
-        """How many shapes an element comes to, and how deep they are nested."""
+        """Number of shapes that an element draws with its references, and depth of their nesting."""
         if depth > DEEPEST:
             return math.inf, math.inf
         key = id(element)

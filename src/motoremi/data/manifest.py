@@ -26,12 +26,12 @@ class FileRecord:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a closed session holds.
+    """Content of a closed session.
 
     Parameters
     ----------
     documents : int
-        How many lines `session.jsonl` has.
+        Number of lines of `session.jsonl`.
     files : mapping
         From the relative name to its record.
     """
@@ -41,7 +41,7 @@ class Manifest:
 
 
 def list_files(folder: Path) -> tuple[list[str], list[str]]:
-    """Relative names of all ordinary files except the manifest, and of everything that is neither file nor folder."""
+    """Relative names of all ordinary files except the manifest, and of links and everything else that is neither file nor folder."""
     files: list[str] = []
     odd: list[str] = []
     for root, folders, names in os.walk(folder):
@@ -68,7 +68,7 @@ def record_bytes(data: bytes) -> FileRecord:
 
 
 def manifest_text(manifest: Manifest, software: str) -> str:
-    """The manifest's text, sealed by a hash over itself."""
+    """The text of the manifest, with a hash of its own content."""
     body = {
         "schema": SCHEMA,
         "software": software,
@@ -89,9 +89,9 @@ def parse_manifest(data: bytes) -> Manifest:
     try:
         body = object_from_json(data)
         del body["sha256"]
-        # The text is rebuilt from its content: then no byte, not even a blank, can differ unnoticed.
+        # The text is rebuilt from its content and compared, so that any changed byte, even a blank, is noticed.
         if body["schema"] != SCHEMA or _sealed(body).encode() != data:
-            raise ValueError("text and seal do not agree")
+            raise ValueError("text and hash do not agree")
         files = {name: FileRecord(int(entry["bytes"]), str(entry["sha256"])) for name, entry in body["files"].items()}
         return Manifest(int(body["documents"]), files)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -99,5 +99,5 @@ def parse_manifest(data: bytes) -> Manifest:
 
 
 def _sealed(body: Mapping[str, Any]) -> str:
-    seal = hashlib.sha256(to_page(body).encode()).hexdigest()
-    return to_page({**body, "sha256": seal})
+    digest = hashlib.sha256(to_page(body).encode()).hexdigest()
+    return to_page({**body, "sha256": digest})

@@ -1,4 +1,4 @@
-"""Everything a fit needs to know about the data: mean sweeps, their random noise, and the analyser that made them."""
+"""The data of a fit: mean sweeps, their random noise, and the error model of the analyser."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
 from motoremi.errors import BadInput
 
-# An impedance described to 0.1 % is described as well as any analyser of impedance is specified.
+# Discrepancy that is accepted if no accuracy is stated: no impedance analyser is specified better.
 GOOD_ENOUGH_PERCENT = 0.1
-# Standard deviation of a point that counts for nothing.
+# Relative standard deviation given to a point that is to have no weight.
 NO_WEIGHT = 1.0
 
 
@@ -45,7 +45,7 @@ class Conditioned:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Sweeps of one motor, ready to be fitted. Compared by identity, so that what is derived from one can be kept.
+    """Sweeps of one motor, ready to be fitted. Compared by identity, so that derived values can be cached.
 
     Parameters
     ----------
@@ -55,11 +55,11 @@ class Measurement:
         Of the mean of each.
     analyser : Analyser
     accuracy_percent : float, optional
-        What the owner of the data states: a model that is as good as this is good enough.
+        Accuracy that the owner of the data states: a model with a smaller error is good enough.
     conditioned : tuple of Conditioned
-        Sweeps for which something was set up, in the order in which the conditions came, the short-circuit sweep first.
+        Sweeps under a condition, in the order in which the conditions were measured, the short-circuit sweep first.
     values : tuple of SingleValue
-        Numbers that other meters gave.
+        Values from other meters.
     """
 
     sweeps: tuple[RepeatedSweep, ...]
@@ -73,12 +73,12 @@ class Measurement:
     def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None, values: Iterable[SingleValue] = ()) -> Measurement:
         """Group repeats, estimate noise, and take the analyser from the argument, the sweeps' metadata, or the default.
 
-        Sweeps under a condition stand beside those without; the motor is judged by both (`diagnosis`), a fit is of those without.
+        A fit uses the sweeps without a condition; a diagnosis also uses those under a condition, which are kept in `conditioned`.
         """
         given = list(sweeps)
         members = [sweep for sweep in given if sweep.condition is None]
         if given and not members:
-            raise BadInput("every sweep is under a condition: give the sweeps of the motor as it is, too, without one")
+            raise BadInput("every sweep is under a condition: also give sweeps of the motor as it is, without a condition")
         groups = tuple(group_repeats(members))
         named = analyser or next((m.metadata["analyser"] for m in members if m.metadata.get("analyser")), DEFAULT_ANALYSER)
         stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
@@ -87,7 +87,7 @@ class Measurement:
         return cls(
             groups,
             tuple(estimate_noise(group) for group in groups),
-            chosen.compensated_here() if compensated else chosen,
+            chosen.with_compensated_fixture() if compensated else chosen,
             max(stated) if stated else None,
             _by_condition([sweep for sweep in given if sweep.condition is not None]),
             tuple(values),
@@ -106,48 +106,48 @@ class Measurement:
 
     @property
     def terminations(self) -> tuple[str, ...]:
-        """Which sweeps there are."""
+        """Terminations of the sweeps."""
         return tuple(sweep.termination for sweep in self.sweeps)
 
     def _rms_percent(self, variances: Iterable[FloatArray]) -> float:
-        """Of relative errors with these variances in the real and in the imaginary part each."""
+        """Rms of relative errors whose real and imaginary parts each have these variances, in percent."""
         return float(100 * np.sqrt(np.mean(2 * np.concatenate(list(variances)))))
 
     @cached_property
     def noise_percent(self) -> float:
-        """What random noise alone would leave of |Z_model/Z_measured - 1|, rms, were the model perfect."""
+        """Rms of |Z_model/Z_measured - 1| that random noise alone would cause with a correct model, in percent."""
         return self._rms_percent(noise.variance[noise.regular] for noise in self.noise)
 
     @cached_property
     def floor_percent(self) -> float:
-        """What noise and the analyser's specification together would leave."""
+        """The floor: the same error, caused by noise and by the analyser's errors within its specification."""
         return self._rms_percent(0.5 * floor[noise.regular] ** 2 for floor, noise in zip(self.floors, self.noise, strict=True))
 
     @cached_property
     def floors(self) -> tuple[FloatArray, ...]:
-        """Of each sweep: |Z_model/Z_measured - 1| that noise and the analyser's specification would leave at each point, shape (n,)."""
+        """The floor at each point of each sweep, as a ratio, shape (n,)."""
         pairs = zip(self.sweeps, self.noise, strict=True)
         return tuple(np.sqrt(2 * noise.variance + self.analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm) ** 2) for sweep, noise in pairs)
 
     @property
     def good_enough_percent(self) -> float:
-        """What may be left undescribed: the accuracy that the owner states, or else what no user would miss."""
+        """Accepted discrepancy in percent: the accuracy that the owner states, or `GOOD_ENOUGH_PERCENT`."""
         return self.accuracy_percent if self.accuracy_percent is not None else GOOD_ENOUGH_PERCENT
 
     @cached_property
     def coarse(self) -> Measurement:
-        """The same with sweeps of many thousand points averaged down: what is weighed and searched; itself where there are none."""
+        """The measurement with sweeps of many points averaged (`data.coarse`), for search and evidence; itself if there is none."""
         pairs = [coarse(sweep, noise, self.analyser.step_frequencies_hz) for sweep, noise in zip(self.sweeps, self.noise, strict=True)]
         if all(sweep is own for (sweep, _), own in zip(pairs, self.sweeps, strict=True)):
             return self
         return dataclasses.replace(self, sweeps=tuple(sweep for sweep, _ in pairs), noise=tuple(noise for _, noise in pairs))
 
-    def by(self, analyser: Analyser) -> Measurement:
-        """The same sweeps, taken for those of another analyser."""
+    def with_analyser(self, analyser: Analyser) -> Measurement:
+        """The same sweeps with the error model of another analyser."""
         return dataclasses.replace(self, analyser=analyser)
 
     def with_outliers(self, outliers: Mapping[str, BoolArray]) -> Measurement:
-        """With points that count for nothing, by termination."""
+        """The same sweeps with points, by termination, that have no weight."""
         changed = [
             _without(noise, outliers[sweep.termination]) if sweep.termination in outliers else noise
             for sweep, noise in zip(self.sweeps, self.noise, strict=True)
@@ -155,7 +155,7 @@ class Measurement:
         return dataclasses.replace(self, noise=tuple(changed))
 
     def caveats(self) -> list[str]:
-        """What a reader has to know about the noise and the sweeps, in words."""
+        """Remarks for the report about the noise and the sweeps."""
         remarks = []
         for sweep, noise in zip(self.sweeps, self.noise, strict=True):
             if noise.source == "scatter":

@@ -1,9 +1,9 @@
-"""Random noise of a sweep, from its repeats or, for want of any, from its own scatter.
+"""Random noise of a sweep, estimated from its repeats or, if there are none, from its own scatter.
 
-White noise follows the law of a bridge: a relative part, an additive part in impedance (seen at low |Z|) and an additive part in
-admittance (seen at high |Z|), times a slow function of frequency. Beside it stand what is correlated along frequency, what drifts from
-repeat to repeat, and single points that stand out (a broadcast station, a bad contact), among their repeats or of their neighbours, which
-count for little instead of being deleted.
+White noise has three parts, as in a bridge: a relative part, an additive part in impedance (visible at low |Z|) and an additive part in
+admittance (visible at high |Z|), times a slow function of frequency. In addition there are noise that is correlated along frequency, drift
+from repeat to repeat, and outliers: single points that differ from their repeats or from their neighbours (a broadcast station, a bad
+contact). Outliers are given a low weight instead of being deleted.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from motoremi.data.sweep import RepeatedSweep
 from motoremi.interrupts import checkpoint
 
 NoiseSource: TypeAlias = Literal["repeats", "stated", "scatter"]
-# The quietest export of a 4294A that we know scatters by 6e-5; files carry 6 or 7 digits. Below this no noise is believed.
+# Smallest noise that is assumed: files have 6 or 7 digits, and the export of a 4294A with the lowest noise at hand scatters by 6e-5.
 SMALLEST_SIGMA = 1e-5
-# Scatter from point to point misses what wanders more slowly. In the native 4294A export that we have, an R-L load, the residuals of a
-# good fit are 1.5 times the scatter, so the part that wanders has a variance of 1.5^2 - 1 times the white one.
+# Scatter from point to point misses slower variations. In a native 4294A export of an R-L load the residuals of a good fit are 1.5 times
+# the scatter, so the correlated part has a variance of 1.5^2 - 1 times that of the white part.
 UNSEEN_BY_SCATTER = 1.1
-# A point stands out where its repeats differ by so many times their neighbours' median variance: of 123 sweeps without a disturbance none
-# reached 5.8 in amplitude, of 14 with stations all were above 18.
-STANDS_OUT = 9.0
+# A point is an outlier if the standard deviation of its repeats is more than this factor above the neighbours' median: in 123 sweeps
+# without a disturbance the largest factor was 5.8, in 14 sweeps with broadcast stations all were above 18.
+OUTLIER = 9.0
 NEIGHBOURS = 15
 
 
@@ -45,16 +45,16 @@ class Noise:
     sigma : ndarray, shape (n,)
         Standard deviation of the white noise of the real and of the imaginary part of ln Z each.
     source : {"repeats", "stated", "scatter"}
-        Where it comes from.
+        What it was estimated from.
     correlated : float
         Standard deviation of the part that is correlated along frequency.
     drift : ndarray, shape (n,), or None
-        Complex; how far the mean may be off because the motor changed during the repeats, one standard deviation.
+        Complex; one standard deviation of the error of the mean because the motor changed during the repeats.
     within : ndarray, shape (n,), or None
-        Complex; how far each point may be off because the motor went on changing from the first point of a sweep to its last, one standard
-        deviation of the real and of the imaginary part each.
+        Complex; one standard deviation, of the real and of the imaginary part each, of the error at each point because the motor changed
+        from the first point of a sweep to its last.
     outliers : ndarray of bool, shape (n,), or None
-        Points that stand out, in their repeats or of their neighbours. Their `sigma` is as large as they are far off.
+        Points that differ from their repeats or from their neighbours; their `sigma` is as large as the deviation.
     """
 
     sigma: FloatArray
@@ -66,12 +66,12 @@ class Noise:
 
     @property
     def regular(self) -> BoolArray:
-        """Points that do not stand out, shape (n,)."""
+        """Points that are not outliers, shape (n,)."""
         return np.ones(self.sigma.size, dtype=np.bool_) if self.outliers is None else ~self.outliers
 
     @property
     def variance(self) -> FloatArray:
-        """Of the real and of the imaginary part each, everything together, shape (n,)."""
+        """Variance of all parts together, of the real and of the imaginary part each, shape (n,)."""
         drift = 0.0 if self.drift is None else 0.5 * np.abs(self.drift) ** 2
         within = 0.0 if self.within is None else np.abs(self.within) ** 2
         total: FloatArray = self.sigma**2 + self.correlated**2 + drift + within
@@ -79,8 +79,8 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """A sweep, the same as any other with these bytes."""
+class _ByContent:
+    """A sweep as a cache key: equal to another with the same bytes."""
 
     digest: bytes
     sweep: RepeatedSweep = field(compare=False)
@@ -89,15 +89,15 @@ class _Asked:
 def estimate_noise(sweep: RepeatedSweep) -> Noise:
     """Noise of the mean of a repeated sweep."""
     checkpoint()
-    told = (sweep.frequency_hz, sweep.impedance_ohm, *(() if sweep.sigma_relative is None else (sweep.sigma_relative,)))
-    parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in told]
-    return _noise_of(_Asked(hashlib.sha256(b"".join(parts)).digest(), sweep))
+    arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(() if sweep.sigma_relative is None else (sweep.sigma_relative,)))
+    parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
+    return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), sweep))
 
 
-# A page asks of the same sweeps when it fits, shows and diagnoses them: of ten thousand points that takes a second or more each time.
+# The workbench estimates the noise of the same sweeps to fit, show and diagnose them; with ten thousand points that takes a second or more.
 @lru_cache(maxsize=8)
-def _noise_of(asked: _Asked) -> Noise:
-    sweep = asked.sweep
+def _noise_of(key: _ByContent) -> Noise:
+    sweep = key.sweep
     noise = _estimated(sweep)
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated))
     if not off.any():
@@ -107,7 +107,7 @@ def _noise_of(asked: _Asked) -> Noise:
 
 
 def _estimated(sweep: RepeatedSweep) -> Noise:
-    """From what there is: repeats, what the user states, or scatter."""
+    """Noise from the repeats, as stated by the user, or from the scatter."""
     if sweep.repeats > 1:
         return _from_repeats(sweep)
     if sweep.sigma_relative is not None:
@@ -117,11 +117,11 @@ def _estimated(sweep: RepeatedSweep) -> Noise:
 
 
 def _from_repeats(sweep: RepeatedSweep) -> Noise:
-    """Sample variances, fitted with the bridge's law, times a slow correction; then what is correlated, and what drifts."""
+    """White noise from sample variances, fitted by the law of a bridge times a slow correction; then correlated noise and drift."""
     free = contrasts(sweep.impedance_ohm / sweep.mean_ohm - 1)
     variance = np.mean(np.abs(free) ** 2, axis=0) / 2
     magnitude = np.abs(sweep.mean_ohm)
-    outliers = _standing_out(variance, magnitude)
+    outliers = _outliers(variance, magnitude)
     quiet = np.where(outliers, _median_of_neighbours(variance), variance)
     sigma = _white(quiet, magnitude)
     inside = ~outliers
@@ -129,25 +129,25 @@ def _from_repeats(sweep: RepeatedSweep) -> Noise:
     sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
     drift = _drift(sweep, sigma, correlated, free, inside)
     if drift is not None and correlated > 0:
-        # What drifts passed for correlated noise as long as nothing else could carry it.
+        # Correlated noise was estimated with the drift in it; it is estimated again without.
         order = np.arange(sweep.repeats) - (sweep.repeats - 1) / 2
         steady = contrasts(sweep.impedance_ohm / sweep.mean_ohm - 1 - order[:, None] * drift)
         correlated, factor = correlated_part(sweep.frequency_hz[inside], sigma[inside], steady[:, inside])
         sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
-    sigma = np.where(outliers, np.sqrt(np.maximum(variance, sigma**2)) * np.sqrt(STANDS_OUT), sigma)
+    sigma = np.where(outliers, np.sqrt(np.maximum(variance, sigma**2)) * np.sqrt(OUTLIER), sigma)
     return Noise(
         sigma / np.sqrt(sweep.repeats),
         "repeats",
         correlated / float(np.sqrt(sweep.repeats)),
         None if drift is None else drift * sweep.repeats / 2,
         outliers if outliers.any() else None,
-        # Points are measured one after the other: against the middle of a sweep its ends are half a repeat off.
+        # Points are measured one after the other: the ends of a sweep are half a repeat before and after its middle.
         None if drift is None else drift * np.linspace(-0.5, 0.5, drift.size),
     )
 
 
 def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: ComplexArray, inside: BoolArray) -> ComplexArray | None:
-    """A trend from repeat to repeat. Noise that wanders may look like one, so three repeats at least have to show it."""
+    """Drift from repeat to repeat; None with fewer than three repeats, because correlated noise may look like a drift between two."""
     if sweep.repeats < 3:
         return None
     steady = free[1:]
@@ -162,11 +162,11 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
     return whole
 
 
-def _standing_out(variance: FloatArray, magnitude: FloatArray) -> BoolArray:
-    """Points whose repeats differ far more than both their neighbours' do and the bridge's law allows at their |Z|."""
+def _outliers(variance: FloatArray, magnitude: FloatArray) -> BoolArray:
+    """Points whose repeats differ far more than those of their neighbours and than the bridge's law allows at their |Z|."""
     beside = _median_of_neighbours(variance)
-    law = _bridge_law(np.minimum(variance, STANDS_OUT * beside), magnitude)
-    limit = STANDS_OUT**2
+    law = _bridge_law(np.minimum(variance, OUTLIER * beside), magnitude)
+    limit = OUTLIER**2
     found: BoolArray = (variance > limit * beside) & (variance > limit * law)
     return found
 
@@ -187,7 +187,7 @@ def _white(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
 
 
 def _bridge_law(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
-    """r^2 + (z/|Z|)^2 + (y |Z|)^2 fitted to sample variances, whose own scatter is proportional to themselves."""
+    """r^2 + (z/|Z|)^2 + (y |Z|)^2 fitted to sample variances, the scatter of which is proportional to their size."""
     columns = np.column_stack([np.ones_like(magnitude), 1 / magnitude**2, magnitude**2])
     law = np.full_like(variance, max(float(np.mean(variance)), SMALLEST_SIGMA**2))
     for _ in range(8):
@@ -199,9 +199,9 @@ def _bridge_law(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
 
 
 def _from_scatter(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> FloatArray:
-    """Scatter round a local parabola through the neighbours; an upper bound where the sweep is coarse.
+    """Scatter about a local cubic through the neighbours; an upper bound if the points of the sweep are far apart.
 
-    Medians keep sharp resonances, where a parabola does not follow, from passing for noise.
+    Medians prevent sharp resonances, which a cubic cannot follow, from being counted as noise.
     """
     logarithm = np.log(frequency_hz)
     response = np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))

@@ -14,7 +14,7 @@ _SCPI_MARK = 9e37
 
 
 def looks_numeric(cell: str) -> bool:
-    """Whether a cell is meant as a number, with a point or a comma."""
+    """Whether a cell looks like a number, with a decimal point or a decimal comma."""
     return _NUMBER.fullmatch(cell.strip().replace(",", ".", 1)) is not None
 
 
@@ -48,7 +48,7 @@ def parse_number(cell: str, where: str) -> float:
 def looks_cut(cell: str, others: list[str]) -> bool:
     """Whether the very last number of a file without a final line end was cut off.
 
-    It was if its mantissa or its exponent has fewer digits than those of all other numbers in the column.
+    That is assumed if its mantissa or its exponent has fewer digits than those of all other numbers in the column.
     """
     digits, exponent = _shape(cell)
     shapes = [_shape(other) for other in others]

@@ -1,4 +1,4 @@
-"""Where measured data come from, as the header of their file says it: when they were measured, and whether a simulated bench made them."""
+"""Origin of measured data according to the header of their file: date of the measurement, and whether they were simulated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _DATE_KEYS = ("measured", "measurement date", "date measured", "date", "date/tim
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _MONTH = rf"(?P<name>{'|'.join(_MONTHS)})[a-z]*"
 _CLOCK = r"(?:[T\s,;]+(?P<clock>\d\d:\d\d(?::\d\d)?)\S*)?"
-# A date of numbers with slashes is left out: the third of February and the second of March are written alike.
+# Dates such as 02/03/2024 are not read, because day and month cannot be distinguished.
 _SPELLINGS = (
     re.compile(rf"(?P<year>\d{{4}})[-/.](?P<month>\d\d?)[-/.](?P<day>\d\d?){_CLOCK}$"),
     re.compile(rf"(?:[a-z]{{3,9}},?\s+)?{_MONTH}\.?\s+(?P<day>\d\d?),?\s+(?:(?P<clock>\d\d:\d\d(?::\d\d)?)\s+)?(?P<year>\d{{4}})$", re.IGNORECASE),
@@ -24,19 +24,19 @@ LONGEST = 60
 
 
 def is_simulated(metadata: Mapping[str, Any]) -> bool:
-    """Whether a header, or a session's start, says `simulated: true`; other programs write the words in any case."""
+    """Whether a header, or a session's start document, contains `simulated: true`, in upper or lower case."""
     return any(key.lower() == "simulated" and str(value).strip().lower() in ("true", "yes", "1") for key, value in metadata.items())
 
 
 def measured_on(metadata: Mapping[str, Any]) -> str:
-    """When data were measured, as their header says it: `2018-01-25`, with the time of day if it has one.
+    """Date of the measurement from the header: `2018-01-25`, with the time of day if it is stated.
 
     Spellings: ISO 8601, `Jan 25 2018` (4294A), `Tue Feb 03 10:00:00 2024` (E4990A), `03.Feb 2024` (R&S receivers), `03.02.2024`.
 
     Returns
     -------
     str
-        Anything else as it is written, with the remark that it was not read; empty if the header has no date.
+        A date in another spelling is returned as written, with a remark; empty if the header has no date.
     """
     header = {str(key).strip().lower(): value for key, value in metadata.items()}
     written = next((str(header[key]).strip(" ;") for key in _DATE_KEYS if str(header.get(key, "")).strip(" ;")), "")

@@ -1,4 +1,4 @@
-"""Names of files inside a session: data from a file or a caller, so none may point outside the folder."""
+"""Check names of files inside a session: they come from documents or callers and must not point outside the folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from motoremi.errors import BadInput
 SESSION = "session.jsonl"
 TRAFFIC = "traffic.jsonl"
 MANIFEST = "manifest.json"
-# A leading point is kept for files that are not finished; other systems forbid the rest.
+# Names with a leading point are reserved for unfinished files; other characters are forbidden on some systems.
 _PART = re.compile(r"[A-Za-z0-9_@+=(),~ -][A-Za-z0-9_@+=(),~ .-]*")
 
 
@@ -27,7 +27,7 @@ def inside(folder: Path, relative: object) -> Path:
     Raises
     ------
     BadInput
-        If it is not a plain relative name, or a symbolic link stands in its way.
+        If it is not a plain relative name, or a part of it is a symbolic link.
     """
     parts = relative.split("/") if isinstance(relative, str) else []
     if not parts or any(not _PART.fullmatch(part) or part.endswith((".", " ")) for part in parts):

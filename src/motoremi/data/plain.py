@@ -1,4 +1,4 @@
-"""Plain data and JSON: strict in, strict out."""
+"""Conversion to plain data, and strict reading and writing of JSON."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _LINE = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 def plain(value: Any) -> Any:
-    """Turn a value into what JSON can hold; a number that is not finite becomes None.
+    """Convert a value to types that JSON has; a number that is not finite becomes None.
 
     Raises
     ------
     TypeError
-        For objects without an obvious plain form, complex numbers among them: write their parts under names.
+        For objects without an obvious plain form, such as complex numbers, whose parts are to be stored under names.
     """
     if value is None or isinstance(value, (str, bool, int)):
         return value
@@ -58,12 +58,12 @@ def to_page(document: Mapping[str, Any]) -> str:
 
 
 def from_json(text: str | bytes) -> Any:
-    """Parse JSON, without the NaN and Infinity that Python would let in.
+    """Parse JSON, without the NaN and Infinity that Python accepts.
 
     Raises
     ------
     ValueError
-        If it is not JSON; also for nesting too deep and numbers too long to be meant seriously.
+        If it is not JSON, is nested too deeply, or contains a number out of range.
     """
     try:
         return json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)

@@ -44,7 +44,7 @@ def parse_receiver_dat(text: str, name: str) -> list[Spectrum]:
     Raises
     ------
     BadInput
-        If a trace is cut off, or holds anything else than levels of a known detector against frequency.
+        If a trace is cut off, or holds anything but levels of a known detector against frequency.
     """
     head, scans, traces = _sections(text, name)
     _check_end(text, traces, name)
@@ -97,7 +97,7 @@ def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict
         elif key == "values":
             values_left = _count(cells, f"{name}, line {number}")
             if current is head or current in scans.values():
-                # An export of a single trace may do without its heading.
+                # An export of a single trace may have no heading for it.
                 if traces:
                     raise BadInput(f"{name}, line {number}: values outside a trace")
                 current = traces["trace 1"] = _Section({**head.settings, **current.settings})
@@ -111,7 +111,7 @@ def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict
 
 
 def _check_end(text: str, traces: dict[str, _Section], name: str) -> None:
-    """A last line without an end may have lost a part of its last number."""
+    """Refuse a last line without a line end if its last number was cut off."""
     *before, last = (line.strip() for line in split_lines(text))
     if not last:
         return
@@ -149,7 +149,7 @@ def _trace(trace: _Section, where: str, comma: bool) -> tuple[str, FloatArray, F
     written = next((trace.settings[key][0] for key in _DETECTOR_KEYS if key in trace.settings), [])
     detector = detector_name(written[0]) if written else ""
     if detector not in DETECTORS:
-        raise BadInput(f"{where}: the detector is {clean_text(written[0], 40) if written else 'not told'!r}; use one of {', '.join(DETECTORS)}")
+        raise BadInput(f"{where}: the detector is {clean_text(written[0], 40) if written else 'not stated'!r}; use one of {', '.join(DETECTORS)}")
     factor = _unit(trace, "x-unit", _HERTZ, "Hz", where)
     offset = _unit(trace, "y-unit", _LEVELS, "dBuV or dBm", where)
     for cells, line in trace.rows:
@@ -163,15 +163,15 @@ def _unit(trace: _Section, key: str, known: dict[str, float], wanted: str, where
     cells = trace.settings.get(key, ([], 0))[0]
     unit = cells[0].replace("µ", "u").replace("μ", "u") if cells else ""
     if unit.lower() not in known:
-        raise BadInput(f"{where}: its {key} is {clean_text(unit, 20) or 'not told'!r}; set it to {wanted} and export again")
+        raise BadInput(f"{where}: its {key} is {clean_text(unit, 20) or 'not stated'!r}; set it to {wanted} and export again")
     return known[unit.lower()]
 
 
 def _parts(head: _Section, scans: dict[str, _Section], trace: _Section, frequency: FloatArray, name: str, comma: bool) -> list[tuple[slice, float]]:
-    """The points of each resolution bandwidth; all of them where the scans share one."""
+    """The points of each resolution bandwidth; all points if the scans share one bandwidth."""
     own = [_quantity(section, "rbw", name, comma) for section in (trace, *scans.values(), head) if "rbw" in section.settings]
     if not own:
-        raise BadInput(f"{name}: does not tell the resolution bandwidth (RBW)")
+        raise BadInput(f"{name}: does not state the resolution bandwidth (RBW)")
     if "rbw" in trace.settings or len(set(own)) == 1:
         return [(slice(None), own[0])]
     bands = []
@@ -185,7 +185,7 @@ def _parts(head: _Section, scans: dict[str, _Section], trace: _Section, frequenc
     inside = np.any([(frequency >= start) & (frequency <= stop) for start, stop, _ in bands], axis=0)
     if not inside.all() or np.any(np.diff(frequency) < 0):
         raise BadInput(f"{name}: some points lie in none of its scans; export one scan at a time")
-    # A scan's first point stands at its start: where two scans meet, the last point at that frequency is the second scan's.
+    # The first point of a scan is at its start: where two scans meet, the last point at that frequency belongs to the second scan.
     cuts = [0, *(int(np.searchsorted(frequency, start)) + max(0, int(np.sum(frequency == start)) - 1) for start, _, _ in bands[1:]), frequency.size]
     return [(slice(low, high), band[2]) for (low, high), band in zip(pairwise(cuts), bands, strict=True) if high > low]
 

@@ -1,4 +1,4 @@
-"""What a file is that nobody has described: impedance sweep or spectrum, and of which termination."""
+"""Recognise a file without a description: impedance sweep or spectrum, and the termination of a sweep."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
 from motoremi.errors import BadInput
 
 Kind: TypeAlias = Literal["impedance", "spectrum"]
-# What people call their sweeps; a word of two letters must stand alone.
+# Words in file names, in several languages; a word of two letters must stand alone.
 _NAMES: tuple[tuple[Termination, re.Pattern[str]], ...] = (
     ("short", re.compile(r"short|kurz|court|(?<![a-z])(?:sc|ks)(?![a-z])")),
     ("open", re.compile(r"open|leerlauf|ouvert|(?<![a-z])(?:oc|ll)(?![a-z])")),
@@ -26,7 +26,7 @@ _LOW_END = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Recognised:
-    """What was found in a file.
+    """The content of a file.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Recognised:
     sweep : ImpedanceSweep, optional
     spectra : tuple of Spectrum
     doubt : str
-        A sentence if the termination that the file's name or header says does not look like the curve.
+        A sentence if the termination stated by the file's name or header does not agree with the curve.
     """
 
     kind: Kind
@@ -49,24 +49,24 @@ class Recognised:
 
 
 def recognise(data: bytes, name: str, termination: Termination | None = None, fixture: str | None = None) -> Recognised:
-    """Read a file with the reader that its content asks for.
+    """Read a file with the reader for its content.
 
     Parameters
     ----------
     data : bytes
         The whole file.
     name : str
-        As it is shown and recorded.
+        Name for messages and records.
     termination : {"short", "open"}, optional
-        As its owner says; without it the header decides, then the file's name, then how the sweep begins: a winding is a resistance or an
-        inductance at the low end, the way to the frame a capacitance.
+        As stated by its owner; without it the header decides, then the file's name, then the low end of the sweep: a winding is resistive
+        or inductive there, the path to the frame is capacitive.
     fixture : str, optional
         As for `read_impedance`.
 
     Raises
     ------
     BadInput
-        In one line, if it is neither an impedance sweep nor a spectrum, or one that cannot be used.
+        In one line, if it is neither an impedance sweep nor a spectrum, or cannot be used.
     """
     refuse_empty(data, name)
     text = decode(data, name)
@@ -81,7 +81,7 @@ def _spectra(text: str, name: str, no_sweep: BadInput) -> list[Spectrum]:
     try:
         return parse_spectra(text, name)
     except WrongKind:
-        # It is a sweep, and there is something wrong with it.
+        # It is a sweep that cannot be used.
         raise no_sweep from None
     except BadInput as no_spectrum:
         if isinstance(no_sweep, WrongKind):
@@ -98,7 +98,7 @@ def _sweep(text: str, name: str, termination: Termination | None, fixture: str |
     except WrongKind:
         raise
     except BadInput as error:
-        # Its header may say that it is the other one.
+        # Its header may state the other termination.
         other = next(one for one in TERMINATIONS if one != (named or "short"))
         try:
             return parse_impedance(text, name, other, fixture)
@@ -109,12 +109,12 @@ def _sweep(text: str, name: str, termination: Termination | None, fixture: str |
     try:
         return parse_impedance(text, name, "open", fixture)
     except BadInput:
-        # Its header says that it is the short one.
+        # Its header states that it is the short-circuit sweep.
         return sweep
 
 
 def _named(name: str) -> Termination | None:
-    """What the file's name says; None if it says nothing, or both."""
+    """Termination in the file's name; None if it contains none or both."""
     found = [termination for termination, pattern in _NAMES if pattern.search(name.lower())]
     return found[0] if len(found) == 1 else None
 
@@ -129,5 +129,5 @@ def _doubt(sweep: ImpedanceSweep) -> str:
     if looks == sweep.termination:
         return ""
     if looks == "open":
-        return "a capacitance at its low end, as the way to the frame is: is this the open-circuit sweep?"
-    return "no capacitance at its low end, as a winding is: is this the short-circuit sweep?"
+        return "capacitive at its low end, like the path to the frame: is this the open-circuit sweep?"
+    return "not capacitive at its low end, like a winding: is this the short-circuit sweep?"

@@ -21,7 +21,7 @@ from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
 from motoremi.data.plain import to_line, to_page
 from motoremi.data.source import show_name
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.storage import PENDING_SUFFIX, AppendFile, StorageError, replacing, told_as_storage_error, write_whole
+from motoremi.data.storage import PENDING_SUFFIX, AppendFile, StorageError, as_storage_error, replacing, write_whole
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
 from motoremi.data.verify import inspect_session
@@ -48,7 +48,7 @@ class SessionWriter:
 
     def __init__(self, path: Path, log: AppendFile, seq: int, previous_sha256: str, simulated: bool = False) -> None:
         self.path = path
-        # Written into every measured file, so that a copy of it still says what it is.
+        # Written into every measured file, so that a copy of it is still marked as simulated.
         self._mark: JsonDict = {"simulated": True} if simulated else {}
         self._log = log
         self._seq = seq
@@ -68,8 +68,8 @@ class SessionWriter:
         ----------
         path : path-like
         start : mapping
-            What the session is about; becomes part of the "start" document, with the software's version. With `simulated` true every
-            measured file is marked as simulated.
+            Content of the "start" document, to which the software's version is added. With `simulated` true every measured file is
+            marked as simulated.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class SessionWriter:
             If it cannot be made.
         """
         folder = Path(path)
-        with told_as_storage_error(folder):
+        with as_storage_error(folder):
             if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
                 raise BadInput(f"{show_name(folder)}: exists and is not an empty folder; name a new one for the session")
             folder.mkdir(parents=True, exist_ok=True)
@@ -104,18 +104,18 @@ class SessionWriter:
         try:
             self.close(status, f"{type(error).__name__}: {error}".removesuffix(": "))
         except StorageError as second:
-            # The first error is the one to act on; a full disk often is the reason of both.
+            # The first error is reported; a full disk is often the cause of both.
             error.add_note(f"the session could not be closed either: {second}")
 
     def subscribe(self, listener: Listener) -> None:
-        """Tell `listener` every document from now on, after it is on disk.
+        """Call `listener` with every document from now on, after it is on disk.
 
-        A listener that raises is dropped and its exception goes to whoever emitted.
+        A listener that raises is removed, and its exception is passed on to the caller of `emit`.
         """
         self._listeners.append(listener)
 
     def emit(self, kind: str, **content: Any) -> JsonDict:
-        """Append one document, wait until the disk has it, and tell the listeners.
+        """Append one document, wait until it is on disk, and call the listeners.
 
         Returns
         -------
@@ -125,11 +125,11 @@ class SessionWriter:
         Raises
         ------
         StorageError
-            If it cannot be written; the session is as before.
+            If it cannot be written; the session is then unchanged.
         """
         with self._turn:
             document = self._append(kind, content)
-            self._tell(document)
+            self._notify(document)
         return document
 
     def add_sweep(self, sweep: ImpedanceSweep) -> Path:
@@ -143,7 +143,7 @@ class SessionWriter:
         return self._add_numbered("sweep", stem, impedance_csv(sweep.with_metadata(**self._mark)), content)
 
     def add_value(self, value: SingleValue) -> JsonDict:
-        """Emit a "value" document: a number that another meter gave."""
+        """Emit a "value" document: a value from another meter."""
         return self.emit("value", **value.to_dict())
 
     def add_spectrum(self, spectrum: Spectrum) -> Path:
@@ -162,19 +162,19 @@ class SessionWriter:
     def add_final(self, spectrum: Spectrum) -> Path:
         """Store a short scan around a maximum as `spectra/final-<detector>-<n>.csv` and emit a "final" document."""
         low, high = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
-        told = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "operating") if key in spectrum.metadata}
-        told["highest_dbuv"] = float(spectrum.level_dbuv.max())
-        content = {"detector": spectrum.detector, **told, "points": len(spectrum), "span_hz": [low, high], **_state(spectrum.metadata)}
+        maximum = {key: spectrum.metadata[key] for key in ("maximum_hz", "line", "operating") if key in spectrum.metadata}
+        maximum["highest_dbuv"] = float(spectrum.level_dbuv.max())
+        content = {"detector": spectrum.detector, **maximum, "points": len(spectrum), "span_hz": [low, high], **_state(spectrum.metadata)}
         return self._add_numbered("final", f"spectra/final-{spectrum.detector}", spectrum_csv(spectrum.with_metadata(**self._mark)), content)
 
     def add_standard(self, standard: str, sweep: ImpedanceSweep) -> Path:
-        """Store what was measured with a standard in the fixture, as `standards/<standard>-<n>.csv`; it is no sweep of the motor."""
+        """Store a sweep of a standard in the fixture as `standards/<standard>-<n>.csv`, apart from the sweeps of the motor."""
         low, high = sweep.span_hz
         content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
         return self._add_numbered("standard", f"standards/{standard}", impedance_csv(sweep.with_metadata(**self._mark)), content)
 
     def add_compensation(self, standard: str, sweep: ImpedanceSweep) -> Path:
-        """Store what the instrument itself holds of a standard, as `compensation/<standard>-<n>.csv`, and emit a "compensation" document."""
+        """Store the instrument's own compensation data of a standard as `compensation/<standard>-<n>.csv`, and emit a "compensation" document."""
         low, high = sweep.span_hz
         content = {"standard": standard, "points": len(sweep), "span_hz": [low, high]}
         return self._add_numbered("compensation", f"compensation/{standard}", impedance_csv(sweep.with_metadata(**self._mark)), content)
@@ -197,14 +197,14 @@ class SessionWriter:
         Raises
         ------
         BadInput
-            If the name leaves the folder, is a link, or belongs to what was measured.
+            If the name leaves the folder, is a link, or is reserved for measured data.
         """
         if relative_path.split("/", 1)[0].casefold() in _RESERVED:
-            raise BadInput(f"{clean_text(relative_path, 80)}: this name is kept for the session itself; use another folder")
+            raise BadInput(f"{clean_text(relative_path, 80)}: this name is reserved for the session itself; use another folder")
         return self._store("file", relative_path, data, {})
 
     def log_traffic(self, record: Mapping[str, Any]) -> None:
-        """Append one line to `traffic.jsonl`; the disk has it at the next sweep or at the end."""
+        """Append one line to `traffic.jsonl`, which is synced to disk at the next sweep and at the end."""
         with self._turn:
             self._must_be_open()
             if self._traffic is None:
@@ -212,20 +212,20 @@ class SessionWriter:
             self._traffic.append(to_line(record), sync=False)
 
     def end(self) -> None:
-        """Emit the "stop" document of a measurement that is done, while the session stays open for the report of it."""
+        """Emit the "stop" document of a completed measurement, while the session stays open for its report."""
         with self._turn:
             self._sync_traffic()
             self._ended = True
             self.emit("stop", status="done", reason="")
 
     def close(self, status: Status, reason: str = "") -> None:
-        """Emit the "stop" document unless that has been done and nothing has gone wrong since; then write the manifest. Closing twice does nothing.
+        """Emit the "stop" document, unless `end` has done so and the status is "done"; then write the manifest. Closing twice does nothing.
 
         Parameters
         ----------
         status : {"done", "failed", "interrupted"}
         reason : str, optional
-            Why, for a person.
+            The reason, in words.
         """
         if status not in STATUSES:
             raise BadInput(f"unknown status {status!r}: use one of {', '.join(STATUSES)}")
@@ -235,14 +235,14 @@ class SessionWriter:
             with unbroken():
                 document = self._closing(status, reason)
             if document is not None:
-                self._tell(document)
+                self._notify(document)
 
     def _closing(self, status: Status, reason: str) -> JsonDict | None:
         try:
             self._sync_traffic()
             has_stop = self._ended and status == "done"
             document = None if has_stop else self._append("stop", {"status": status, "reason": clean_text(reason)})
-            with told_as_storage_error(self.path / MANIFEST):
+            with as_storage_error(self.path / MANIFEST):
                 files, _ = list_files(self.path)
                 records = {name: record_file(self.path / name) for name in files}
             text = manifest_text(Manifest(self._seq, records), software())
@@ -269,12 +269,12 @@ class SessionWriter:
             self._previous = line_sha256(line)
         return document
 
-    def _tell(self, document: JsonDict) -> None:
+    def _notify(self, document: JsonDict) -> None:
         for listener in tuple(self._listeners):
             try:
                 listener(document)
             except Exception:
-                # It must not be asked again for the "stop" document that its own exception leads to.
+                # It must not be called again with the "stop" document that its own exception causes.
                 self._listeners.remove(listener)
                 raise
 
@@ -293,14 +293,14 @@ class SessionWriter:
             entry = {"file": relative, "sha256": record_bytes(data).sha256, **content}
             with unbroken():
                 if target.exists():
-                    # Document first: after a crash in between, the old file still has its old document.
+                    # The document is written first: after a crash in between, the old file still agrees with its old document.
                     with replacing(target, data):
                         document = self._append(kind, entry)
                 else:
-                    # File first: after a crash in between, no document speaks of a file that is not there.
+                    # The file is written first: after a crash in between, no document names a file that does not exist.
                     write_whole(target, data)
                     document = self._append(kind, entry)
-            self._tell(document)
+            self._notify(document)
         return target
 
     def _sync_traffic(self) -> None:
@@ -311,8 +311,8 @@ class SessionWriter:
 def reopen(path: str | os.PathLike[str]) -> SessionWriter:
     """Open a session to add analyses and reports; nothing that was stored is removed.
 
-    A session that was interrupted can be reopened too if everything its documents speak of is unharmed: the "reopen"
-    document then says what was found, and holds the unfinished last line if there was one.
+    An interrupted session can be reopened too if all files that its documents name are unchanged: the "reopen" document then
+    records what was found, and the unfinished last line if there was one.
 
     Raises
     ------
@@ -330,7 +330,7 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
         findings = inspect_session(folder)
         if findings.damage:
             raise BadInput(
-                f"{show_name(folder)}: {findings.damage[0]}; a session that was changed is not added to (motoremi verify lists all problems)"
+                f"{show_name(folder)}: {findings.damage[0]}; nothing is added to a session that was changed (motoremi verify lists all problems)"
             )
         data = (folder / SESSION).read_bytes()
         chain = read_chain(data)
@@ -363,7 +363,7 @@ def software() -> str:
 
 
 def _cut_torn_traffic(folder: Path) -> bytes:
-    """Take back a last line whose writing was interrupted: the next one would be glued to it."""
+    """Remove a last line whose writing was interrupted, because the next line would be appended to it."""
     path = inside(folder, TRAFFIC)
     if not path.exists():
         return b""

@@ -1,4 +1,4 @@
-"""The register of report numbers: one file beside a laboratory's profile, a line for each number that was given away."""
+"""The register of report numbers: a file beside the laboratory's profile with one line for each number that was assigned."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from motoremi.errors import BadInput
 
 ENDING = ".register.csv"
 DIGITS = 4
-# Another report takes milliseconds to enter its number.
-PATIENCE_S = 5.0
+# Longest wait for another process that writes the register, which takes milliseconds.
+LOCK_TIMEOUT_S = 5.0
 
 
 def register_of(profile: Path) -> Path:
@@ -24,13 +24,13 @@ def register_of(profile: Path) -> Path:
 
 
 def take_number(profile: Path, series: str, data_sha256: str, issued: date) -> str:
-    """The next number of a series, entered into the register; data that have one already keep it.
+    """The next number of a series, entered into the register; data that already have a number keep it.
 
     Parameters
     ----------
     profile : Path
     series : str
-        How the number begins.
+        Beginning of the number.
     data_sha256 : str
         Digest of the measured data.
     issued : date
@@ -61,14 +61,14 @@ def take_number(profile: Path, series: str, data_sha256: str, issued: date) -> s
 
 
 def _lock(file: AppendFile, path: Path) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         try:
             file.lock()
             return
         except StorageError as error:
             if time.monotonic() > deadline:
-                raise StorageError(f"{show_name(path)}: another report has been taking its number for {PATIENCE_S:g} s; try again") from error
+                raise StorageError(f"{show_name(path)}: another process has locked the register for {LOCK_TIMEOUT_S:g} s; try again") from error
             time.sleep(0.02)
 
 
@@ -79,5 +79,7 @@ def _entries(path: Path) -> list[tuple[str, str, str]]:
     rows = list(csv.reader(io.StringIO(decode(read_bytes(path), shown))))
     for number, row in enumerate(rows, start=1):
         if len(row) != 3:
-            raise BadInput(f"{shown}, line {number}: is no entry of the register (number, date of issue, SHA-256 of the data); mend it by hand")
+            raise BadInput(
+                f"{shown}, line {number}: is not an entry of the register (number, date of issue, SHA-256 of the data); correct it by hand"
+            )
     return [(row[0], row[1], row[2]) for row in rows]

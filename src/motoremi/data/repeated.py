@@ -1,4 +1,4 @@
-"""Rows of one frequency: averaged if they agree, refused if they do not."""
+"""Rows with the same frequency: averaged if they agree, refused if they do not."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.errors import BadInput
 
-# Two readings of one frequency, one after the other, scatter by this at most.
+# Largest relative difference of two readings at one frequency that are averaged.
 AGREE = 0.03
-# Frequencies are the same if they differ by less than a counter shows, and by far less than the sweep's own steps.
+# Two frequencies count as the same if they differ by less than this, relative to the frequency and to the sweep's own steps.
 _SAME = 1e-6
 _SAME_OF_STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of a file before they are a sweep.
+    """The rows of a file, before a sweep is made of them.
 
     Parameters
     ----------
@@ -37,19 +37,19 @@ class Rows:
     where: Callable[[int], str]
 
 
-def once_each(rows: Rows) -> tuple[Rows, str]:
-    """One row for each frequency, and in words what was averaged; empty if nothing was.
+def merge_duplicates(rows: Rows) -> tuple[Rows, str]:
+    """One row for each frequency, and a description of what was averaged; empty if nothing was.
 
     Raises
     ------
     BadInput
-        If a frequency occurs more than twice, or twice with values that contradict each other.
+        If a frequency occurs more than twice, or twice with values that differ by more than `AGREE`.
     """
     pairs = _same_as_next(rows.frequency_hz)
     firsts = np.flatnonzero(pairs)
     if firsts.size == 0:
         return rows, ""
-    apart = _apart(rows, firsts)
+    differences = _differences(rows, firsts)
     frequency, impedance = rows.frequency_hz.copy(), rows.impedance_ohm.copy()
     sigma = None if rows.sigma_relative is None else rows.sigma_relative.copy()
     for array in (frequency, impedance):
@@ -58,11 +58,11 @@ def once_each(rows: Rows) -> tuple[Rows, str]:
         sigma[firsts] = np.maximum(sigma[firsts], sigma[firsts + 1])
     kept = np.flatnonzero(~np.concatenate([[False], pairs]))
     merged = Rows(frequency[kept], impedance[kept], None if sigma is None else sigma[kept], lambda row: rows.where(int(kept[row])))
-    return merged, _told(frequency[firsts], apart)
+    return merged, _description(frequency[firsts], differences)
 
 
 def _same_as_next(frequency: FloatArray) -> BoolArray:
-    """For each row but the last, whether the next has the same frequency; rows that fall back are left to the sweep's own check."""
+    """For each row but the last, whether the next has the same frequency; decreasing frequencies are left to the sweep's own check."""
     if frequency.size < 2 or not np.all(np.isfinite(frequency)) or np.any(frequency <= 0):
         return np.zeros(max(frequency.size - 1, 0), dtype=np.bool_)
     steps = np.diff(frequency) / frequency[1:]
@@ -71,22 +71,22 @@ def _same_as_next(frequency: FloatArray) -> BoolArray:
     return (steps >= 0) & (steps <= near)
 
 
-def _apart(rows: Rows, firsts: NDArray[np.intp]) -> FloatArray:
-    """Relative difference of each two rows of one frequency."""
+def _differences(rows: Rows, firsts: NDArray[np.intp]) -> FloatArray:
+    """Relative difference of each pair of rows with one frequency."""
     for row in firsts[1:][np.diff(firsts) == 1][:1]:
         raise BadInput(f"{rows.where(int(row) + 1)}: the frequency {rows.frequency_hz[row]:.9g} Hz occurs more than twice; keep one row of it")
     one, other = rows.impedance_ohm[firsts], rows.impedance_ohm[firsts + 1]
-    apart: FloatArray = np.abs(one - other) / np.maximum(np.maximum(np.abs(one), np.abs(other)), np.finfo(float).tiny)
-    for number in np.flatnonzero(~(apart <= AGREE))[:1]:
+    differences: FloatArray = np.abs(one - other) / np.maximum(np.maximum(np.abs(one), np.abs(other)), np.finfo(float).tiny)
+    for number in np.flatnonzero(~(differences <= AGREE))[:1]:
         row = int(firsts[number])
         raise BadInput(
             f"{rows.where(row + 1)}: the frequency {rows.frequency_hz[row]:.9g} Hz occurs twice, "
-            f"with values {100 * apart[number]:.2g} % apart; keep one row for each frequency"
+            f"with values {100 * differences[number]:.2g} % apart; keep one row for each frequency"
         )
-    return apart
+    return differences
 
 
-def _told(frequency: FloatArray, apart: FloatArray) -> str:
+def _description(frequency: FloatArray, differences: FloatArray) -> str:
     first = f"{frequency[0] / 1e6:.9g} MHz"
     which = f"{first} occurs" if frequency.size == 1 else f"{frequency.size} frequencies, {first} the first, occur"
-    return f"{which} twice, values up to {100 * apart.max():.2g} % apart: averaged"
+    return f"{which} twice, values up to {100 * differences.max():.2g} % apart: averaged"

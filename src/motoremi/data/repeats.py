@@ -1,7 +1,7 @@
-"""What the repeats of a sweep say of its noise beyond its size: what is correlated along frequency, and what drifts from one to the next.
+"""Correlated noise and drift, estimated from the repeats of a sweep.
 
-All of it rests on contrasts: orthonormal combinations of the repeats in which the impedance itself drops out, so that nothing has to be
-known of it (restricted maximum likelihood, Patterson and Thompson, Biometrika 58, 1971).
+The estimates use contrasts: orthonormal combinations of the repeats in which the impedance itself cancels, so that it need not be known
+(restricted maximum likelihood, Patterson and Thompson, Biometrika 58, 1971).
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.directions import directions
 from motoremi.data.kernels import Parts, smooth_basis
 
-# Flicker, temperature and cables wander on no one scale: correlation lengths in decades, a quarter of the variance each.
-WANDERING: Parts = ((0.25, 0.03), (0.25, 0.1), (0.25, 0.3), (0.25, 1.0))
-# Along how many decades a drift of the motor changes its shape.
+# Correlated noise (flicker, temperature, cables) has no single scale: correlation lengths in decades, a quarter of the variance each.
+CORRELATED: Parts = ((0.25, 0.03), (0.25, 0.1), (0.25, 0.3), (0.25, 1.0))
+# Correlation length in decades of the motor's drift.
 DRIFTING: Parts = ((1.0, 0.15),)
-# Twice the gain in log likelihood beyond which a drift is believed.
+# Twice the gain in log likelihood above which a drift is accepted.
 DRIFT_GAIN = 10.0
-# A correlated part is sought up to so many times the white noise.
+# Largest ratio of correlated to white noise that is considered.
 MOST_CORRELATED = 100.0
 
 
 def contrasts(relative: ComplexArray) -> ComplexArray:
-    """Orthonormal contrasts of repeats of shape (R, n), the first of them rising with their order; shape (R - 1, n)."""
+    """Orthonormal contrasts, shape (R - 1, n), of repeats of shape (R, n); the first increases linearly with the number of the repeat."""
     repeats = len(relative)
     order = np.vander(np.arange(repeats) - (repeats - 1) / 2, repeats, increasing=True)
     orthonormal = np.linalg.qr(order)[0][:, 1:]
-    # The decomposition leaves their signs open.
+    # The signs of the decomposition are arbitrary; here the last repeat counts positive.
     result: ComplexArray = (orthonormal * np.sign(orthonormal[-1])).T @ relative
     return result
 
 
 def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexArray) -> tuple[float, float]:
-    """Size of the noise that is correlated along frequency, and factor on the white noise's variance beside it, for one repeat.
+    """Size of the correlated noise, and the factor on the variance of the white noise that goes with it, for one repeat.
 
     Parameters
     ----------
@@ -46,10 +46,10 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     Returns
     -------
     size : float
-        Standard deviation; 0 where nothing is gained by it.
+        Standard deviation; 0 if it does not improve the likelihood significantly.
     factor : float
     """
-    basis = smooth_basis(frequency_hz, WANDERING) / sigma[:, None]
+    basis = smooth_basis(frequency_hz, CORRELATED) / sigma[:, None]
     vectors, variances = directions(basis)
     parts = np.abs((free / sigma) @ vectors) ** 2
     rest = float(np.sum(np.abs(free / sigma) ** 2) - parts.sum())
@@ -57,7 +57,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     total = count * sigma.size
 
     def cost(log_ratio: float) -> tuple[float, float]:
-        """Minus the log likelihood at c^2 relative to the white variance, that one at its best; and that best."""
+        """Minus the log likelihood at c^2 relative to the white variance, which is at its optimum; and that optimum."""
         own = 1 + np.exp(log_ratio) * variances
         white = (float(np.sum(parts / own)) + rest) / (2 * total)
         return float(total * np.log(white) + count * np.sum(np.log(own))), white
@@ -65,7 +65,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     scale = float(np.median(sigma)) ** 2
     found = minimize_scalar(lambda value: cost(value)[0], bounds=(np.log(1e-4 * scale), np.log(MOST_CORRELATED**2 * scale)), method="bounded")
     white_only, factor_only = cost(-np.inf)
-    # Chi-squared of one degree of freedom at its boundary: 2.7 is passed by chance once in twenty.
+    # Chi-squared of one degree of freedom at its boundary exceeds 2.7 by chance once in twenty.
     if 2 * (white_only - found.fun) < 2.7:
         return 0.0, factor_only
     factor = cost(float(found.x))[1]
@@ -73,7 +73,7 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
 
 
 def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, free: ComplexArray) -> ComplexArray | None:
-    """Change of ln Z from one repeat to the next, smooth along frequency, shape (n,); None where the repeats show no trend.
+    """Change of ln Z from one repeat to the next, smooth along frequency, shape (n,); None if the repeats show no drift.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, fre
         Contrasts, the first linear in the order of the repeats.
     """
     weighted, shape = free[0] / sigma, smooth_basis(frequency_hz, DRIFTING) / sigma[:, None]
-    wander, strengths = directions(smooth_basis(frequency_hz, WANDERING) * (correlated / sigma)[:, None])
+    wander, strengths = directions(smooth_basis(frequency_hz, CORRELATED) * (correlated / sigma)[:, None])
     root = np.sqrt(1 + strengths)
 
     def whitened(values: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, fre
     white = vectors @ (weight / (1 + weight) * components)
     fitted = sigma * (white + wander @ ((root - 1) * (wander.T @ white)))
     repeats = len(free) + 1
-    # The linear contrast of unit length over steps of one.
+    # The linear contrast of unit length, for one step from repeat to repeat.
     length = np.sqrt(repeats * (repeats**2 - 1) / 12)
     direction: ComplexArray = fitted / length
     return direction

@@ -1,4 +1,4 @@
-"""The session folder: what was measured, what was said to the instruments, and what was made of it.
+"""The session folder: measured data, the traffic with the instruments, and the analyses.
 
 `SessionWriter` writes one, `load` reads it, `verify` checks it, `reopen` adds to it.
 """
@@ -35,23 +35,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Session", "SessionWriter", "StorageError", "load", "reopen", "verify"]
-# A page reads its session again after every change; so many files are kept as they were read.
+# Number of parsed files that are cached, because the workbench loads a session again after every change.
 KEPT = 32
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Session:
-    """A session as it was when it was loaded.
+    """The content of a session at the time it was loaded.
 
     Parameters
     ----------
     path : Path
     documents : tuple of dict
-        Everything that happened, in order.
+        The documents of `session.jsonl`, in order.
     start : dict
         The first document.
     sweeps : tuple of ImpedanceSweep
-        Those of the state that the motor is judged in.
+        Sweeps without a condition.
     spectra : tuple of Spectrum
     finals : tuple of Spectrum
         Short scans around the maxima of a prescan.
@@ -60,9 +60,9 @@ class Session:
     status : str
         How the measurement ended: "done", "failed" or "interrupted".
     conditioned : tuple of ImpedanceSweep
-        Sweeps for which something was set up.
+        Sweeps under a condition.
     values : tuple of SingleValue
-        Numbers that other meters gave.
+        Values from other meters.
     """
 
     path: Path
@@ -97,31 +97,31 @@ class Session:
 
     @cached_property
     def corrections(self) -> Corrections:
-        """What stood between the motor and the instruments: as told when the session was made, or since, in its place."""
-        told = self.analysis("corrections") or self.start
-        return Corrections.of(told.get("corrections") or (), self.path.name)
+        """Corrections for the parts between motor and instruments: those set last, or those with which the session was made."""
+        stored = self.analysis("corrections") or self.start
+        return Corrections.of(stored.get("corrections") or (), self.path.name)
 
     @cached_property
     def corrected_sweeps(self) -> tuple[ImpedanceSweep, ...]:
-        """The sweeps with the analyser's fixtures taken off; `sweeps` holds what was read."""
+        """The sweeps corrected for the analyser's fixtures; `sweeps` holds the readings."""
         return tuple(self.corrections.corrected_sweep(sweep) for sweep in self.sweeps)
 
     @cached_property
     def corrected_conditioned(self) -> tuple[ImpedanceSweep, ...]:
-        """As `corrected_sweeps`, of those for which something was set up."""
+        """As `corrected_sweeps`, for the sweeps under a condition."""
         return tuple(self.corrections.corrected_sweep(sweep) for sweep in self.conditioned)
 
     @cached_property
     def corrected_spectra(self) -> tuple[Spectrum, ...]:
-        """The spectra with levels at the motor's side of pad, cable and transducer; `spectra` holds what was read."""
+        """The spectra with corrected levels; `spectra` holds the readings."""
         return tuple(self.corrections.corrected_spectrum(spectrum) for spectrum in self.spectra)
 
     @property
     def simulated(self) -> bool:
-        """Whether any of it comes from a simulated bench: this session's own, or the one whose files were imported."""
-        told = [self.start, *(sweep.metadata for sweep in (*self.sweeps, *self.conditioned))]
-        told += [one.metadata for one in (*self.spectra, *self.finals)]
-        return self.start.get("backend") == "sim" or any(map(is_simulated, told))
+        """Whether any data come from a simulated bench, measured in this session or imported from files."""
+        headers = [self.start, *(sweep.metadata for sweep in (*self.sweeps, *self.conditioned))]
+        headers += [one.metadata for one in (*self.spectra, *self.finals)]
+        return self.start.get("backend") == "sim" or any(map(is_simulated, headers))
 
     @property
     def analyses(self) -> tuple[str, ...]:
@@ -129,7 +129,7 @@ class Session:
         return tuple(sorted(self._analyses))
 
     def analysis(self, name: str) -> JsonDict | None:
-        """What `analysis/<name>.json` held, or None if there was none."""
+        """Content of `analysis/<name>.json`, or None if there was no such file."""
         data = self._analyses.get(name)
         return None if data is None else object_from_json(data)
 
@@ -186,7 +186,7 @@ class Session:
 
 
 def load(path: str | os.PathLike[str]) -> Session:
-    """Read a session folder; one that was interrupted still loads, up to where it came.
+    """Read a session folder; an interrupted session is loaded as far as it was stored.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def load(path: str | os.PathLike[str]) -> Session:
     Raises
     ------
     BadInput
-        If it is no session, or what is read was changed after it was stored.
+        If it is not a session, or a file was changed after it was stored.
     """
     folder = Path(path)
     name = show_name(folder)
@@ -222,7 +222,7 @@ def load(path: str | os.PathLike[str]) -> Session:
             file = str(document["file"])
             if document["kind"] == "sweep":
                 sweep = _sweep_of(stored, file, f"{name}/{file}", str(document.get("termination"))).with_metadata()
-                # The document, not the header, says it: in older sessions a line `# condition:` is a remark of its user.
+                # The condition is taken from the document, not from the header: in older sessions a line `# condition:` is the user's remark.
                 if "condition" in document:
                     conditioned.append(_under(sweep, document["condition"]))
                 else:
@@ -250,7 +250,7 @@ def load(path: str | os.PathLike[str]) -> Session:
 
 @lru_cache(maxsize=KEPT)
 def _sweep_of(data: bytes, file: str, label: str, termination: str) -> ImpedanceSweep:
-    """The sweep that a file holds; the same bytes are read once."""
+    """The sweep in a file; cached, so that the same bytes are parsed once."""
     return parse_impedance_csv(decode(data, file), label, termination)
 
 
@@ -273,7 +273,7 @@ def _is_closed(folder: Path, name: str, data: bytes, chain: Chain) -> bool:
     except BadInput as error:
         raise BadInput(f"{name}: {error}; run motoremi verify") from error
     expected = manifest.files.get(SESSION)
-    # Documents added since are an addition that was not closed; those counted must be unchanged.
+    # Later documents are an addition that was not closed; those that the manifest counts must be unchanged.
     if expected is None or record_bytes(data[: expected.bytes]) != expected:
         raise BadInput(f"{name}: {SESSION} was changed after the session was closed; run motoremi verify")
     return len(chain.documents) == manifest.documents and not chain.torn
@@ -295,11 +295,11 @@ def _check_json(data: bytes, name: str) -> None:
 
 
 def run_status(documents: Sequence[JsonDict]) -> str:
-    """How the measurement itself ended: later additions do not make an interrupted run a complete one, only a run that went on does."""
+    """How the measurement itself ended: an interrupted run becomes complete only by resuming it, not by later additions."""
     status, is_addition = "interrupted", False
     for document in documents:
         if document["kind"] == "stop" and document.get("status") in STATUSES:
-            # A run whose report failed has two: the measurement's and its own.
+            # A run whose report failed has two stop documents: one of the measurement and one of the report.
             status = status if is_addition else str(document["status"])
         elif document["kind"] == "resume":
             status, is_addition = "interrupted", False

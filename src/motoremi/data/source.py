@@ -1,4 +1,4 @@
-"""The text of a user's file, or one clear line on why there is none."""
+"""Read a user's file as text, or raise an error in one clear line."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from motoremi.errors import BadInput
 
 MAXIMUM_BYTES = 200_000_000
 _LINE_END = re.compile(r"\r\n|\n|\r")
-# Printable Latin-1 has no code between 0x80 and 0x9f: what decodes to those is another encoding.
+# Printable Latin-1 has no code between 0x80 and 0x9f: a text with such codes is in another encoding.
 _C1_CONTROL = re.compile("[\x80-\x9f]")
-# Begins of files that people take for their measurement, or drop beside it.
+# First bytes of files that are often given instead of the measurement.
 _OTHER_FILES = (
     (b"PK\x03\x04", "is a ZIP archive or an Excel workbook; unpack it, or save the sheet as CSV"),
     (b"\x89PNG", "is a picture; export the measurement as text or CSV"),
@@ -37,7 +37,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         status = os.stat(path)
         if stat.S_ISDIR(status.st_mode):
             raise BadInput(f"{name}: is a folder; name a file in it")
-        # Never opened otherwise: a named pipe would hang here for ever.
+        # Only ordinary files are opened: reading a named pipe could block for ever.
         if not stat.S_ISREG(status.st_mode):
             raise BadInput(f"{name}: not an ordinary file; save the data to a file first")
         if status.st_size > MAXIMUM_BYTES:
@@ -96,10 +96,10 @@ def split_lines(text: str) -> list[str]:
 
 
 def show_name(path: str | os.PathLike[str]) -> str:
-    """The file as the user named it, safe to print."""
+    """The path as the user gave it, with control characters made visible."""
     return clean_text(str(path))
 
 
 def file_name(path: str | os.PathLike[str]) -> str:
-    """The last part of a path alone: folders may say more about the user than a report should."""
+    """The last part of a path: the names of folders may be private and do not belong in a report."""
     return clean_text(Path(path).name)

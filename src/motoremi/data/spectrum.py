@@ -1,4 +1,4 @@
-"""An emission spectrum as an EMI receiver reads it."""
+"""An emission spectrum as an EMI receiver measures it."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Spectrum:
     Parameters
     ----------
     detector : {"peak", "quasi-peak", "average", "cispr-average", "rms-average"}
-        "average" is linear over the dwell; "cispr-average" is the highest reading of a meter with the time constant of CISPR 16-1-1
-        (160 ms below 30 MHz).
+        "average" is the mean over the dwell time; "cispr-average" is the highest reading of a meter with the time constant of
+        CISPR 16-1-1 (160 ms below 30 MHz).
     frequency_hz : array_like, shape (n,)
         Strictly increasing, in hertz.
     level_dbuv : array_like, shape (n,)
@@ -40,7 +40,7 @@ class Spectrum:
     resolution_bandwidth_hz : float
         6 dB bandwidth in hertz (9 kHz in CISPR band B).
     overload : array_like of bool, optional
-        Points that the receiver marked as overloaded: kept, never judged.
+        Points that the receiver marked as overloaded: they are kept but not compared with a limit.
     metadata : mapping, optional
 
     Raises
@@ -94,7 +94,7 @@ class Spectrum:
 
     @property
     def condition(self) -> str:
-        """What the motor did, as the metadata say; "motor running" if they do not."""
+        """State of the motor according to the metadata; "motor running" if it is not stated."""
         return str(self.metadata.get("condition", "motor running"))
 
     @property

@@ -1,7 +1,7 @@
-"""Single points that stand out of a sweep although they do in every repeat: a broadcast station, a bad contact, a digit misread.
+"""Outliers that all repeats have in common: a broadcast station, a bad contact, a wrong digit.
 
-Each point is predicted from its neighbours by a local rational function (two poles, two zeros), which follows a resonance however
-sharp it is; where the neighbours say nothing of the point, as at a peak between two of them, the prediction is as uncertain.
+Each point is predicted from its neighbours by a local rational function (two poles, two zeros), which follows a resonance however sharp it
+is. Where the neighbours do not determine the point, as at a peak between two of them, the prediction has a large uncertainty.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from motoremi.interrupts import checkpoint
 
 # Neighbours of a point, and coefficients of numerator and denominator.
 NEIGHBOURS, COEFFICIENTS = 12, 5
-# A point at the ends of a sweep with fewer neighbours on one side is not judged.
+# Points with fewer neighbours on one side, at the ends of a sweep, are not tested.
 BESIDE = 4
 # Standard deviations of the prediction. Of t-distributed deviations with 14 degrees of freedom three in ten million are larger.
 FAR = 9.0
-# Where more points than this share stand out, they are no single points.
+# If more than this share of the points deviate, they are not single outliers, and none is reported.
 MOST = 0.08
 
 
 def spikes(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: FloatArray) -> FloatArray:
-    """How far points stand out, relative to Z; zero for all others.
+    """Deviation of outliers from their prediction, relative to Z; zero for all other points.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def spikes(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: FloatAr
             break
         deviation, uncertainty = _against_neighbours(frequency_hz[kept], impedance_ohm[kept], sigma[kept])
         ratio = deviation / uncertainty
-        # Beyond its neighbours a local function says nothing.
+        # At the ends of the sweep the prediction would be an extrapolation.
         ratio[:BESIDE], ratio[-BESIDE:] = 0.0, 0.0
         worst = _peaks(ratio) & (ratio > FAR)
         if not worst.any():
@@ -54,14 +54,14 @@ def spikes(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: FloatAr
 
 
 def _peaks(ratio: FloatArray) -> BoolArray:
-    """Points that stand out more than all that they are neighbours of: those draw the others' prediction with them."""
+    """Points that deviate more than all their neighbours, whose predictions they distort."""
     windows = _windows(ratio.size)
     found: BoolArray = ratio >= ratio[windows].max(axis=1)
     return found
 
 
 def _windows(count: int) -> IntArray:
-    """Indices of each point's neighbours, itself left out; shape (count, NEIGHBOURS)."""
+    """Indices of the neighbours of each point, without the point itself; shape (count, NEIGHBOURS)."""
     first = np.clip(np.arange(count) - NEIGHBOURS // 2, 0, count - NEIGHBOURS - 1)
     inside = first[:, None] + np.arange(NEIGHBOURS + 1)
     others: IntArray = inside[inside != np.arange(count)[:, None]].reshape(count, NEIGHBOURS)
@@ -77,7 +77,7 @@ def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma
     columns = np.stack([np.ones_like(y), x + 0j, x**2 + 0j, -y * x, -y * x**2], axis=2)
     noise = sigma[windows] * np.abs(y)
     denominator = np.ones_like(y)
-    # The noise of an equation is the point's times the denominator there, which the first round finds (Sanathanan and Koerner, 1963).
+    # The noise of each equation is that of the point times the denominator there, known after the first iteration (Sanathanan, Koerner, 1963).
     for _ in range(2):
         weight = 1 / (noise * np.maximum(np.abs(denominator), 1e-6))
         rows = columns * weight[:, :, None]
@@ -85,7 +85,7 @@ def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma
         coefficients = (inverse @ (y * weight)[:, :, None])[:, :, 0]
         denominator = 1 + coefficients[:, 3:4] * x + coefficients[:, 4:5] * x**2
     left = y * weight - (rows @ coefficients[:, :, None])[:, :, 0]
-    # In units of the noise; less than the noise is chance.
+    # Variance of the residuals in units of the noise; a value below 1 is chance.
     excess = np.maximum(np.sum(np.abs(left) ** 2, axis=1) / (2 * (NEIGHBOURS - COEFFICIENTS)), 1.0)
     predicted = coefficients[:, 0]
     variance = excess * np.sum(np.abs(inverse[:, 0]) ** 2, axis=1)

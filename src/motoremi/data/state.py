@@ -1,4 +1,4 @@
-"""The motor's state beside a sweep or spectrum: its quantities, and how a person reads them."""
+"""The motor's state that is stored with a sweep or spectrum: its quantities, and their display."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-# Key in the metadata -> what it is called, and its unit.
+# Key in the metadata -> name and unit.
 STATE_QUANTITIES: dict[str, tuple[str, str]] = {
     "voltage_volt": ("voltage", "V"),
     "current_ampere": ("current", "A"),
@@ -17,7 +17,7 @@ STATE_QUANTITIES: dict[str, tuple[str, str]] = {
 
 def show_state(key: str, value: float) -> str:
     """A value with its unit, such as `3012 rpm`."""
-    # Prefixes help nobody here: a shaft turns at 3012 rpm, not at 3.012 krpm.
+    # Without prefixes: 3012 rpm, not 3.012 krpm.
     return f"{value:.4g} {STATE_QUANTITIES[key][1]}"
 
 
@@ -28,7 +28,7 @@ def state_line(state: object) -> str:
 
 
 def marks_of(state: object) -> list[str]:
-    """What a person has to know of a state: where it was outside of what was demanded, and what could not be read."""
+    """The marks of a state: quantities outside of the required limits, and quantities that could not be read."""
     if not isinstance(state, Mapping):
         return []
     outside, missing = state.get("outside"), state.get("missing")

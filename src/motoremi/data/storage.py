@@ -1,4 +1,4 @@
-"""Writing so that a crash or a full disk leaves either the old bytes or the new ones."""
+"""Write files so that after a crash or on a full disk either the old content or the new one is there."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from pathlib import Path
 
 from motoremi.errors import MotoremiError
 
-# Names of files that are not finished yet; what is left of one after a crash is recognised by this ending.
+# Ending of the names of unfinished files, by which they are recognised after a crash.
 PENDING_SUFFIX = ".pending"
 
 
 class StorageError(MotoremiError):
-    """A file could not be written, or is being written by somebody else; what was stored before is kept."""
+    """A file could not be written, or another process is writing it; the stored content is unchanged."""
 
     exit_status = 2
 
 
 @contextmanager
-def told_as_storage_error(target: Path) -> Iterator[None]:
+def as_storage_error(target: Path) -> Iterator[None]:
     """Turn an `OSError` into one clear line about `target`."""
     try:
         yield
@@ -33,20 +33,20 @@ def told_as_storage_error(target: Path) -> Iterator[None]:
 
 @contextmanager
 def replacing(target: Path, data: bytes) -> Iterator[None]:
-    """Prepare `data` beside `target`, run the block, then put it in place in one step.
+    """Write `data` to a file beside `target`, run the block, then rename the file to `target`.
 
-    If the block fails, `target` stays as it was.
+    If the block fails, `target` is unchanged.
     """
     pending = target.with_name(f".{target.name}.{secrets.token_hex(4)}{PENDING_SUFFIX}")
     try:
-        with told_as_storage_error(target):
+        with as_storage_error(target):
             target.parent.mkdir(parents=True, exist_ok=True)
             with open(pending, "xb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
         yield
-        with told_as_storage_error(target):
+        with as_storage_error(target):
             os.replace(pending, target)
             sync_folder(target.parent)
     except BaseException:
@@ -56,7 +56,7 @@ def replacing(target: Path, data: bytes) -> Iterator[None]:
 
 
 def write_whole(target: Path, data: bytes) -> None:
-    """Write a file whole or not at all.
+    """Write a file completely or not at all.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def write_whole(target: Path, data: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make a new name in a folder survive a power cut; Windows has no such call and needs none."""
+    """Sync a folder, so that a new name in it survives a power cut; Windows has no such call and does not need it."""
     if sys.platform == "win32":
         return
     descriptor = os.open(folder, os.O_RDONLY)
@@ -79,20 +79,20 @@ def sync_folder(folder: Path) -> None:
 
 
 class AppendFile:
-    """A file that only grows, by whole lines; a line that could not be written completely is taken back.
+    """A file to which complete lines are appended; a line that could not be written completely is removed.
 
     Parameters
     ----------
     path : Path
     new : bool
-        True: the file must not exist yet. False: it is opened, or made.
+        True: the file must not exist yet. False: it is opened, or created.
     """
 
     def __init__(self, path: Path, *, new: bool) -> None:
         self.path = path
         flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | (os.O_EXCL if new else 0)
         flags |= getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
-        with told_as_storage_error(path):
+        with as_storage_error(path):
             self._descriptor = os.open(path, flags, 0o666)
             if not os.fstat(self._descriptor).st_size:
                 sync_folder(path.parent)
@@ -103,11 +103,11 @@ class AppendFile:
         Raises
         ------
         StorageError
-            If it could not be written; the file then ends where it ended before.
+            If it could not be written; the file is then unchanged.
         """
         data = line.encode() + b"\n"
-        with told_as_storage_error(self.path):
-            # Asked anew each time: a count kept here would be wrong after Ctrl-C between writing and counting.
+        with as_storage_error(self.path):
+            # Read each time: a counter would be wrong after Ctrl-C between writing and counting.
             before = os.fstat(self._descriptor).st_size
             try:
                 written = os.write(self._descriptor, data)
@@ -120,22 +120,22 @@ class AppendFile:
                 raise
 
     def cut(self, size: int) -> None:
-        """Drop what is beyond `size` bytes."""
-        with told_as_storage_error(self.path):
+        """Remove everything after `size` bytes."""
+        with as_storage_error(self.path):
             os.ftruncate(self._descriptor, size)
 
     def sync(self) -> None:
-        """Wait until the disk has it."""
-        with told_as_storage_error(self.path):
+        """Wait until the content is on disk."""
+        with as_storage_error(self.path):
             os.fsync(self._descriptor)
 
     def lock(self) -> None:
-        """Become the only writer until `close`; the lock of a process that died is gone with it.
+        """Become the only writer until `close`; the system releases the lock of a process that has ended.
 
         Raises
         ------
         StorageError
-            If another writer has it.
+            If another process has the lock.
         """
         try:
             _lock(self._descriptor)
@@ -143,7 +143,7 @@ class AppendFile:
             raise StorageError(f"{self.path.parent}: another process is writing this session; wait for it") from error
 
     def close(self) -> None:
-        """Give the file, and the lock, back."""
+        """Close the file and release the lock."""
         os.close(self._descriptor)
 
 
@@ -166,7 +166,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(descriptor: int) -> None:
-        # Windows forbids others to read a locked region, so the lock sits on a byte far behind the data.
+        # On Windows a locked region cannot be read by others, so a byte far behind the data is locked.
         os.lseek(descriptor, 0x7FFF0000, os.SEEK_SET)
         msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Termination = Literal["short", "open"]
 TERMINATIONS: tuple[Termination, ...] = get_args(Termination)
-# Seven unknowns need at least this many points to leave anything to judge by.
+# Fewest points of a sweep: a fit of seven parameters needs more points than parameters to be judged.
 MINIMUM_POINTS = 8
 
 
@@ -43,10 +43,10 @@ class ImpedanceSweep:
     sigma_relative : array_like, optional
         Standard deviation of the real and of the imaginary part of the relative noise, per point or one for all.
     metadata : mapping, optional
-        Where it comes from: file, instrument, settings.
+        Origin of the data: file, instrument, settings.
     condition : Condition or str, optional
-        What was set up for it, for example "second-temperature=53degC"; None is the state that the motor is judged in. Sweeps under a
-        condition are no repeats of those without.
+        What was set up for it, for example "second-temperature=53degC"; None is the motor as it is. Sweeps under a condition do not count as
+        repeats of those without.
 
     Raises
     ------
@@ -128,11 +128,11 @@ class ImpedanceSweep:
         return dataclasses.replace(self, condition=condition)
 
     def with_change(self, what: str) -> ImpedanceSweep:
-        """The same sweep with one more line in its metadata `changes`: what was changed since the instrument gave it."""
+        """The same sweep with one more entry in its metadata `changes`, which list what was changed in the instrument's data."""
         return self.with_metadata(changes=[*self.metadata.get("changes", []), what])
 
     def within(self, low_hz: float, high_hz: float) -> ImpedanceSweep:
-        """The points of a band, both ends included; what was left out is told in the metadata `changes`.
+        """The points of a band, both ends included; the metadata `changes` record what was left out.
 
         Raises
         ------
@@ -208,12 +208,12 @@ def checked_accuracy(percent: object) -> float:
     """
     value = parse(percent, "%") if isinstance(percent, (str, int, float)) else 0.0
     if not 0 < value < 100:
-        raise BadInput(f"the accuracy {clean_text(str(percent), 40)!r} is none: give percent of |Z|, above 0 and below 100")
+        raise BadInput(f"the accuracy {clean_text(str(percent), 40)!r} cannot be used: give percent of |Z|, above 0 and below 100")
     return value
 
 
 def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:
-    """A copy of a frequency axis, or one clear line on why it is none."""
+    """A copy of a frequency axis after its check; raises `BadInput` if it cannot be one."""
     try:
         frequency = np.array(frequency_hz, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -244,7 +244,7 @@ class RepeatedSweep:
     sigma_relative : ndarray, shape (n,), or None
         Noise of one repeat as stated by the user.
     counts : ndarray, shape (n,), or None
-        How many measured points each is the mean of; one each without it.
+        Number of measured points that each point is the mean of; None: one each.
     """
 
     termination: Termination
@@ -255,7 +255,7 @@ class RepeatedSweep:
 
     @property
     def repeats(self) -> int:
-        """How many sweeps."""
+        """Number of repeats."""
         return int(self.impedance_ohm.shape[0])
 
     @property
@@ -266,7 +266,7 @@ class RepeatedSweep:
 
 
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
-    """Gather repeats; the short-circuit sweep comes first.
+    """Group the repeats of each termination; the short-circuit sweep comes first.
 
     Raises
     ------

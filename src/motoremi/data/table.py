@@ -19,12 +19,12 @@ _QUOTED_KEY = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text, with the line each row stood on.
+    """Cells as text, with the line number of each row.
 
     Parameters
     ----------
     name : str
-        Of the file, for messages.
+        Name of the file, for messages.
     header : dict
         The `# key: value` lines.
     columns : tuple of str
@@ -51,7 +51,7 @@ class Table:
         Raises
         ------
         BadInput
-            At the first cell that is none.
+            At the first cell that is not a number.
         """
         title = clean_text(self.columns[column], 40)
         return [
@@ -62,8 +62,8 @@ class Table:
 def parse_table(text: str, name: str) -> Table:
     """Split a text table.
 
-    The delimiter is a semicolon, a tab or a comma, whichever the header row has first in this order; with the former
-    two the decimal sign may be a comma.
+    The delimiter is a semicolon, a tab or a comma: the first of these, in this order, that the header row contains. With semicolon
+    and tab the decimal sign may be a comma.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def parse_table(text: str, name: str) -> Table:
 
 
 def read_key_value(line: str, header: JsonDict) -> None:
-    """Take a `# key: value` line into `header`; other comments are left alone.
+    """Enter a `# key: value` line into `header`; other comments are ignored.
 
     A value that is JSON keeps its type, anything else is text.
     """
@@ -136,7 +136,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
     except csv.Error:
-        # Only for a quoted cell beyond 128 kB: kept whole, it is refused as a number later.
+        # This happens only for a quoted cell beyond 128 kB, which is refused as a number later.
         return [line]
 
 
@@ -147,8 +147,7 @@ def _titles(line: str, delimiter: str, last_comment: str, where: str) -> list[st
         titles = _cells(last_comment, delimiter)
         if len(titles) < 2:
             raise BadInput(
-                f"{where}: numbers stand where the column names are needed; "
-                "put a line such as 'frequency_hz,resistance_ohm,reactance_ohm' above them"
+                f"{where}: numbers where the column names are needed; put a line such as 'frequency_hz,resistance_ohm,reactance_ohm' above them"
             )
     while titles and not titles[-1]:
         titles.pop()

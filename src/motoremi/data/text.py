@@ -1,4 +1,4 @@
-"""Text from outside: shown, never obeyed."""
+"""Make text from files, instruments and users safe to display."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def clean_text(text: str, limit: int | None = None) -> str:
     text : str
         Anything from a file, an instrument or a user.
     limit : int, optional
-        Longest result; what is beyond becomes `...`.
+        Longest result; a longer text is cut and ends with `...`.
 
     Returns
     -------
@@ -29,8 +29,8 @@ def clean_text(text: str, limit: int | None = None) -> str:
 
 
 def _visible(character: str) -> str:
-    # Not printable are controls, bidirectional overrides, zero-width marks, line separators, lone surrogates: each can
-    # make a terminal or a page show something other than what the file says. Wide and unbroken blanks are harmless.
+    # Control characters, bidirectional overrides, zero-width marks, line separators and lone surrogates are not printable: each
+    # can make a terminal or a page show something other than the text. Wide and non-breaking blanks are harmless.
     if character.isprintable() or unicodedata.category(character) == "Zs":
         return character
     code = ord(character)

@@ -13,7 +13,7 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.errors import BadInput
 
 _DELIMITER = re.compile(r"\s*[,;\t]\s*|\s+")
-# A typical level above this cannot be told from dBuV any more.
+# If the typical level is above this, the levels could also be in dBuV.
 _HIGHEST_TYPICAL_DBM = -25.0
 
 
@@ -27,12 +27,12 @@ def is_two_columns(text: str) -> bool:
 def parse_tinysa(text: str, name: str) -> Spectrum:
     """A spectrum; frequencies in Hz, or in MHz where all are below 10 000.
 
-    The instrument has no CISPR detectors and the file does not tell its bandwidth: taken are peak and 9 kHz, and the metadata say so.
+    The instrument has no CISPR detectors and the file does not state its bandwidth: peak and 9 kHz are assumed, and the metadata record it.
 
     Raises
     ------
     BadInput
-        If a row is not a pair of numbers, the file is cut off, or the levels may as well be dBuV.
+        If a row is not a pair of numbers, the file is cut off, or the levels could also be in dBuV.
     """
     rows: list[tuple[float, float]] = []
     written: list[str] = []
@@ -49,10 +49,10 @@ def parse_tinysa(text: str, name: str) -> Spectrum:
         raise BadInput(f"{name}: the last number {written[-1]!r} is shorter than all others and no line end follows; the file is cut off")
     frequency, level = np.array(rows).T
     if not (np.median(level) <= _HIGHEST_TYPICAL_DBM and level.max() <= 30):
-        raise BadInput(f"{name}: nothing tells whether its levels are dBm or dBuV; put a line 'frequency_hz,level_dbuv' (or level_dbm) above them")
+        raise BadInput(f"{name}: its levels could be in dBm or in dBuV; put a line 'frequency_hz,level_dbuv' (or level_dbm) above them")
     factor = 1e6 if frequency.max() < 1e4 else 1.0
     if factor == 1.0 and frequency.max() < 1e5:
-        raise BadInput(f"{name}: nothing tells the unit of its frequencies; put a line 'frequency_hz,level_dbm' above them")
+        raise BadInput(f"{name}: the unit of its frequencies is not stated; put a line 'frequency_hz,level_dbm' above them")
     metadata = {"detector_assumed": True, "rbw_assumed": True, "read_as": f"dBm in 50 Ohm, frequency in {'MHz' if factor > 1 else 'Hz'}"}
     try:
         return Spectrum("peak", frequency * factor, level + DBUV_OF_0_DBM, 9e3, None, metadata)

@@ -23,12 +23,13 @@ _PARAMETERS = {"S", "Y", "Z", "G", "H"}
 _FORMATS = {"RI", "MA", "DB"}
 _PLAIN = re.compile(r"not[ -]normali[sz]ed|un-?normali[sz]ed|\bin ohms?\b|\[ohms?\]|\(ohms?\)|Ω", re.IGNORECASE)
 _NORMALISED = re.compile(r"normali[sz]ed", re.IGNORECASE)
-# What capacitance a motor can have, in farad: winding (inductive at the low end) and insulation (capacitive there).
-# Below the first figure the standard's reading is impossible, above the second it is likely; between them the file has to say it.
+# Capacitances that tell normalised data from ohms, in farad, of the winding (inductive at the low end) and of the insulation (capacitive
+# there). With normalised data assumed, less than the first is impossible for a motor and more than the second is likely; between them the
+# file has to state it.
 _WINDING_F = (4e-12, 8e-12)
 _INSULATION_F = (60e-12, 200e-12)
 Scale = Literal["normalised", "ohm"]
-# How the motor stands between two ports: in the line from one to the other, or across that line.
+# Connection of the motor between two ports: in series between them, or across the line from one to the other.
 Fixture = Literal["series-through", "shunt-through"]
 FIXTURES: tuple[Fixture, ...] = get_args(Fixture)
 _HOW = "--fixture series-through (motor from port to port) or --fixture shunt-through (motor across the line)"
@@ -57,7 +58,7 @@ class _Options:
 
 
 def _options(line: str) -> _Options | None:
-    """What an option line says, in any order; None if it is another line."""
+    """The entries of an option line, in any order; None for another line."""
     if not line.startswith("#"):
         return None
     words = line[1:].upper().split()
@@ -86,22 +87,22 @@ def _options(line: str) -> _Options | None:
 
 
 def parse_touchstone(text: str, name: str, fixture: str | None = None) -> tuple[FloatArray, ComplexArray, JsonDict]:
-    """Frequencies in hertz, impedance in ohm and what was found of a file of one port, or of two with the motor between them.
+    """Frequencies in hertz, impedance in ohm and header of a file with one port, or with two ports and the motor between them.
 
-    In version 1 the standard normalises Z and Y data to the reference resistance; some programs write ohms all the same. A comment that
-    says so decides; else the standard is followed where its reading is that of a possible motor.
+    In version 1 the standard normalises Z and Y data to the reference resistance, but some programs write ohms. A comment in the file
+    decides; without one, the data are taken as normalised if that gives a possible motor.
 
     Parameters
     ----------
     text, name : str
     fixture : {"series-through", "shunt-through"}, optional
-        How the motor stood between two ports; a comment line `! fixture: series-through` says it as well. Not used for one port.
+        Connection of the motor between two ports; a comment line `! fixture: series-through` states it as well. Not used for one port.
 
     Raises
     ------
     BadInput
-        If a row has the wrong length, the file is cut off, or nothing tells whether its data are normalised or how the motor stood
-        between two ports.
+        If a row has the wrong length, the file is cut off, or it is not stated whether its data are normalised or how the motor was
+        connected between two ports.
     """
     file = _checked(text, name)
     options = file.options
@@ -116,14 +117,14 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None) -> tuple[
     frequency, s, z0 = _by_library(file, name)
     with np.errstate(all="ignore"):
         impedance: ComplexArray = z0[:, 0] * (1 + s[:, 0, 0]) / (1 - s[:, 0, 0])
-    told = f"{parameter} parameters in {reference:g} Ohm"
+    read_as = f"{parameter} parameters in {reference:g} Ohm"
     if parameter != "S" and file.version < 2 and reference != 1:
         scale, why = _scale(file.comments, frequency, impedance, reference, name)
         if scale == "ohm":
             impedance = impedance / reference
         scaling = "not normalised" if scale == "ohm" else f"normalised to {reference:g} Ohm"
-        told = f"{parameter} parameters, {scaling} ({why})"
-    return frequency, impedance, {**header, "read_as": told}
+        read_as = f"{parameter} parameters, {scaling} ({why})"
+    return frequency, impedance, {**header, "read_as": read_as}
 
 
 @dataclass(frozen=True)
@@ -136,9 +137,9 @@ class _File:
 
 
 def _checked(text: str, name: str) -> _File:
-    """Options, version, ports, comments and the lines without them, once every number is known to be one.
+    """Options, version, ports, comments and the lines without comments, after every number is checked.
 
-    Libraries let `1_000`, `nan` and short rows pass, want the options in one order, and look into comments for settings of other programs.
+    The library accepts `1_000`, `nan` and short rows, requires the options in one order, and searches comments for settings of other programs.
     """
     options: _Options | None = None
     version, comments, last_column, body = 1.0, [], [], []
@@ -154,7 +155,7 @@ def _checked(text: str, name: str) -> _File:
         if not line:
             continue
         if line.startswith("#"):
-            # Only the first option line counts, by the standard.
+            # According to the standard only the first option line counts.
             if options is None:
                 options = _options(line)
                 body += [options.line()] if options else []
@@ -194,7 +195,7 @@ def _checked(text: str, name: str) -> _File:
 
 
 def _between_ports(file: _File, header: JsonDict, name: str, given: str | None) -> tuple[FloatArray, ComplexArray, JsonDict]:
-    """Impedance of what stands between two ports, from the transmission S21."""
+    """Impedance of the motor between two ports, from the transmission S21."""
     if file.options.parameter != "S":
         raise BadInput(f"{name}: holds {file.options.parameter} parameters of two ports; save S parameters")
     fixture = _fixture(header, given, name)
@@ -209,17 +210,17 @@ def _between_ports(file: _File, header: JsonDict, name: str, given: str | None) 
             formula, impedance = "Z = Z0/2 S21/(1 - S21)", reference / 2 * through / (1 - through)
     for point in np.flatnonzero(~np.isfinite(impedance))[:1]:
         raise BadInput(f"{name}: S21 at {frequency[point]:g} Hz gives no finite impedance of a {fixture} fixture; was it measured?")
-    told = f"S21 of a {fixture} fixture, {formula}, Z0 = {reference[0].real:g} Ohm"
-    return frequency, impedance, {**header, "fixture": fixture, "read_as": told}
+    read_as = f"S21 of a {fixture} fixture, {formula}, Z0 = {reference[0].real:g} Ohm"
+    return frequency, impedance, {**header, "fixture": fixture, "read_as": read_as}
 
 
 def parse_two_port(text: str, name: str) -> tuple[FloatArray, ComplexArray]:
-    """Frequencies in hertz and the S parameters, shape (n, 2, 2), of a two-port in 50 Ohm, whatever reference the file has.
+    """Frequencies in hertz and the S parameters, shape (n, 2, 2), of a two-port, renormalised to 50 Ohm.
 
     Raises
     ------
     BadInput
-        If the file holds no two ports, other parameters, or frequencies that do not increase.
+        If the file does not have two ports, holds other parameters, or its frequencies do not increase.
     """
     from skrf.network import renormalize_s
 
@@ -228,18 +229,18 @@ def parse_two_port(text: str, name: str) -> tuple[FloatArray, ComplexArray]:
         raise BadInput(f"{name}: a correction needs the S parameters of two ports (.s2p)")
     frequency, s, z0 = _by_library(file, name)
     if not np.all(np.isfinite(s)) or np.any(s[:, 1, 0] == 0):
-        raise BadInput(f"{name}: S21 is zero or no number somewhere; was it measured?")
+        raise BadInput(f"{name}: S21 is zero or not a number at some frequency; was it measured?")
     return checked_frequency(frequency, name, 2), np.asarray(renormalize_s(s, z0, np.full(z0.shape, 50.0)), dtype=np.complex128)
 
 
 def _fixture(header: JsonDict, given: str | None, name: str) -> str:
-    """The fixture that the user gives or a comment names."""
+    """The fixture that the user states or a comment of the file names."""
     written = next((str(value).lower() for key, value in header.items() if key.lower() == "fixture"), None)
     if given is not None and written in FIXTURES and written != given:
         raise BadInput(f"{name}: its comment says {written}, but it was given as {given}; correct one of them")
     fixture = given if given is not None else written
     if fixture is None:
-        raise BadInput(f"{name}: holds two ports; say how the motor stood between them: {_HOW}")
+        raise BadInput(f"{name}: holds two ports; state how the motor was connected between them: {_HOW}")
     if fixture not in FIXTURES:
         raise BadInput(f"{name}: unknown fixture {clean_text(fixture, 40)!r}; use {_HOW}")
     return fixture
@@ -256,7 +257,7 @@ def _by_library(file: _File, name: str) -> tuple[FloatArray, ComplexArray, Compl
             warnings.simplefilter("ignore")
             network = Network(cast(str, text))  # takes open files too, though its type does not say so
             s, z0 = np.asarray(network.s, dtype=np.complex128), np.asarray(network.z0, dtype=np.complex128)
-    except Exception as error:  # the library raises whatever its parser meets
+    except Exception as error:  # the library's parser raises exceptions of many kinds
         raise BadInput(f"{name}: a Touchstone file that cannot be read: {clean_text(str(error), 120)}") from error
     return np.asarray(network.f, dtype=np.float64), s, z0
 
@@ -275,9 +276,9 @@ def _scale(comments: list[str], frequency: FloatArray, standard: ComplexArray, r
     if capacitance >= likely:
         return "normalised", "as the standard says"
     if capacitance < impossible:
-        return "ohm", f"normalised it would be a motor of {1e12 * capacitance:.2g} pF"
+        return "ohm", f"if they were normalised, the motor would have {1e12 * capacitance:.2g} pF"
     raise BadInput(
-        f"{name}: nothing tells whether its values are normalised to {reference:g} Ohm, as the standard says, or in ohm; "
+        f"{name}: its values could be normalised to {reference:g} Ohm, as the standard says, or in ohm; "
         "add a comment line '! normalised' or '! in ohm'"
     )
 

@@ -18,14 +18,14 @@ from motoremi.errors import BadInput
 
 @dataclass(frozen=True)
 class Findings:
-    """What is wrong with a session, by what it means.
+    """The problems of a session.
 
     Parameters
     ----------
     damage : tuple of str
-        Something was changed, removed or added after it was stored.
+        Files that were changed, removed or added after they were stored.
     interruption : tuple of str
-        The session was not closed; all that was stored is as it was stored.
+        Signs that the session was not closed; the stored files are unchanged.
     """
 
     damage: tuple[str, ...]
@@ -33,7 +33,7 @@ class Findings:
 
 
 def verify(path: str | os.PathLike[str]) -> list[str]:
-    """Problems of a session folder in words; an empty list means that it is as it was closed.
+    """Problems of a session folder in words; an empty list means that nothing was changed since the session was closed.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def _inspect(folder: Path) -> Findings:
             return Findings((*damage, str(error)), ())
     records = {name: record_file(folder / name) for name in files}
     counted = len(chain.documents)
-    # A document, or the beginning of one, behind what the manifest counts is an addition that was not closed.
+    # Documents after those that the manifest counts, even an unfinished one, are an addition that was not closed.
     if manifest is not None and (counted < manifest.documents or (counted == manifest.documents and not chain.torn)):
         return Findings((*damage, *_against_manifest(records, manifest)), ())
     damage += _against_documents(folder, records, chain)
@@ -102,7 +102,7 @@ def _against_manifest(records: dict[str, FileRecord], manifest: Manifest) -> lis
 
 
 def vouched_sha256(chain: Chain) -> dict[str, set[str]]:
-    """For each file named in the documents, every SHA-256 that a document gave it."""
+    """For each file named in the documents, every SHA-256 recorded for it."""
     vouched: dict[str, set[str]] = defaultdict(set)
     for document in chain.documents:
         name, digest = document.get("file"), document.get("sha256")
@@ -127,7 +127,7 @@ def _against_documents(folder: Path, records: dict[str, FileRecord], chain: Chai
 
 
 def _against_older_manifest(folder: Path, records: dict[str, FileRecord], manifest: Manifest, data: bytes, chain: Chain) -> list[str]:
-    """What the manifest of an earlier closing still says: logs may only have grown, other files need a document."""
+    """Problems against the manifest of an earlier closing: logs may only have grown, and changed files need a document."""
     vouched = vouched_sha256(chain)
     problems = []
     for name, expected in manifest.files.items():

@@ -71,12 +71,12 @@ def hypotheses(declared: Analyser) -> list[Analyser]:
     """What the analyser could have been instead."""
     # A network analyser with a fixture that nobody compensated could take up a lead or a stray capacitance: only its owner can declare that.
     named = declared.name.partition("+")[0]
-    others = [one.compensated_here() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", "unknown")]
+    others = [one.with_compensated_fixture() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", "unknown")]
     return [one for one in others if not (named in ("e4990a", "unknown") and one.name == "4294a")]
 
 
 def _refitted(fit: Fit, analyser: Analyser) -> Fit:
-    measurement = fit.measurement.by(analyser)
+    measurement = fit.measurement.with_analyser(analyser)
     task = Task(fit.motor, measurement, fit.bounds, fit.held)
     own = dict(fit.parameters)
     solution = arrived_on_all(task, [own, {**own, **fit.search_parameters}])

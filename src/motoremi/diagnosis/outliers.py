@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
-from motoremi.data.coarse import of_points
+from motoremi.data.coarse import points_in_bins
 from motoremi.data.spikes import MOST
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
@@ -30,7 +30,7 @@ def outlying(fit: Fit) -> dict[str, BoolArray]:
         return {}
     sweeps: dict[str, RepeatedSweep] = {sweep.termination: sweep for sweep in fit.measurement.sweeps}
     steps_hz = fit.measurement.analyser.step_frequencies_hz
-    return {termination: of_points(sweeps[termination], steps_hz, points) for termination, points in found.items()}
+    return {termination: points_in_bins(sweeps[termination], steps_hz, points) for termination, points in found.items()}
 
 
 def _farthest(directions: ComplexArray, weighted: ComplexArray) -> BoolArray:

@@ -1,1 +1,1 @@
-"""Conducted emission: commutation, source, path to the LISN, receiver, limits, and which source-side effect is missing."""
+"""Conducted emission: commutation, source, path to the LISN, receiver, limits, and diagnosis of spectra."""

@@ -1,4 +1,4 @@
-"""The sweep with the motor off: which spectra it is, and how it is taken out of the others."""
+"""Spectra that were measured with the motor off, and their subtraction from the others."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.setup import Ambient
 
-# A level is repeated by the receiver no better than this; a smaller rise above the background is none.
+# Repeatability of the receiver; a smaller rise above the background is not significant.
 REPEATABILITY_DB = 1.0
-# What background looks like on the detector that was not swept with the motor off: noise on 50 ms.
+# Difference assumed for the detector that was not measured with the motor off: that of noise with a dwell of 50 ms.
 _PEAK_ABOVE_AVERAGE_DB = 9.0
 
 
@@ -22,7 +22,7 @@ def split(spectra: Sequence[Spectrum]) -> tuple[list[Spectrum], list[Spectrum]]:
 
 
 def ambient_of(background: Sequence[Spectrum]) -> Ambient | None:
-    """What the model needs of the background, or None without a sweep of it."""
+    """The background as the model needs it, or None if it was not measured."""
     by_detector = {spectrum.detector: spectrum for spectrum in background}
     average, peak = by_detector.get("average"), by_detector.get("peak")
     if average is None and peak is None:
@@ -36,21 +36,21 @@ def ambient_of(background: Sequence[Spectrum]) -> Ambient | None:
 
 
 def subtract(level_dbuv: FloatArray, background_dbuv: FloatArray, uncertainty_db: float = REPEATABILITY_DB) -> tuple[FloatArray, BoolArray]:
-    """Levels with the background taken out in power.
+    """Levels with the background subtracted in power.
 
     Parameters
     ----------
     level_dbuv, background_dbuv : ndarray, shape (n,)
-        Of one detector at the same frequencies.
+        Levels of one detector at the same frequencies.
     uncertainty_db : float
-        By how much the background may differ from one sweep to the next.
+        Variation of the background from one scan to the next.
 
     Returns
     -------
     ndarray, shape (n,)
-        In dBuV; never below what that uncertainty of the background alone could be.
+        In dBuV; not below the level that this variation could cause.
     ndarray of bool, shape (n,)
-        Where only that bound is known.
+        Points at which only this upper bound is known.
     """
     background = 10 ** (background_dbuv / 10)
     least = background * (10 ** (uncertainty_db / 10) - 1)

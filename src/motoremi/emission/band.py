@@ -17,11 +17,11 @@ class Band:
     name : str
     span_hz : tuple of float
     bandwidth_hz : float
-        Between the points at -6 dB.
+        Bandwidth at -6 dB.
     charge_s, discharge_s, meter_s : float
-        Of the quasi-peak detector; the meter is critically damped and serves all weighting detectors.
+        Time constants of the quasi-peak detector; the critically damped meter is common to all weighting detectors.
     rms_corner_hz : float
-        Of the RMS-average detector.
+        Corner frequency of the RMS-average detector.
     """
 
     name: str
@@ -34,22 +34,22 @@ class Band:
 
     @property
     def sigma_hz(self) -> float:
-        """Standard deviation of the Gaussian filter that is taken for the intermediate-frequency filter."""
+        """Standard deviation of the Gaussian filter that approximates the intermediate-frequency filter."""
         return self.bandwidth_hz / (2 * math.sqrt(2 * math.log(2)))
 
     @property
     def impulse_bandwidth_hz(self) -> float:
-        """Peak of the envelope over the density of an impulse; 1.06 times the bandwidth for a Gaussian filter (usual value: 1.05)."""
+        """Peak of the envelope divided by the density of an impulse; 1.06 times the bandwidth for a Gaussian filter (usual value: 1.05)."""
         return self.sigma_hz * math.sqrt(2 * math.pi)
 
     @property
     def noise_bandwidth_hz(self) -> float:
-        """Of the rectangular filter that lets the same noise power through."""
+        """Bandwidth of the rectangular filter that passes the same noise power."""
         return self.sigma_hz * math.sqrt(math.pi)
 
     @property
     def pulse_sigma_s(self) -> float:
-        """Standard deviation of the Gaussian envelope that an impulse leaves behind the filter."""
+        """Standard deviation of the Gaussian envelope of an impulse behind the filter."""
         return 1 / (2 * math.pi * self.sigma_hz)
 
 
@@ -58,13 +58,13 @@ BAND_A = Band("A", (9e3, 150e3), 200.0, 45e-3, 500e-3, 160e-3, 10.0)
 BAND_B = Band("B", (150e3, 30e6), 9e3, 1e-3, 160e-3, 160e-3, 100.0)
 BANDS = (BAND_A, BAND_B)
 
-# Quasi-peak level, in dB, that a pulse train of another rate needs for the reading it gives at 25 Hz (band A) or 100 Hz (band B).
-# Pulse table of CISPR 16-1-1 as recalled by two people, not checked against the standard.
+# Increase of level, in dB, that a pulse train of another rate needs for the same quasi-peak reading as at 25 Hz (band A) or 100 Hz (band B).
+# Pulse table of CISPR 16-1-1 from memory, not checked against the standard.
 PULSE_TABLE_DB = {
     "A": {100.0: -4.0, 60.0: -3.0, 25.0: 0.0, 10.0: 4.0, 5.0: 7.5, 2.0: 13.0, 1.0: 17.0},
     "B": {1000.0: -4.5, 100.0: 0.0, 20.0: 6.5, 10.0: 10.0, 2.0: 20.5, 1.0: 22.5},
 }
-# Impulse area (EMF, V s) that reads as a sine of 66 dBuV EMF (60 dBuV at the input) with quasi-peak at the reference rate; not confirmed.
+# Impulse area (EMF, V s) with the quasi-peak reading of a sine of 66 dBuV EMF (60 dBuV at the input) at the reference rate; not confirmed.
 REFERENCE_PULSE_VS = {"A": 13.5e-6, "B": 0.316e-6}
 
 
@@ -74,10 +74,10 @@ def band_of(resolution_bandwidth_hz: float) -> Band:
     Raises
     ------
     BadInput
-        If none has that bandwidth.
+        If no band has that bandwidth.
     """
     for band in BANDS:
         if math.isclose(band.bandwidth_hz, resolution_bandwidth_hz, rel_tol=0.02):
             return band
     known = ", ".join(f"{band.bandwidth_hz:g} Hz (band {band.name})" for band in BANDS)
-    raise BadInput(f"a resolution bandwidth of {resolution_bandwidth_hz:g} Hz belongs to no band that is known here: {known}")
+    raise BadInput(f"a resolution bandwidth of {resolution_bandwidth_hz:g} Hz belongs to no known band: {known}")

@@ -1,4 +1,4 @@
-"""Models of spectra as the search over sets of effects sees them: effects of source and path added, swapped and dropped, and refitted."""
+"""Models of spectra for the search over sets of effects (`diagnosis.explore`): effects of source and path are added, swapped and dropped."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from motoremi.emission.fit import EmissionFit, fit_spectra
 from motoremi.emission.problem import Problem
 from motoremi.emission.starts import chopper_starts
 
-# A model that stands at a bound of its effects' ranges would rather leave them: that costs as much as odds of 20 to 1.
+# Penalty in log evidence for a model with a parameter at the bound of its range: odds of 20 to 1.
 BOUND_PENALTY = 3.0
-# Starts that are followed to their ends: from afar several valleys look alike; from a solution next to nothing has to move.
+# Number of starts that are optimised fully: several without a solution at hand, where there are several minima, one from a solution.
 _FROM_AFAR, _FROM_NEAR = 3, 1
 
 
@@ -30,7 +30,7 @@ class Candidate:
         In the order in which they were added.
     fit : EmissionFit
     score : float
-        Log of evidence times prior, bounds counted against it; comparable among models of the same spectra only.
+        Log of evidence times prior, with `BOUND_PENALTY`; comparable among models of the same spectra only.
     """
 
     added: tuple[str, ...]
@@ -44,12 +44,12 @@ class Candidate:
 
     @property
     def done(self) -> bool:
-        """Never: the ripple takes up so much that to a model of chi2 0.65 an effect brought 1800 log units. Only evidence ends the search."""
+        """Always False: chi2 cannot end the search, since the ripple absorbs errors. One effect improved a model of chi2 0.65 by 1800 log units."""
         return False
 
 
 class SpectrumBoard:
-    """Effects on top of one fit.
+    """Models with further effects in addition to those of one fit.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class SpectrumBoard:
 
     def __init__(self, base: EmissionFit) -> None:
         self._base, self._problem = base, base.problem
-        # Without a stated speed nobody can say whether commutations are missing.
+        # Without a stated speed missing commutations cannot be detected.
         unknown = () if self._problem.repetition_known else ("commutation-jitter",)
         self._possible = [effect.name for effect in EFFECTS if effect.name not in (*base.effects, *unknown)]
 
@@ -75,7 +75,7 @@ class SpectrumBoard:
             yield self._weighed(add_effect(self._problem, model.fit, name))
 
     def swapped(self, model: Candidate, effect: str) -> Iterator[Candidate]:
-        """Those that are known to look like the effect, in its place."""
+        """The model with each look-alike of the effect in its place."""
         effects, values = _without(model.fit, effect)
         for name in self._possible:
             if name not in model.added and _alike(name, effect):
@@ -96,22 +96,22 @@ class SpectrumBoard:
 def fit_base(
     problem: Problem, effects: Sequence[str] = (), known: Mapping[str, float] | None = None, progress: Progress | None = None
 ) -> EmissionFit:
-    """The model with the effects that it has so far, none at first."""
+    """The model with the effects of the ladder's last step, without any at first."""
     starts = [{**(known or {}), "step_v": step, "rise_s": rise} for step in (0.3, 1.2) for rise in (2e-7, 1e-6)]
     return fit_spectra(problem, effects, [dict(known), *starts] if known else _with_floor(problem, starts), progress=progress)
 
 
 def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
-    """The model with one more effect, refitted from where it stands and from the start."""
+    """The model with one more effect, refitted from its own solution and from default values."""
     bases = [dict(before.parameters)]
     if not before.effects:
-        # Without the effect the base may have been bent to its limits: try it unbent as well.
+        # Without the effect the parameters of the base may be at their bounds, so default values are tried as well.
         bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
     return fit_spectra(problem, (*before.effects, name), _starts(problem, before.effects, name, bases), _FROM_AFAR)
 
 
 def _starts(problem: Problem, effects: Sequence[str], name: str, bases: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
-    """An effect's own start values beside those of the model without it."""
+    """An effect's start values together with those of the model without it."""
     starts = []
     for base in bases:
         own = chopper_starts(problem, effects, base) if name == "chopper" else find_source_effect(name).starts or [{}]
@@ -120,7 +120,7 @@ def _starts(problem: Problem, effects: Sequence[str], name: str, bases: Sequence
 
 
 def _with_floor(problem: Problem, starts: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
-    """Start values of what every model has: the lowest levels are the floor, the speed is as stated."""
+    """Start values of the base parameters: the lowest levels are the floor, the speed is as stated."""
     detector = "average" if "average" in problem.where else problem.detectors[0]
     floor = float(np.percentile(problem.measured_dbuv[problem.where[detector]], 5)) - (0.0 if detector == "average" else 9.0)
     common = {"floor_dbuv": min(floor, 8.0), "offset_db": 0.0, "lisn_factor": 1.0, "speed_factor": 1.0}
@@ -128,7 +128,7 @@ def _with_floor(problem: Problem, starts: Sequence[Mapping[str, float]]) -> list
 
 
 def _without(fit: EmissionFit, effect: str) -> tuple[tuple[str, ...], dict[str, float]]:
-    """A fit's effects and values without one of them, not refitted: where to look from."""
+    """A fit's effects and values without one effect, not refitted, as start values."""
     values = {name: value for name, value in fit.parameters.items() if not name.startswith(f"{effect}.")}
     return tuple(name for name in fit.effects if name != effect), values
 

@@ -4,8 +4,8 @@ With tau = t/Tk, i = is/ia and A = Rd Tk/Ls the paper's equation has the solutio
 
     i = 1 - 2 tau + 2 tau (1 - tau)/(A + 1) 2F1(1, 2; A + 2; tau).
 
-For A > 1 the current reverses in time. For A < 1 it does not: what is left is broken by the segment that leaves the brush, and the
-voltage over the trailing edge grows until an arc takes over.
+For A > 1 the current reverses in time. For A < 1 it does not: the remaining current is interrupted when the segment leaves the brush, and the
+voltage at the trailing edge grows until an arc ignites.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from scipy.special import hyp2f1
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.errors import BadInput
 
-# Closer to the end than this, 1 - tau has no digits left; with A < 1 the voltage is told up to here.
+# Smallest 1 - tau that can be computed with; for A < 1 the voltage is computed up to here.
 CLOSEST_TO_END = 1e-12
 
 
 def commutation_time(brush_width_m: float, commutator_diameter_m: float, speed_rpm: float) -> float:
-    """Time that a brush covers one joint between segments: its width over the commutator's surface speed.
+    """Time during which a brush covers one joint between segments: its width divided by the commutator's surface speed.
 
     Parameters
     ----------
@@ -91,13 +91,13 @@ class Commutation:
         return result
 
     def trailing_voltage(self, tau: ArrayLike) -> FloatArray:
-        """Rx ix over the segment that leaves the brush, in volt: the voltage that starts an arc."""
+        """Rx ix at the segment that leaves the brush, in volt: the voltage that ignites an arc."""
         x = _inside(tau)
         result: FloatArray = self.resistance_ohm * self.current_a * (2 + x * self._g(x))
         return result
 
     def leading_voltage(self, tau: ArrayLike) -> FloatArray:
-        """Ry iy over the segment that comes under the brush, in volt."""
+        """Ry iy at the segment that comes under the brush, in volt."""
         x = _inside(tau)
         result: FloatArray = self.resistance_ohm * self.current_a * (2 - (1 - x) * self._g(x))
         return result
@@ -107,13 +107,13 @@ class Commutation:
         return self.trailing_voltage(tau) + self.leading_voltage(tau)
 
     def coil_voltage(self, tau: ArrayLike) -> FloatArray:
-        """-Ls dis/dt in volt: round the loop of the coil the two contact drops subtract."""
+        """-Ls dis/dt in volt: the difference of the two contact drops in the loop of the coil."""
         return self.trailing_voltage(tau) - self.leading_voltage(tau)
 
     def contact_voltage_rate(self, tau: ArrayLike) -> FloatArray:
         """duc/dt, eq. (16), in V/s.
 
-        From uc = Rd ia (4 - (1 - 2 tau) g) and the equation that g obeys.
+        From uc = Rd ia (4 - (1 - 2 tau) g) and the differential equation of g.
         """
         x = np.minimum(_inside(tau), 1 - CLOSEST_TO_END)
         g = self._g(x)
@@ -123,13 +123,13 @@ class Commutation:
         return result
 
     def end_step_v(self) -> float:
-        """Contact voltage uc that vanishes when the segment leaves, in volt; infinite where it sparks."""
+        """Contact voltage uc that falls to zero when the segment leaves, in volt; infinite if it sparks."""
         if self.sparks:
             return math.inf
         return 2 * self.resistance_ohm * self.current_a * (1 + self.ratio / (self.ratio - 1))
 
     def spark(self, arc_voltage_v: float) -> Spark | None:
-        """When an arc takes over, and what it has to break.
+        """Time of ignition of an arc, and the current that it interrupts.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class Commutation:
         return Spark(1 - left, broken, 0.5 * self.inductance_h * broken**2, arc_voltage_v)
 
     def _g(self, tau: FloatArray) -> FloatArray:
-        """g = 2/(A + 1) 2F1(1, 2; A + 2; tau): finite at the end for A > 1, growing as (1 - tau)^(A - 1) for A < 1."""
+        """g = 2/(A + 1) 2F1(1, 2; A + 2; tau): finite at the end for A > 1, proportional to (1 - tau)^(A - 1) for A < 1."""
         a = self.ratio
         end = 1.0 if a > 1 else 1 - CLOSEST_TO_END
         g: FloatArray = 2 / (a + 1) * np.asarray(hyp2f1(1, 2, a + 2, np.minimum(tau, end)), dtype=np.float64)
@@ -167,18 +167,18 @@ class Commutation:
 
 @dataclass(frozen=True)
 class Spark:
-    """The moment at which the arc takes over.
+    """Ignition of an arc.
 
     Parameters
     ----------
     tau : float
-        In units of Tk.
+        Time in units of Tk.
     current_a : float
-        Through the trailing edge then.
+        Current through the trailing edge at that time.
     energy_j : float
-        Of the coil at that current, 1/2 Ls ix^2.
+        Energy of the coil at that current, 1/2 Ls ix^2.
     voltage_v : float
-        Of the arc.
+        Voltage of the arc.
     """
 
     tau: float

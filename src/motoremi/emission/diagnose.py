@@ -1,4 +1,4 @@
-"""Which source-side effect is missing from the prediction of a spectrum: the same search, decision and verdicts as for impedance."""
+"""Diagnosis of spectra: which effect of source or path is missing, with the same search, decision and verdicts as for impedance."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 __all__ = ["EmissionDiagnosis", "add_effect", "diagnose_emission", "fit_base", "where_it_fails"]
 
-# Six effects look less alike than a motor's. The second single one, and look-alikes in the place of the best, are for two effects that together
-# look like a third: they take a quarter of the time. Odds of 20 to 1 after the prior are 150 to 1 (5 log units) of evidence.
+# Smaller than for impedance, since there are six effects only, which are less similar. The second model of the beam and the swaps are for two
+# effects that together look like a third; they take a quarter of the time. Odds of 20 to 1 after the prior are 150 to 1 (5 log units) of evidence.
 BUDGET = Budget(beam=2, swapped=1, swaps=(1, 0), share=0.0)
-# A model whose robust chi2 is above this leaves something unexplained; with the right effect it comes to 0.1 to 1.3.
+# A model with a robust chi2 above this does not explain the spectra; with the right effect it is 0.1 to 1.3.
 GOOD_CHI2 = 3.0
-# An effect that takes away so much of the squared error, this far ahead of all others, is named even if it does not explain everything.
+# An effect that removes this share of the squared error, with this lead in log evidence, is named even if it does not explain everything.
 MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
-# How often each kind of answer is true at least, beyond what the posterior knows. On the two seeds that the method was made with nothing was
-# hidden 68 times and never named, and 196 of 202 effects were named: 68 of 74 and 196 of 202 if all others were missed, or all named wrongly.
-# Those seeds hold nothing that is only mostly explained, or not at all: these two are as for motors (`diagnosis.belief`).
+# Lower bounds of how often each kind of answer is true, for errors that the posterior does not include. On the two seeds with which the method
+# was developed, 68 cases without an effect were all answered rightly, and 196 of 202 effects were named: 68 of 74 and 196 of 202 if the six
+# others were all missed, or all named wrongly. Those seeds have no cases for the other two, which are as for motors (`diagnosis.belief`).
 RELIABLE: Mapping[str, float] = {"adequate": 0.92, "named": 0.97, "mostly": 0.75, "unexplained": 0.85}
 _MOTOR_OFF = {"id": "motor-off", "why": "scan with the motor off, to know what is not the motor's"}
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))
@@ -43,7 +43,7 @@ _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6,
 
 @dataclass(frozen=True, eq=False)
 class EmissionDiagnosis:
-    """The answer for one set of spectra. Immutable; fields as those of the impedance's diagnosis."""
+    """The diagnosis of one set of spectra. Immutable; the fields are those of the diagnosis of impedance."""
 
     verdict: str
     effects: tuple[str, ...]
@@ -59,7 +59,7 @@ class EmissionDiagnosis:
     seen: tuple[JsonDict, ...]
 
     def to_dict(self) -> JsonDict:
-        """The contract's JSON."""
+        """Plain data in the schema `motoremi.diagnosis/2`."""
         top = max((c.score for c in self.candidates), default=0.0)
         return {
             "schema": "motoremi.diagnosis/2",
@@ -100,7 +100,7 @@ class EmissionDiagnosis:
         return f"<pre>{html.escape(repr(self))}</pre>"
 
     def plot(self) -> Figure:
-        """The candidates by evidence, those named and those not told apart marked."""
+        """The candidates by evidence; those that are named, and those that cannot be distinguished from them, are marked."""
         return figure_of(self)
 
 
@@ -112,9 +112,9 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     ----------
     problem : Problem
     base : EmissionFit, optional
-        Where the emission's ladder stands; the model without any effect if not given.
+        The last step of the emission's ladder; by default the model without any effect.
     progress : callable, optional
-        Told the effect's name, how many are done, and of how many.
+        Called with the effect's name, the number of effects done, and their total.
     """
     start = base if base is not None else fit_base(problem)
     board = SpectrumBoard(start)
@@ -139,7 +139,7 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
 
 
 def _paying(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
-    """Without pairs, unless the best of them gains what a further effect must and leaves nothing: two effects bend to almost anything."""
+    """The models without pairs, unless the best pair gains enough and explains everything: two effects can fit almost any spectrum."""
     fewer = {key: one for key, one in found.items() if len(key) < 2}
     best, before = best_of(found.values()), best_of(fewer.values())
     return found if best.score - before.score >= BUDGET.gain and best.fit.chi2_reduced <= GOOD_CHI2 else fewer
@@ -147,7 +147,7 @@ def _paying(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
 
 @dataclass(frozen=True)
 class _Answer:
-    """What is said of the spectra."""
+    """The verdict on the spectra with its reasons."""
 
     verdict: str
     named: Key
@@ -179,7 +179,7 @@ def _answer(start: EmissionFit, best: EmissionFit, candidates: Sequence[Candidat
 
 
 def _most_of_it(start: EmissionFit, best: EmissionFit, candidates: Sequence[Candidate]) -> bool:
-    """Whether the best single effect takes most of the error, far ahead of all others."""
+    """Whether the best single effect removes most of the error, far ahead of all others."""
     explained = 1 - (best.rms_error_db / start.rms_error_db) ** 2
     ahead = len(candidates) == 1 or candidates[0].score - candidates[1].score > FAR_AHEAD
     return explained > MOST_OF_IT and ahead
@@ -192,7 +192,7 @@ def _following(names: Sequence[str], families: Sequence[Sequence[str]]) -> JsonD
 
 
 def where_it_fails(fit: EmissionFit) -> tuple[JsonDict, ...]:
-    """Spans that hold most of the squared error, worst first."""
+    """Spans that contain most of the squared error, worst first."""
     spans, total = [], 0.0
     for detector, (frequency, error) in fit.error_db().items():
         total += float(np.sum(error**2))

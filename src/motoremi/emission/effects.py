@@ -1,4 +1,4 @@
-"""Source-side effects: what may be missing from the prediction of a spectrum, as changes of the set-up."""
+"""The catalogue of effects of source and path for spectra, as changes of the set-up."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ class SourceEffect:
     name, title : str
     group : {"source", "path", "outside"}
     formula, limit, signature, deciding, source : str
-        For people, as in the catalogue of the motor's effects.
+        Descriptions, as in the catalogue of the motor's effects.
     look_alikes : tuple of str
     parameters : tuple of Parameter
         Short names with ranges.
     starts : tuple of mapping
         Start values of a fit.
     change : callable
-        `change(setup, values)` gives the set-up with the effect.
+        `change(setup, values)` returns the set-up with the effect.
     following : tuple of (id, why)
-        The measurement that decides.
+        The next measurement, which decides.
     """
 
     name: str
@@ -61,7 +61,7 @@ class SourceEffect:
         return (self.name,)
 
     def to_dict(self) -> JsonDict:
-        """What a person or a program may want to know."""
+        """Plain data of the description."""
         plain = {key: getattr(self, key) for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source")}
         plain["identifiers"] = [self.name]
         plain["repeatable"] = False
@@ -75,7 +75,7 @@ def _arc(setup: Setup, values: Values) -> Setup:
 
 
 def _jitter(setup: Setup, values: Values) -> Setup:
-    # While events do not overlap behind the filter their exact moments do not show, and the tables of jitter need not be worked out.
+    # If events do not overlap behind the filter, their exact times have no influence, and the tables for jitter are not needed.
     touching = not separate(setup.source.repetition_hz, setup.receiver.band)
     jitter_s = values["jitter_s"] if touching else 0.0
     return replace(setup, source=replace(setup.source, missing_share=values["missing_share"], jitter_s=jitter_s))
@@ -114,7 +114,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "20 log(9.6 kHz / repetition)",
         ("commutation-jitter", "background-noise"),
         "another current: below the arc's threshold the step vanishes at once, a smooth commutation's fades in proportion",
-        "physics notes D.2, D.5; minimum arc voltage: textbook value",
+        "step that settles exponentially; minimum arc voltage and rise time: textbook values",
         tuple({"voltage_v": 15.0, "rise_s": rise, "spread": 0.12} for rise in (1.2e-8, 4e-8, 1.5e-7)),
         _arc,
         ("other-current", "scan again at half and at twice the current: an arc sets in at a threshold, a smooth commutation follows the current"),
@@ -130,7 +130,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "average lower than speed and segments say while peak stays: peak - average exceeds 20 log(9.6 kHz / repetition)",
         ("chopper",),
         "another speed: with regular commutation peak - average follows 20 log of the speed",
-        "physics notes D.5",
+        "train of events with random times (textbook); the ranges are estimates",
         tuple({"missing_share": share, "jitter_s": 1e-6} for share in (0.3, 0.7)),
         _jitter,
         ("other-speed", "scan peak and average again at another speed: peak - average must follow the speed if no commutation is missing"),
@@ -148,7 +148,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "comb with equal peak, quasi-peak and average once its frequency exceeds 9 kHz; corners at 1/(pi d T) and 1/(pi rise_s)",
         ("arc-breakdown", "background-noise"),
         "another speed: the comb stays where it is",
-        "physics notes D.5",
+        "spectrum of a trapezoidal pulse train (textbook); the ranges are estimates",
         (),
         _chopper,
         ("other-speed", "scan again at another speed: a chopper's comb stays where it is, commutation moves"),
@@ -164,7 +164,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "peak - average is that of noise (about 9 dB in 50 ms), whatever the speed; stations stand out on all detectors alike",
         ("arc-breakdown", "chopper"),
         "the motor off: it stays",
-        "physics notes B.2, D.5",
+        "the ranges are estimates without a source",
         tuple({"level_dbuv": level, "slope_db": slope} for level in (10.0, 30.0) for slope in (0.0, 15.0)),
         _broadband,
         ("motor-off", "scan with the motor off: background stays, all else vanishes"),
@@ -177,7 +177,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "smooth tilt below 1 MHz, the same on all detectors and at all loads",
         ("cable-resonance",),
         "the network's impedance against ground measured with the impedance analyser, or the other network",
-        "physics notes B.2, D.5; tolerance of 20 %: CISPR 16-1-2 as recalled, not checked",
+        "circuit and tolerance of 20 %: CISPR 16-1-2 from memory, not checked against the standard",
         ({"inductance_factor": 0.3}, {"inductance_factor": 3.0}),
         _lisn,
         ("lisn-impedance", "measure the network's impedance against ground, 150 kHz to 30 MHz, with the receiver connected"),
@@ -193,7 +193,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "peaks and dips some v/(2 l) apart that move with the cable's length",
         ("lisn-deviation",),
         "another cable length: the peaks move in proportion",
-        "physics notes D.5",
+        "uniform line (textbook); the ranges are estimates",
         tuple({"length_m": float(length), "impedance_ohm": ohm} for length in np.geomspace(1.0, 16.0, 9) for ohm in (60.0, 140.0)),
         _cable,
         ("other-cable-length", "scan again with half the cable: resonances of the cable move up, all else stays"),
@@ -202,7 +202,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
 
 
 def source_effects() -> tuple[SourceEffect, ...]:
-    """The catalogue, in the order of the contract."""
+    """The catalogue in its fixed order."""
     return EFFECTS
 
 
@@ -217,7 +217,7 @@ def find_source_effect(name: str) -> SourceEffect:
     Raises
     ------
     BadInput
-        If there is none, naming the closest.
+        If there is none; the message suggests the closest name.
     """
     for effect in EFFECTS:
         if effect.name == name:

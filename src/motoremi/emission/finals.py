@@ -1,4 +1,4 @@
-"""Final measurement: which maxima of a prescan are read again with the detectors of the limit, and what those readings come to."""
+"""Final measurement: choice of the maxima of a prescan that are measured again with the detectors of the limit, and the final values."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from motoremi.errors import BadInput
 
 @dataclass(frozen=True)
 class Rules:
-    """How maxima are chosen.
+    """Rules for the choice of maxima.
 
     Parameters
     ----------
     margin_db : float
-        Only maxima less than this below the limit, or above it.
+        Only maxima above the limit, or less than this below it, are chosen.
     maxima : int
-        So many at most, those nearest to the limit first.
+        Largest number of maxima; those nearest to the limit first.
     apart_hz : float
-        Two maxima are at least so far from each other.
+        Least distance between two maxima.
     subranges : int
-        The span is divided into so many parts, equal in the logarithm of frequency; each gives its maxima in turn, so that
-        one strong part does not take all of them.
+        Number of parts of the span, equally wide on a logarithmic axis, from which maxima are taken in turn, so that they do not all come
+        from one part.
     """
 
     margin_db: float = 10.0
@@ -47,9 +47,9 @@ class Maximum:
     frequency_hz, level_dbuv : float
         Corrected level.
     margin_db : float
-        Limit minus level, of the limit line that it comes nearest to.
+        Limit minus level, for the nearest limit line.
     detector, line, operating : str
-        Of the spectrum that it was found in.
+        Detector, line and operating state of the spectrum in which it was found.
     """
 
     frequency_hz: float
@@ -65,19 +65,19 @@ class Maximum:
 
 
 def choose_maxima(spectra: Sequence[Spectrum], limit: Limit, rules: Rules) -> tuple[tuple[Maximum, ...], int]:
-    """The maxima to read again, by frequency, and how many more were as near to the limit.
+    """The maxima to measure again, by frequency, and the number of further maxima within the margin.
 
     Parameters
     ----------
     spectra : sequence of Spectrum
-        Corrected, with the motor running; those with the motor off are left out. Overloaded points count: their true level is higher.
+        Corrected; spectra with the motor off are ignored. Overloaded points are included, because their true level is higher.
     limit : Limit
     rules : Rules
 
     Raises
     ------
     BadInput
-        If no spectrum of the running motor can be held against the limit.
+        If no spectrum of the running motor can be compared with the limit.
     """
     found = [one for spectrum in spectra if not spectrum.is_background for one in _maxima_of(spectrum, limit)]
     if not found:
@@ -92,14 +92,14 @@ def choose_maxima(spectra: Sequence[Spectrum], limit: Limit, rules: Rules) -> tu
     groups: dict[int, list[Maximum]] = {}
     for one in chosen:
         groups.setdefault(int(np.searchsorted(edges, one.frequency_hz, "right")), []).append(one)
-    # Every subrange's nearest to the limit first, then every subrange's second, and so on.
+    # First the nearest to the limit of each subrange, then the second of each subrange, and so on.
     turns = sorted((turn, one.margin_db, one) for group in groups.values() for turn, one in enumerate(group))
     taken = sorted((one for _, _, one in turns[: rules.maxima]), key=lambda one: one.frequency_hz)
     return tuple(taken), len(chosen) - len(taken)
 
 
 def _maxima_of(spectrum: Spectrum, limit: Limit) -> Iterable[Maximum]:
-    """Points that are no lower than their neighbours, against the nearest limit line that a detector reading no higher has."""
+    """Local maxima with their margins to the limit lines of the same detector and of detectors that read lower."""
     level = spectrum.level_dbuv
     padded = np.concatenate([[-np.inf], level, [-np.inf]])
     tops = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
@@ -125,15 +125,15 @@ class Final:
     Parameters
     ----------
     frequency_hz : float
-        Of the highest reading near the maximum.
+        Frequency of the highest reading near the maximum.
     detector : str
     reading_dbuv, correction_db, level_dbuv : float
-        What the receiver showed, what was added, and their sum.
+        Reading of the receiver, correction, and their sum.
     limit_dbuv, margin_db : float, optional
-        None where the limit has no line for the detector, or none at this frequency.
+        None if the limit has no line for the detector, or none at this frequency.
     resolution_bandwidth_hz, dwell_s : float
     line, operating : str
-        Where it was highest; empty if not told.
+        Line and operating state of the highest reading; empty if not stated.
     overload : bool
         The receiver was overloaded: the true level is higher.
     """
@@ -162,7 +162,7 @@ def final_values(finals: Sequence[Spectrum], corrections: Corrections, limit: Li
     Parameters
     ----------
     finals : sequence of Spectrum
-        Short scans around the maxima, as read, with `maximum_hz` in their metadata.
+        Short scans around the maxima, uncorrected, with `maximum_hz` in their metadata.
     corrections : Corrections
     limit : Limit
     """
@@ -199,14 +199,14 @@ def _final(spectrum: Spectrum, corrections: Corrections, limit: Limit) -> Final:
 
 
 def judge_with_finals(values: Sequence[Final], running: Sequence[Spectrum], limit: Limit, expanded_uncertainty_db: float) -> list[Judged]:
-    """The verdict rests on the final values; a prescan is judged where the limit has a line that no final value is of."""
+    """Final values against the limit; the prescan is judged only against limit lines without final values."""
     judged = judge_finals(values, limit, expanded_uncertainty_db)
     settled = {one.line for one in judged}
     return judged + [one for one in judge_spectra(running, limit, expanded_uncertainty_db) if one.line not in settled]
 
 
 def judge_finals(values: Sequence[Final], limit: Limit, expanded_uncertainty_db: float) -> list[Judged]:
-    """Final values against the limit line of their detector; an overloaded one below its limit shows nothing."""
+    """Final values against the limit line of their detector; an overloaded value below its limit is not judged."""
     judged = []
     for detector in dict.fromkeys(value.detector for value in values):
         line = line_for(limit, detector)

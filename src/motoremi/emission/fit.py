@@ -1,4 +1,4 @@
-"""Fit of source and path to measured spectra: the best of several minima, and what it says."""
+"""Fit of source and path to measured spectra: the best of several local minima."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from motoremi.threads import one_blas_thread
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# From many starts so many are followed for so many steps before the best of them are followed to their ends.
-_GLANCES, _SHORT = 20, 5
+# Number of starts that are first optimised for a few steps, and the number of these steps; then the best of them are optimised fully.
+_TRIED, _FEW_STEPS = 20, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +61,11 @@ class EmissionFit:
 
     @property
     def floor_db(self) -> float:
-        """What the scatter of the readings and the formulas' own error would leave as rms error were the model perfect."""
+        """The floor: rms error that a correct model would have because of the scatter of the readings and the errors of the formulas."""
         return _rms(self.problem.sigma_db)
 
     def figures(self) -> JsonDict:
-        """As in the contract."""
+        """Effects and errors for the JSON of a diagnosis."""
         return {
             "effects": list(self.effects),
             "chi2_reduced": self.chi2_reduced,
@@ -78,7 +78,7 @@ class EmissionFit:
         return {**self.figures(), "parameters": dict(self.parameters), "log_evidence": self.log_evidence, "at_bound": list(self.at_bound)}
 
     def own_parameters(self, effect: str) -> JsonDict:
-        """Of one effect, by short name."""
+        """Parameters of one effect by short name."""
         return {
             p.name: {
                 "value": self.parameters[f"{effect}.{p.name}"],
@@ -106,20 +106,20 @@ def fit_spectra(
     problem : Problem
     effects : sequence of str
     starts : sequence of mapping
-        Values by name; what is missing starts in the middle of its range.
+        Values by name; a parameter without a value starts in the middle of its range.
     keep : int
-        How many of the starts are followed.
+        Number of starts that are optimised fully.
     progress : callable, optional
-        Told of each step of those that are followed.
+        Called at each step of these.
     """
     posterior = Posterior(problem, tuple(effects))
     unknowns = posterior.unknowns
     points = [np.array([np.clip(to_unit(p, start.get(p.name, p.middle)), 0.01, 0.99) for p, _ in unknowns], dtype=np.float64) for start in starts]
     ranked = sorted(points, key=posterior.at_start)
-    if len(ranked) > _GLANCES:
-        # What a start is worth shows when step, offset and ripple have moved a little to meet it.
-        glances = sorted((posterior.polished(start, _SHORT) for start in ranked[:_GLANCES]), key=lambda found: float(found.cost))
-        ranked = [found.x[: posterior.size] for found in glances]
+    if len(ranked) > _TRIED:
+        # Starts can only be compared after step, offset and ripple have been adjusted to them.
+        tried = sorted((posterior.polished(start, _FEW_STEPS) for start in ranked[:_TRIED]), key=lambda found: float(found.cost))
+        ranked = [found.x[: posterior.size] for found in tried]
     followed = [
         posterior.polished(start, progress=part(progress, index / len(ranked[:keep]), (index + 1) / len(ranked[:keep])))
         for index, start in enumerate(ranked[:keep])
@@ -134,7 +134,7 @@ def fit_spectra(
 
 
 def restored(problem: Problem, stored: JsonDict) -> EmissionFit:
-    """A fit from its plain data and the problem it solved; its error is computed afresh: the motor may be modelled otherwise by now."""
+    """A fit from its plain data and its problem; its error is computed again, because the model of the motor may have changed since."""
     values = {str(name): float(value) for name, value in stored["parameters"].items()}
     effects = tuple(str(name) for name in stored["effects"])
     return EmissionFit(

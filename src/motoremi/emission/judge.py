@@ -1,8 +1,8 @@
 """Pass, marginal or fail: levels against the limit line of their detector, with the expanded uncertainty as guard band.
 
 A level passes if it is below the limit by more than the expanded uncertainty, fails if it is above by more than that, and is marginal in
-between. A level of another detector says something only where that detector reads higher: peak below the quasi-peak limit implies that
-quasi-peak is, but peak above it says nothing.
+between. A detector that reads higher can only show a pass: if peak is below the quasi-peak limit, quasi-peak is below it as well, but peak above
+the limit leaves the verdict open.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from motoremi.emission.limit import Limit, LimitLine
 from motoremi.errors import BadInput
 
 Verdict: TypeAlias = Literal["pass", "marginal", "fail"]
-# CISPR 16-4-2, conducted at the mains port, k = 2; as recalled, not checked against the standard.
+# CISPR 16-4-2, conducted at the mains port, k = 2; from memory, not checked against the standard.
 EXPANDED_UNCERTAINTY_DB = 3.4
 # From the highest reading to the lowest.
 ORDER = ("peak", "quasi-peak", "rms-average", "cispr-average", "average")
@@ -32,14 +32,14 @@ class Judged:
     Parameters
     ----------
     detector, line : str
-        Of the levels, and of the limit line.
+        Detector of the levels, and of the limit line.
     verdict : {"pass", "marginal", "fail"}, optional
-        None where nothing can be said: levels of a higher detector above the line, or no point inside the limit's span.
+        None if it is open: levels of a higher-reading detector above the line, or no point inside the limit's span.
     worst_margin_db : float, optional
-        Limit minus level at the worst point; negative is above.
+        Limit minus level at the worst point; negative if the level is above the limit.
     worst_hz : float, optional
     points, left_out : int
-        Judged, and not judged because the receiver was overloaded there or there is no limit.
+        Numbers of points that were judged, and that were not because the receiver was overloaded or there is no limit.
     why : str
     """
 
@@ -58,9 +58,9 @@ class Judged:
 
 
 def line_for(limit: Limit, detector: str) -> LimitLine | None:
-    """The line that levels of a detector are held against, or None.
+    """The limit line of a detector, or None.
 
-    The average limits of CISPR standards are for the detector with the meter, which reads no lower than the linear average.
+    The average limits of CISPR standards are for the CISPR-average detector, which reads no lower than the linear average.
     """
     own = limit.line(detector)
     return limit.line("average") if own is None and detector == "cispr-average" else own
@@ -74,7 +74,7 @@ def judge_levels(
     expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
     overload: BoolArray | None = None,
 ) -> list[Judged]:
-    """Levels of one detector against every line that they can be held against.
+    """Levels of one detector against every limit line that applies to them.
 
     Raises
     ------
@@ -104,13 +104,13 @@ def judge_levels(
             if verdict == "pass":
                 why = f"{detector} is {why}: {line.detector} reads no higher, so it passes too"
             else:
-                verdict, why = None, f"{detector} is {why}: that says nothing on {line.detector}; measure with the {line.detector} detector"
+                verdict, why = None, f"{detector} is {why}: that does not decide on {line.detector}; measure with the {line.detector} detector"
         found.append(Judged(detector, line.detector, verdict, least, at_hz, int(usable.sum()), left_out, why))
     return found
 
 
 def verdict_of(margin_db: float, uncertainty_db: float) -> Verdict:
-    """Of a level so far below its limit."""
+    """Verdict on a level that is below its limit by a margin."""
     if margin_db >= uncertainty_db - 1e-9:
         return "pass"
     return "fail" if margin_db < -uncertainty_db else "marginal"
@@ -138,7 +138,7 @@ def judge_prediction(
 
 
 def overall(judged: Sequence[Judged], limit: Limit) -> Verdict:
-    """The worst verdict; at best marginal if a line of the limit has no verdict, since nothing shows that it is kept."""
+    """The worst verdict; at best marginal if a line of the limit has no verdict, because compliance with it is not shown."""
     verdicts: dict[str, list[Verdict]] = {line.detector: [] for line in limit.lines}
     for one in judged:
         if one.verdict is not None:

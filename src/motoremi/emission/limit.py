@@ -1,4 +1,4 @@
-"""Limits: a line belongs to a detector, has gaps, and says where its values come from."""
+"""Limits: one line for each detector, with segments, gaps and the source of its values."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class LimitLine:
     ----------
     detector : str
     segments : tuple of (low_hz, high_hz, level at low, level at high)
-        Levels in dBuV, straight over the logarithm of frequency. Where two segments meet the lower level holds; between segments
-        there is no limit.
+        Levels in dBuV, interpolated linearly over the logarithm of frequency. At a common end of two segments the lower level applies;
+        between segments there is no limit.
     confirmed : bool
         Whether the values were checked against the standard or an equal public source.
     source : str
@@ -42,7 +42,7 @@ class LimitLine:
     source: str
 
     def level_dbuv(self, frequency_hz: FloatArray) -> FloatArray:
-        """The limit at each frequency; NaN where there is none."""
+        """The limit at each frequency; NaN if there is none."""
         level = np.full(frequency_hz.shape, np.inf)
         for low, high, first, last in self.segments:
             inside = (frequency_hz >= low) & (frequency_hz <= high)
@@ -53,7 +53,7 @@ class LimitLine:
 
 @dataclass(frozen=True)
 class Limit:
-    """A standard's lines.
+    """The limit lines of a standard.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ class Limit:
         One for each detector.
     port : str
     lisn : str
-        The network that it is measured with.
+        The LISN with which it is measured.
     note : str
     unit : {"dBuV", "dBuA", "dBuV/m"}
-        Of all its levels: a current limit is for levels behind a current probe, a field limit for those behind an antenna.
+        Unit of all levels: dBuA for a current probe, dBuV/m for an antenna.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Limit:
         return tuple(line.detector for line in self.lines if not line.confirmed)
 
     def remarks(self) -> list[str]:
-        """What a reader has to know before relying on it."""
+        """Remarks for the report: values that are not confirmed, and the note."""
         found = [
             f"{self.title}, {line.detector} limit: NOT CONFIRMED ({line.source}); check it against the standard"
             for line in self.lines
@@ -119,7 +119,7 @@ def _folder() -> Any:
 
 
 def find_limit(name: str | Path) -> Limit:
-    """A limit that comes with motoremi, by its name, or the user's own, by the path of its TOML file.
+    """A limit that comes with motoremi, by name, or the user's own, by the path of its TOML file.
 
     Raises
     ------

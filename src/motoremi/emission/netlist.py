@@ -1,4 +1,4 @@
-"""The same motor and path as a SPICE netlist, for a second opinion and for work elsewhere."""
+"""Motor and path as a SPICE netlist, for checks and for other programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LETTERS = {laws.resistor: "R", laws.inductor: "L", laws.capacitor: "C"}
 
 
 def emission_netlist(motor: Motor, values: Mapping[str, float], path: Path) -> str:
-    """SPICE lines: source `Vsource` of 1 V (AC), motor, stray capacitance, cable, both LISNs; read node `receiver` against `0`.
+    """SPICE lines: source `Vsource` of 1 V (AC), motor, stray capacitance, cable, both LISNs; the receiver is between `receiver` and `0`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def path_lines(path: Path) -> Iterator[str]:
         yield f"Ocable terminal {home} port {home} line"
         yield f".model line ltra r={cable.resistance_ohm_per_m:.12g} l={henry:.12g} c={farad:.12g} g=0 len={cable.length_m:.12g}"
     yield from _lisn(path, "1", port, "receiver")
-    # In the differential mode the current comes back through the second LISN, whose receiver sees the opposite sign.
+    # In the differential mode the current returns through the second LISN, whose receiver voltage has the opposite sign.
     yield from _lisn(path, "2", port if common else "back", "other")
 
 

@@ -1,4 +1,4 @@
-"""What a spectrum shows by itself, without any model: a comb, the repetition behind peak and average, lines or noise."""
+"""Observations on spectra without a model: a comb, the repetition rate from peak and average, unsuitable settings of the scan."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from motoremi.emission.band import band_of
 from motoremi.errors import BadInput
 from motoremi.quantities import show
 
-# A comb is looked for among so many lines; its score is a correlation, 1 for a pure cosine, some 0.1 for noise.
+# Number of lines of a comb that are used, and the least score that is accepted. The score is a correlation: 1 for a pure cosine, about 0.1 for
+# noise.
 _LINES = 40
 LEAST_SCORE = 0.3
-# Commutators of small and large motors.
+# Range of the commutation rates of small and large motors.
 COMMUTATION_HZ = (50.0, 20e3)
-# Noise and separate pulses leave this between peak and average; lines read the same.
+# Peak minus average is at least this for noise and for separate pulses; it is 0 for lines.
 _LINES_DB = 3.0
 
 
@@ -39,7 +40,7 @@ class Comb:
 
 
 def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray) -> Comb | None:
-    """The comb that stands out, spaced by twice the step to a tenth of the span, or None.
+    """The most distinct comb, with a spacing from twice the step to a tenth of the span, or None.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray) -> Comb | None:
     top = max(comb.score for comb in best)
     if top < LEAST_SCORE:
         return None
-    # Sharp lines correlate with every fraction of their spacing as well: the largest is meant.
+    # Sharp lines correlate with every fraction of their spacing as well, so the largest spacing is taken.
     largest = max(comb.spacing_hz for comb in best if comb.score > 0.8 * top)
     return max((comb for comb in best if comb.spacing_hz > 0.93 * largest), key=lambda comb: comb.score)
 
@@ -78,12 +79,12 @@ def _refined(frequency_hz: FloatArray, level_dbuv: FloatArray, spacing: float) -
 
 
 def repetition_from(peak: Spectrum, average: Spectrum) -> float | None:
-    """Events per second from peak minus average, 20 log(impulse bandwidth / repetition), where both stand well above the noise.
+    """Events per second from peak minus average, 20 log(impulse bandwidth / repetition), at points well above the noise.
 
     Returns
     -------
     float or None
-        None where the two agree (lines), differ as noise does, or have no common points.
+        None if the two agree (lines), or have no common points.
     """
     if not np.array_equal(peak.frequency_hz, average.frequency_hz):
         return None
@@ -98,7 +99,7 @@ def repetition_from(peak: Spectrum, average: Spectrum) -> float | None:
 
 
 def observations(spectra: Sequence[Spectrum]) -> list[JsonDict]:
-    """What the spectra show, each with an identifier, a sentence and its numbers."""
+    """Observations, each with an identifier, a sentence and its numbers."""
     found: list[JsonDict] = []
     by_detector = {spectrum.detector: spectrum for spectrum in spectra}
     strongest = by_detector.get("peak") or next(iter(by_detector.values()), None)
@@ -119,7 +120,7 @@ def observations(spectra: Sequence[Spectrum]) -> list[JsonDict]:
         if comb is not None and comb.spacing_hz > peak.resolution_bandwidth_hz:
             rate = None
         if rate is not None and COMMUTATION_HZ[0] <= rate <= COMMUTATION_HZ[1]:
-            text = f"peak - average says {rate:.4g} events a second: check it against speed times segments"
+            text = f"peak - average corresponds to {rate:.4g} events a second: compare it with speed times segments"
             found.append({"id": "repetition", "text": text, "repetition_hz": rate})
     if comb is not None and comb.spacing_hz > COMMUTATION_HZ[1]:
         found.append({"id": "not-a-commutator", "text": "these spectra do not look like those of a commutator motor"})

@@ -1,7 +1,7 @@
 """From the source inside the motor to the receiver: fitted motor, stray capacitance, cable, two LISNs.
 
-    source - motor (Z_open) - [Cs to ground] - cable - LISN || LISN        common mode: each port reads the whole voltage
-    source - motor (Z_short) - cable - LISN + LISN                         differential mode: each port reads half
+    source - motor (Z_open) - [Cs to ground] - cable - LISN || LISN        common mode: each port has the whole voltage
+    source - motor (Z_short) - cable - LISN + LISN                         differential mode: each port has half of it
 
 Networks and values of the LISNs: `50 || (50 uH + 5 Ohm)` and, with a measuring capacitor, the 5 uH network of CISPR 25.
 """
@@ -18,7 +18,7 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.errors import BadInput
 
 Mode: TypeAlias = Literal["common", "differential"]
-# CISPR 16-1-2 as recalled, not checked against the standard: the magnitude may be this far off.
+# Tolerance of the impedance's magnitude, CISPR 16-1-2; from memory, not checked against the standard.
 LISN_TOLERANCE = 0.20
 
 
@@ -30,7 +30,7 @@ class Lisn:
     ----------
     name : str
     inductance_h, series_ohm : float
-        Between the port and the supply, which is a short circuit for noise.
+        Choke and resistor between the port and the supply, which is a short circuit for noise.
     receiver_ohm : float
     coupling_f : float, optional
         Capacitor in front of the receiver; ideal if None.
@@ -43,7 +43,7 @@ class Lisn:
     coupling_f: float | None = None
 
     def impedance(self, s: ComplexArray) -> ComplexArray:
-        """Of the port against ground, in ohm."""
+        """Impedance of the port against ground, in ohm."""
         result: ComplexArray = 1 / (1 / (self.series_ohm + s * self.inductance_h) + 1 / self._branch(s))
         return result
 
@@ -57,7 +57,7 @@ class Lisn:
         return branch
 
     def deviating(self, inductance_factor: float) -> Lisn:
-        """The network with another inductance: a saturated or shorted choke, or a deviation within its tolerance."""
+        """The LISN with another inductance: a saturated or shorted choke, or a deviation within its tolerance."""
         return replace(self, inductance_h=self.inductance_h * inductance_factor)
 
 
@@ -87,7 +87,7 @@ class Cable:
     ----------
     length_m : float
     impedance_ohm : float
-        30 to 150 Ohm, all its wires together against ground.
+        Of all wires together against ground, usually 30 to 150 Ohm.
     velocity_m_s : float
     resistance_ohm_per_m : float
     """
@@ -106,7 +106,7 @@ class Cable:
             raise BadInput(f"the cable's resistance_ohm_per_m is {self.resistance_ohm_per_m}; it must be 0 or above")
 
     def through(self, s: ComplexArray, load_ohm: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Impedance at its near end in ohm, and the voltage at its far end for one volt at the near one."""
+        """Impedance at the near end in ohm, and voltage at the far end for one volt at the near end."""
         per_m = self.resistance_ohm_per_m + s * self.impedance_ohm / self.velocity_m_s
         siemens_per_m = s / (self.impedance_ohm * self.velocity_m_s)
         wave = np.sqrt(per_m / siemens_per_m)
@@ -118,16 +118,16 @@ class Cable:
 
 @dataclass(frozen=True)
 class Path:
-    """How the motor's noise reaches the receiver.
+    """The path from the motor to the receiver.
 
     Parameters
     ----------
     lisn : Lisn
-        Two of them.
+        There are two of this kind.
     cable : Cable, optional
-        Between motor and LISNs; without one they stand at the motor.
+        Cable between motor and LISNs; without one they are directly at the motor.
     stray_f : float
-        Cs, capacitance from the motor's terminals to ground beside the cable. The paper draws it in Fig. 12 without a value.
+        Cs, capacitance from the motor's terminals to ground, before the cable. The paper shows it in Fig. 12 without a value.
     mode : {"common", "differential"}
     """
 

@@ -1,4 +1,4 @@
-"""How well values describe the spectra: robust residuals with what is known beforehand, the receiver's ripple unknown beside the model."""
+"""Posterior of a model of spectra: robust residuals and priors; the receiver's ripple is unknown in addition to the parameters."""
 
 from __future__ import annotations
 
@@ -12,49 +12,49 @@ from motoremi.emission.problem import Problem
 from motoremi.interrupts import checkpoint
 from motoremi.model.parameter import Parameter
 
-# Beyond so many standard deviations a point (a glitch) counts in proportion only.
+# Number of standard deviations beyond which the cost of a point (a glitch) grows linearly instead of quadratically (Huber).
 _ROBUST = 2.5
-# Neighbours are read one after the other, but what a model does not know they share: so many points say as much as one.
+# Number of neighbouring points that count as one independent point, because errors of the model are correlated along frequency.
 CORRELATED = 2.0
-# A station in the model is worth it if it explains more than its frequency and its two levels cost.
+# Cost of a station in log evidence, for its frequency and its two levels.
 _STATION_COST = 8.0
-# Curvature of the flat distribution that stands for a range: one that the data do not narrow counts nothing.
+# Curvature of the flat prior over a range: a parameter that the data do not determine then does not change the evidence.
 _FLAT = 2 * np.pi
 
 
 def to_unit(parameter: Parameter, value: float) -> float:
-    """Where in its range a value lies, 0 to 1."""
+    """Position of a value in its range, 0 to 1."""
     if parameter.scale == "log":
         return float(np.log(value / parameter.low) / np.log(parameter.high / parameter.low))
     return (value - parameter.low) / (parameter.high - parameter.low)
 
 
 def from_unit(parameter: Parameter, unit: float) -> float:
-    """The value there."""
+    """The value at a position 0 to 1 in the range."""
     if parameter.scale == "log":
         return float(parameter.low * (parameter.high / parameter.low) ** unit)
     return parameter.low + unit * (parameter.high - parameter.low)
 
 
 class Posterior:
-    """Residuals whose squares add up to twice the negative log posterior: of points and priors; the receiver's ripple is unknown too."""
+    """Residuals of points, priors and ripple whose squares add up to twice the negative log posterior."""
 
     def __init__(self, problem: Problem, effects: tuple[str, ...]) -> None:
         self.problem, self.effects = problem, effects
         self.unknowns = problem.parameters(effects)
         self.size = len(self.unknowns)
         self.columns = -problem.ripple / problem.sigma_db[:, None]
-        # The formulas are smooth but not exact to the last digit: wider steps than usual for the slopes. But line 1000 of a comb moves by its
-        # spacing when the comb's frequency moves by a thousandth of it, and so does what the two edges of a pulse cancel.
+        # Steps of the finite differences are wider than usual, because the formulas are interpolated from tables. Those of the chopper are small:
+        # line 1000 of a comb moves by its spacing if the comb's frequency changes by a thousandth; the same holds for the zeros of a pulse.
         self.steps = np.array([1e-7 if p.name in ("chopper.frequency_hz", "chopper.width_s") else 1e-4 for p, _ in self.unknowns])
         self._last: tuple[FloatArray, FloatArray] | None = None
 
     def values(self, x: FloatArray) -> dict[str, float]:
-        """By name."""
+        """Parameter values by name."""
         return {p.name: from_unit(p, float(u)) for (p, _), u in zip(self.unknowns, x, strict=False)}
 
     def _errors(self, x: FloatArray) -> FloatArray:
-        """In standard deviations, without the ripple."""
+        """Errors of the points in standard deviations, without the ripple."""
         if self._last is None or not np.array_equal(self._last[0], x):
             self._last = x.copy(), self.problem.error(self.effects, self.values(x)) / self.problem.sigma_db
         return self._last[1]
@@ -71,13 +71,13 @@ class Posterior:
         )
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Of all unknowns: the model's in units of their ranges, then those of the ripple."""
+        """Residuals for all unknowns: the model's parameters in units of their ranges, then the ripple."""
         at, ripple = x[: self.size], x[self.size :]
         points = _softened(self._errors(at) + self.columns @ ripple) / np.sqrt(CORRELATED)
         return np.concatenate([points, self._priors(at), ripple])
 
     def slopes(self, x: FloatArray) -> FloatArray:
-        """Of the residuals."""
+        """Derivatives of the residuals."""
         at, ripple = x[: self.size], x[self.size :]
         error, prior = self._errors(at), self._priors(at)
         raw, priors = np.empty((error.size, self.size)), np.empty((prior.size, self.size))
@@ -94,11 +94,11 @@ class Posterior:
         return slopes
 
     def at_start(self, x: FloatArray) -> float:
-        """How bad a start is."""
+        """Cost of a start, without ripple and priors."""
         return float(np.sum(_softened(self._errors(x)) ** 2))
 
     def polished(self, start: FloatArray, steps: int = 25, progress: Progress | None = None) -> OptimizeResult:
-        """The nearest minimum, or the way to it; `progress` is told of each step."""
+        """The nearest local minimum, or the point reached after `steps`; `progress` is called at each step."""
         taken = itertools.count()
 
         def slopes(x: FloatArray) -> FloatArray:
@@ -107,40 +107,40 @@ class Posterior:
                 progress("source and path", next(taken), steps)
             return self.slopes(x)
 
-        free = self.columns.shape[1]
-        low, high = (np.concatenate([np.full(self.size, end), np.full(free, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
+        count = self.columns.shape[1]
+        low, high = (np.concatenate([np.full(self.size, end), np.full(count, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
         return least_squares(
-            self.residuals, np.concatenate([start, np.zeros(free)]), jac=slopes, bounds=(low, high),
-            x_scale=np.concatenate([1e3 * self.steps, np.ones(free)]), max_nfev=steps, ftol=1e-4, xtol=1e-9, gtol=1e-6,
+            self.residuals, np.concatenate([start, np.zeros(count)]), jac=slopes, bounds=(low, high),
+            x_scale=np.concatenate([1e3 * self.steps, np.ones(count)]), max_nfev=steps, ftol=1e-4, xtol=1e-9, gtol=1e-6,
         )  # fmt: skip
 
     def volume(self, x: FloatArray) -> float:
-        """Log determinant of the curvature at a minimum; a parameter that the data do not narrow at all counts as its own range does."""
+        """Log determinant of the curvature at a minimum; for a parameter that the data do not determine it is that of its range."""
         slopes = self.slopes(x)
         flat = [_FLAT if index < self.size and self.unknowns[index][1] is None else 0.0 for index in range(x.size)]
         return float(np.linalg.slogdet(slopes.T @ slopes + np.diag(flat))[1])
 
     def evidence(self, x: FloatArray, cost: float) -> float:
-        """Log of the integral over all unknowns around a minimum (Laplace)."""
+        """Log of the integral of the posterior over all unknowns around a minimum (Laplace's approximation)."""
         problem = self.problem
         own = sum("." in p.name for p, _ in self.unknowns)
         stations = len(problem.stations) if "background-noise" in self.effects and problem.ambient is None else 0
         return float(-cost - 0.5 * self.volume(x) + 0.5 * own * np.log(_FLAT) - _STATION_COST * stations)
 
     def chi2_reduced(self, x: FloatArray) -> float:
-        """Robust, over points, the ripple taken out."""
+        """Robust chi2 over points, with the ripple removed."""
         left = _softened(self._errors(x[: self.size]) + self.columns @ x[self.size :])
         return float(np.sum(left**2)) / max(1, left.size - x.size)
 
 
 def _softening(errors: FloatArray) -> FloatArray:
-    """Slope of `_softened`."""
+    """Derivative of `_softened`."""
     size = np.maximum(np.abs(errors), _ROBUST)
     return np.where(np.abs(errors) <= _ROBUST, 1.0, _ROBUST / np.sqrt(_ROBUST * (2 * size - _ROBUST)))
 
 
 def _softened(errors: FloatArray) -> FloatArray:
-    """Residuals whose squares grow in proportion beyond a few standard deviations."""
+    """Residuals whose squares grow linearly beyond a few standard deviations (Huber's function)."""
     size = np.abs(errors)
     beyond = np.sqrt(_ROBUST * (2 * np.maximum(size, _ROBUST) - _ROBUST))
     return np.where(size <= _ROBUST, errors, np.sign(errors) * beyond)

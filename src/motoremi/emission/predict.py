@@ -1,4 +1,4 @@
-"""The predicted spectrum beside the measured one and the limit."""
+"""The predicted spectrum, compared with the measured one and with the limit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 DEFAULT_LIMIT = "cispr32-b"
 SHOWN: tuple[Detector, ...] = ("peak", "quasi-peak", "average", "cispr-average", "rms-average")
-# Bands of the paper's discussion.
+# Bands for the table of errors, as discussed in the paper.
 BANDS_HZ = ((150e3, 500e3), (500e3, 5e6), (5e6, 20e6), (20e6, 30e6))
 
 
@@ -39,23 +39,23 @@ class Prediction:
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
-        Those of the first measured spectrum, or the usual scan.
+        Frequencies of the first measured spectrum, or of the usual scan.
     predicted_dbuv : dict
         Detector -> levels.
     spectra : tuple of Spectrum
-        Measured, with the motor running, corrected.
+        Measured with the motor running, corrected.
     readings : tuple of Spectrum
-        The same as read.
+        The same spectra, uncorrected.
     setup : Setup
     limit : Limit
     judged : tuple of Judged
-        Of the final values and the measured spectra if there are any, else of the prediction.
+        Verdicts on the final values and the measured spectra if there are any, else on the prediction.
     judged_what : {"final", "measured", "predicted"}
     verdict : {"pass", "marginal", "fail"}
     effects : tuple of str
         Source-side effects in the model.
     expanded_uncertainty_db : float
-        Guard band of the verdicts, with that of the corrections.
+        Guard band of the verdicts, with the uncertainty of the corrections.
     corrections : Corrections
     finals : tuple of Final
     """
@@ -75,7 +75,7 @@ class Prediction:
     finals: tuple[Final, ...] = ()
 
     def measured_dbuv(self) -> dict[str, FloatArray]:
-        """Measured, corrected levels at the frequencies of the prediction; NaN where nothing was measured within half a step."""
+        """Measured, corrected levels at the frequencies of the prediction; NaN at frequencies that are not within half a step of a measured one."""
         return self._on_axis(self.spectra)
 
     def _on_axis(self, spectra: Sequence[Spectrum]) -> dict[str, FloatArray]:
@@ -88,7 +88,7 @@ class Prediction:
         return found
 
     def limit_dbuv(self) -> dict[str, FloatArray]:
-        """Limit lines at the frequencies of the prediction; NaN where there is none."""
+        """Limit lines at the frequencies of the prediction; NaN if there is none."""
         return {line.detector: line.level_dbuv(self.frequency_hz) for line in self.limit.lines}
 
     def error_bands(self) -> list[JsonDict]:
@@ -113,18 +113,18 @@ class Prediction:
         return rows
 
     def remarks(self) -> list[str]:
-        """What a reader has to know."""
+        """Remarks for the report."""
         parts = self.setup.assumed if self.predicted_dbuv else ()
         found = [f"the {part} was not described: typical values are assumed" for part in parts]
         found += [f"{one.detector}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
         if self.limit.lisn != self.setup.path.lisn.name:
-            found.append(f"{self.limit.title} is for the {self.limit.lisn} network, but the path has the {self.setup.path.lisn.name} one")
+            found.append(f"{self.limit.title} is for the {self.limit.lisn} LISN, but the path has the {self.setup.path.lisn.name} one")
         if self.finals and (late := [one for one in self.finals if one.overload]):
             found.append(f"{len(late)} of {len(self.finals)} final values were overloaded: their true level is higher")
         return list(dict.fromkeys([*found, *self.corrections.remarks(), *self.limit.remarks()]))
 
     def to_dict(self) -> JsonDict:
-        """The contract's JSON; levels that do not exist are None."""
+        """Plain data in the schema `motoremi.prediction/1`; levels that do not exist are None."""
         return {
             "schema": "motoremi.prediction/1",
             "frequency_hz": self.frequency_hz.tolist(),
@@ -181,17 +181,17 @@ def predict(
     corrections: Corrections = NO_CORRECTIONS,
     finals: Sequence[Spectrum] = (),
 ) -> Prediction:
-    """Common-mode spectrum at the LISN, and the verdict on what was measured.
+    """Predict the spectrum at the LISN, and compare the measured levels with a limit.
 
     Parameters
     ----------
     motor : Fit or callable, optional
-        A fitted motor, or its impedance in ohm as a function of frequencies in hertz. Without it nothing is predicted, and the
-        measured levels alone are judged.
+        A fitted motor, or its impedance in ohm as a function of frequencies in hertz. Without it nothing is predicted, and only the
+        measured levels are judged.
     setup : Setup, optional
-        Source, path and receiver; typical values if not given, and the result says so.
+        Source, path and receiver; by default typical values, which the remarks of the result mention.
     spectra : sequence of Spectrum
-        Measured, as read. Those measured with the motor off (`condition: motor off`) are background: they go into the prediction.
+        Measured, uncorrected. Those with the motor off (`condition: motor off`) are the background, which is added to the prediction.
     limit : Limit, str or path
         A limit, its name, or the path of a file.
     frequency_hz : array_like, shape (n,), optional
@@ -199,11 +199,11 @@ def predict(
     expanded_uncertainty_db : float
         Guard band.
     effects : sequence of str
-        Names of what `setup` holds already, for the record.
+        Names of the effects that `setup` already contains, for the record.
     corrections : Corrections
-        What stands between LISN and receiver; applied to all measured levels. Their uncertainty widens the guard band.
+        Corrections for the parts between LISN and receiver, for all measured levels. Their uncertainty widens the guard band.
     finals : sequence of Spectrum
-        Short scans around the maxima, as read: where there are any, the verdict on their detectors rests on them.
+        Short scans around the maxima, uncorrected. If there are any, their detectors are judged by them.
 
     Raises
     ------
@@ -255,7 +255,7 @@ def predict(
 
 
 def motor_function(motor: Fit | MotorImpedance, setup: Setup) -> Callable[[FloatArray], np.ndarray]:
-    """Impedance that the source sees: terminal to frame in the common mode, between the terminals in the differential one."""
+    """Impedance of the motor for the source: terminal to frame in the common mode, between the terminals in the differential mode."""
     if isinstance(motor, Fit):
         fit, termination = motor, "open" if setup.path.mode == "common" else "short"
         return lambda frequency_hz: fit.model_ohm(termination, frequency_hz)

@@ -1,4 +1,4 @@
-"""What a fit of spectra is held against: the points chosen, what each may be off by, and the set-up that a set of values means."""
+"""Data of a fit of spectra: the points that are used, their uncertainty, and the set-up that belongs to a set of parameter values."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
 
-# Points that a fit works on, for each detector: all below this frequency, where combs can be told line by line, and so many above.
+# Points of each detector that a fit uses: all below this frequency, where the lines of combs are resolved, and this number above.
 _ALL_BELOW_HZ = 1.2e6
 _ABOVE = 260
-# What the formulas leave, measured against the time domain, without what is smooth along frequency.
+# Error of the formulas compared with the time domain, without its part that is smooth along frequency.
 _MODEL_DB = {"peak": 0.25, "quasi-peak": 0.25, "average": 0.15, "cispr-average": 0.15, "rms-average": 0.15}
-# By how much the motor's resonances may lie elsewhere than the fitted circuit has them.
+# Relative uncertainty of the frequencies of the motor's resonances.
 _DETUNING = 0.004
 
 BASE: tuple[tuple[Parameter, float | None], ...] = (
@@ -42,17 +42,17 @@ class Problem:
     Parameters
     ----------
     spectra : sequence of Spectrum
-        Of the running motor; several of one detector are averaged.
+        Spectra of the running motor; several of one detector are averaged.
     motor : callable
-        Impedance that the source sees.
+        Impedance of the motor for the source.
     setup : Setup
     ambient : Ambient, optional
-        A sweep with the motor off.
+        Levels with the motor off.
 
     Raises
     ------
     BadInput
-        Without a spectrum that can be used.
+        If there is no usable spectrum.
     """
 
     def __init__(self, spectra: Sequence[Spectrum], motor: MotorImpedance, setup: Setup, ambient: Ambient | None = None) -> None:
@@ -94,7 +94,7 @@ class Problem:
         return "source" not in self.setup.assumed
 
     def parameters(self, effects: Sequence[str]) -> list[tuple[Parameter, float | None]]:
-        """Unknowns with the standard deviation of their prior, if they have one."""
+        """Unknown parameters, each with the standard deviation of its prior or None."""
         found = [(p, (None if p.name == "speed_factor" and not self.repetition_known else sigma)) for p, sigma in BASE]
         if not self.repetition_known:
             found = [(replace(p, low=0.05, high=20.0) if p.name == "speed_factor" else p, sigma) for p, sigma in found]
@@ -105,7 +105,7 @@ class Problem:
         return found
 
     def setup_for(self, effects: Sequence[str], values: Mapping[str, float]) -> Setup:
-        """The set-up with all values in it."""
+        """The set-up with these effects and parameter values."""
         stated = self.setup
         source = replace(
             stated.source,

@@ -1,8 +1,8 @@
-"""What the detectors read of a train of events, by formula.
+"""Readings of the detectors for a train of events, by formula.
 
-Behind a Gaussian filter of impulse bandwidth B an event of density |V| leaves an envelope with the peak sqrt(2) |V| B (as effective value
-of the sine of equal reading). Events that come slower than the envelope decays are read one by one; faster ones add, in phase where the
-tuned frequency is a multiple of the repetition (lines), at random where they jitter (noise).
+Behind a Gaussian filter of impulse bandwidth B an event of density |V| has an envelope with the peak sqrt(2) |V| B (as the rms value of a sine
+with the same reading). If the envelope decays before the next event, the events are separate; otherwise they add up, in phase if the tuned
+frequency is a multiple of the repetition rate (lines), at random with jitter (noise).
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.emission.band import Band
 from motoremi.emission.weighting import envelope_weight, pulse_weight
 
-# The envelopes of neighbours touch 4 standard deviations from either.
+# Distance of events, in standard deviations of the envelope, below which neighbours overlap.
 TOUCHING = 8.0
-# Offsets of the tuned frequency from a line, and phase scatters in rad, at which a jittering train is worked out.
+# Offsets of the tuned frequency from a line, and standard deviations of the phase in rad, at which a train with jitter is tabulated.
 _OFFSETS = np.linspace(0.0, 0.5, 9)
 _SCATTERS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.4, 2.0, 3.0])
 _FAR_ABOVE = 1e4
 _EVENTS = 96
 _SAMPLES = 8
-# Samples of a period that the quasi-peak circuit is shown; the mean of a smooth periodic function needs no more.
+# Samples of a period for the quasi-peak circuit; the mean of a smooth periodic function does not need more.
 _SHOWN = 16
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Levels of all detectors as effective voltages, shape (n,) each."""
+    """Levels of all detectors as rms voltages, shape (n,) each."""
 
     peak: FloatArray
     quasi_peak: FloatArray
@@ -41,17 +41,17 @@ class Readings:
     rms_average: FloatArray
 
     def scaled(self, factor: FloatArray | float) -> Readings:
-        """All of them times a factor."""
+        """All readings times a factor."""
         return Readings(self.peak * factor, self.quasi_peak * factor, self.average * factor, self.rms_average * factor)
 
     @classmethod
     def of_lines(cls, volt: FloatArray) -> Readings:
-        """A sine reads the same on every detector."""
+        """Readings of sines, which are the same for every detector."""
         return cls(volt, volt, volt, volt)
 
 
 def separate(repetition_hz: float, band: Band) -> bool:
-    """Whether events are over behind the filter before the next one comes."""
+    """Whether the envelope of an event has decayed before the next event."""
     return repetition_hz * TOUCHING * band.pulse_sigma_s <= 1
 
 
@@ -64,22 +64,22 @@ def read_events(
     missing_share: float = 0.0,
     weigh: bool = True,
 ) -> Readings:
-    """Detector readings of short events whose density hardly changes within the bandwidth.
+    """Detector readings of short events whose density is nearly constant within the bandwidth.
 
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
-        To which the receiver is tuned.
+        Tuned frequencies of the receiver.
     density_vs : ndarray, shape (n,)
         |V| at the receiver, V s.
     repetition_hz : float
     band : Band
     jitter_s : float
-        Standard deviation of the moments.
+        Standard deviation of the event times.
     missing_share : float
-        Share of events that do not come.
+        Share of events that are missing.
     weigh : bool
-        Whether the quasi-peak reading of separate events, which is worked out step by step, is wanted; without it, it is the peak.
+        Whether to compute the quasi-peak reading of separate events, which takes a simulation; without it, the peak is returned for it.
     """
     height = math.sqrt(2) * density_vs * band.impulse_bandwidth_hz
     coming = repetition_hz * (1 - missing_share)
@@ -97,7 +97,7 @@ def read_events(
 def _separate_unit(coming_hz: float, band: Band, weigh: bool) -> Readings:
     average = coming_hz / band.impulse_bandwidth_hz
     pulse_energy_s = math.sqrt(math.pi) * band.pulse_sigma_s
-    # Effective value over 1/corner, then the mean of those values: below the corner most of them are empty.
+    # Rms over 1/corner, then the mean of these values, most of which are zero if the events come more slowly than the corner frequency.
     within = max(coming_hz, band.rms_corner_hz)
     rms = math.sqrt(pulse_energy_s * within) * min(1.0, coming_hz / band.rms_corner_hz)
     one = np.ones(1)
@@ -119,7 +119,7 @@ def _between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArr
 
 @lru_cache(maxsize=32)
 def _touching_units(relative_rate: float, band: Band, jitters: bool, missing_share: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Peak, quasi-peak, average and effective value of overlapping unit events: by phase scatter (rows) and offset from a line (columns).
+    """Peak, quasi-peak, average and rms of overlapping unit events: by scatter of the phase (rows) and offset from a line (columns).
 
     `relative_rate` is the repetition over the bandwidth.
     """
@@ -156,7 +156,7 @@ def read_comb(
         Complex density of one period at the receiver, V s, at any frequencies.
     band : Band
     weigh : bool
-        Whether the quasi-peak reading, which costs most, is wanted; without it, it is the peak.
+        Whether to compute the quasi-peak reading, which takes most of the time; without it, the peak is returned for it.
     """
     reach = math.ceil(1.7 * band.bandwidth_hz / repetition_hz)
     nearest = np.round(frequency_hz / repetition_hz).astype(np.intp)
@@ -176,11 +176,11 @@ def read_comb(
 
 
 def noise_unit(band: Band, dwell_s: float) -> Readings:
-    """Gaussian noise as the detectors read it, for an average of 1; the peak grows with the time spent."""
+    """Readings of Gaussian noise with an average of 1; the peak increases with the dwell time."""
     effective = 2 / math.sqrt(math.pi)
     independent = max(2.0, 2 * dwell_s * band.noise_bandwidth_hz)
     one = np.ones(1)
-    # The mean of the highest of many powers that are distributed exponentially.
+    # Expected maximum of many exponentially distributed powers.
     highest = effective * math.sqrt(math.log(independent) + np.euler_gamma)
     return Readings(highest * one, _noise_weight(band) * one, one, effective * one)
 
@@ -193,7 +193,7 @@ def _noise_weight(band: Band) -> float:
 
 def rician_mean(sine: FloatArray, noise_average: FloatArray) -> FloatArray:
     """Mean envelope of a sine in Gaussian noise whose own mean envelope is `noise_average`; linear units."""
-    # Far above the noise the Bessel functions lose themselves, and the mean is the sine.
+    # Far above the noise the Bessel functions lose their accuracy, and the mean is the sine.
     square = np.pi / 4 * np.minimum(sine / noise_average, _FAR_ABOVE) ** 2
     half = square / 2
     mean: FloatArray = noise_average * ((1 + square) * ive(0, half) + square * ive(1, half))
@@ -201,7 +201,7 @@ def rician_mean(sine: FloatArray, noise_average: FloatArray) -> FloatArray:
 
 
 def pulses_on_noise(height: FloatArray, noise_average: FloatArray, coming_hz: float, band: Band) -> FloatArray:
-    """Average of separate Gaussian pulses of peak `height` on noise: what each pulse adds for as long as it lasts."""
+    """Average of separate Gaussian pulses of peak `height` in noise: the noise plus the area that each pulse adds."""
     ratios, areas = _added_areas()
     ratio = np.clip(height / noise_average, ratios[0], ratios[-1])
     area = np.exp(np.interp(np.log(ratio), np.log(ratios), np.log(areas)))
@@ -211,7 +211,7 @@ def pulses_on_noise(height: FloatArray, noise_average: FloatArray, coming_hz: fl
 
 @lru_cache(maxsize=1)
 def _added_areas() -> tuple[FloatArray, FloatArray]:
-    """Area, in standard deviations, by which a Gaussian pulse lifts the mean envelope of noise of mean 1, for a range of heights."""
+    """Area that a Gaussian pulse of unit standard deviation adds to the mean envelope of noise of mean 1, for a range of heights."""
     ratios = np.geomspace(1e-2, 1e6, 161)
     u = (np.arange(120) + 0.5) * 0.05
     added = rician_mean(ratios[:, None] * np.exp(-(u**2) / 2), np.ones(1)) - 1

@@ -16,18 +16,18 @@ from motoremi.emission.reading import Readings, noise_unit, pulses_on_noise, rea
 from motoremi.emission.source import Source
 from motoremi.errors import BadInput
 
-# kT at 290 K in 50 Ohm, as dBuV in 1 Hz: -174 dBm + 107 dB.
+# Thermal noise at 290 K in 50 Ohm, in dBuV in 1 Hz: -174 dBm + 107 dB.
 _THERMAL_DBUV_HZ = -67.0
 # Level at the mixer above which it compresses; typical, not from a data sheet.
 MIXER_LIMIT_DBUV = 97.0
 PREAMPLIFIER_DB = 20.0
-# Two peaks that scatter by 0.8 dB each, as those of noise in 50 ms do.
+# Exponent of the mean maximum of two peaks that each scatter by 0.8 dB, like those of noise with a dwell of 50 ms.
 _SCATTERING = 10
 FIELDS: Mapping[Detector, str] = {
     "peak": "peak",
     "quasi-peak": "quasi_peak",
     "average": "average",
-    # Commutation repeats many times within the meter's 160 ms, so that the meter stands still at the average.
+    # Commutation repeats many times within the meter's 160 ms, so that the meter shows the average.
     "cispr-average": "average",
     "rms-average": "rms_average",
 }
@@ -44,9 +44,9 @@ class Receiver:
         Without attenuation and preamplifier.
     attenuation_db : float
     preamplifier : bool
-        20 dB in front of the mixer; the noise figure is then taken to be 5 dB lower.
+        20 dB in front of the mixer; the noise figure is then assumed to be 5 dB lower.
     dwell_s : float
-        Time at each frequency; the peak of noise grows with it.
+        Time at each frequency; the peak of noise increases with it.
     """
 
     band: Band = BAND_B
@@ -64,7 +64,7 @@ class Receiver:
 
     @property
     def floor_dbuv(self) -> float:
-        """What the average detector reads without a signal."""
+        """Reading of the average detector without a signal."""
         figure = self.noise_figure_db - (5.0 if self.preamplifier else 0.0)
         power = _THERMAL_DBUV_HZ + 10 * math.log10(self.band.noise_bandwidth_hz) + figure + self.attenuation_db
         return power - 20 * math.log10(2 / math.sqrt(math.pi))
@@ -75,7 +75,7 @@ class Receiver:
         return MIXER_LIMIT_DBUV + self.attenuation_db - (PREAMPLIFIER_DB if self.preamplifier else 0.0)
 
     def overloaded(self, peak_dbuv: FloatArray) -> BoolArray:
-        """Which points drive the mixer too far."""
+        """Points at which the mixer is overdriven."""
         return np.asarray(peak_dbuv > self.overload_dbuv)
 
     def read(
@@ -96,11 +96,11 @@ class Receiver:
         transfer : ndarray of complex, shape (n,)
             Receiver voltage per volt of the source.
         noise : Readings, optional
-            What the receiver reads with the motor off; its own noise if not given.
+            Readings with the motor off; by default the receiver's own noise.
         lines : Readings, optional
-            Steady lines from outside.
+            Stations.
         weigh : bool
-            Whether the quasi-peak levels, which cost most of the time, are wanted; without it they are left out.
+            Whether to compute the quasi-peak levels, which take most of the time; without it they are left out.
         """
         if noise is None:
             noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
@@ -116,13 +116,13 @@ class Receiver:
         return noise_unit(self.band, self.dwell_s).scaled(1e-6 * 10 ** (average_dbuv / 20))
 
     def _steady(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, lines: Readings | None, weigh: bool) -> Readings | None:
-        """What does not hang on the speed of the motor: the chopper's comb, the paper's source, lines from outside."""
+        """Readings that do not depend on the speed of the motor: the chopper's comb, the paper's source, stations."""
         parts = [] if lines is None else [lines]
         if source.chopper is not None:
             chopper = source.chopper
 
             def density(at_hz: FloatArray) -> ComplexArray:
-                # The path hardly changes between lines that one bandwidth holds.
+                # The transfer function is nearly constant between the lines within one bandwidth.
                 return np.asarray(chopper.density(at_hz) * np.interp(at_hz, frequency_hz, np.abs(transfer)), dtype=np.complex128)
 
             parts.append(read_comb(frequency_hz, chopper.frequency_hz, density, self.band, weigh))
@@ -148,7 +148,7 @@ class Receiver:
         coming = source.repetition_hz * (1 - source.missing_share)
         density = np.abs(source.density(frequency_hz)) * gain
         events = read_events(frequency_hz, density, source.repetition_hz, self.band, source.jitter_s, source.missing_share, weigh)
-        # The highest of many events: their own scatter, and noise in phase with them.
+        # Expected maximum of many events, which scatter by themselves and because of the noise in phase with them.
         number = max(2.0, self.dwell_s * coming)
         scatter = np.hypot(source.arc.spread * events.peak if source.arc is not None else 0.0, noise.rms_average / math.sqrt(2))
         highest = events.peak + scatter * float(ndtri((number - 0.375) / (number + 0.25)))
@@ -166,7 +166,7 @@ class Receiver:
 
 
 def _higher(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Mean of the higher of two readings that both scatter: 0.6 dB above them where they are equal."""
+    """Expected maximum of two readings that both scatter: 0.6 dB above them if they are equal."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     mean: FloatArray = high * (1 + (low / high) ** _SCATTERING) ** (1 / _SCATTERING)
     return mean

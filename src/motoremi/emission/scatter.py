@@ -1,4 +1,4 @@
-"""By how much a scan's readings may be off: scatter from point to point, which it shows, and the receiver's ripple, smooth along frequency."""
+"""Uncertainty of the readings of a scan: scatter from point to point, estimated from the scan, and the receiver's ripple along frequency."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from scipy.ndimage import median_filter
 
 from motoremi.arrays import FloatArray
 
-# Scatter is the middle of so many points. Lines of a comb look like scatter too: no real one is larger than the second figure.
+# Number of points of the running median, and the range of scatter; lines of a comb look like a larger scatter.
 _WINDOW = 61
 _LEAST_DB, _MOST_DB = 0.1, 1.2
-# Knots of the ripple along ln f. Flatness of a receiver within its specification; what the formula of one detector leaves besides.
+# Distance of the knots of the ripple in ln f; ripple of the receiver within its specification; further ripple of each detector's formula.
 _KNOT_SPACING = 0.55
 RIPPLE_DB, OWN_RIPPLE_DB = 0.5, 0.2
 
 
 def scatter_db(level_dbuv: FloatArray) -> FloatArray:
-    """Standard deviation of each reading, from how far its neighbours' readings lie beside the straight line through them.
+    """Standard deviation of each reading, from the deviations of nearby readings from the mean of their two neighbours.
 
     Parameters
     ----------
@@ -31,20 +31,20 @@ def scatter_db(level_dbuv: FloatArray) -> FloatArray:
     if level_dbuv.size < 5:
         return np.full(level_dbuv.shape, _MOST_DB)
     beside = np.abs(level_dbuv[1:-1] - 0.5 * (level_dbuv[:-2] + level_dbuv[2:])) / np.sqrt(1.5)
-    # The middle of a normal distribution's absolute values is at 0.6745 standard deviations.
+    # The median of the absolute values of a normal distribution is 0.6745 standard deviations.
     middle = median_filter(np.pad(beside, 1, mode="edge"), size=min(_WINDOW, level_dbuv.size), mode="reflect") / 0.6745
     clipped: FloatArray = np.clip(middle, _LEAST_DB, _MOST_DB)
     return clipped
 
 
 def even_steps(frequency_hz: FloatArray) -> tuple[FloatArray, float]:
-    """Frequencies in equal steps over a scan, and the step, in Hz: points that were left out, overloaded ones for example, can be bridged."""
+    """Frequencies in equal steps over a scan, and the step, in Hz, to interpolate over points that were left out (overloaded, for example)."""
     step_hz = float(np.median(np.diff(frequency_hz)))
     return np.arange(frequency_hz[0], frequency_hz[-1], step_hz), step_hz
 
 
 def ripple_columns(frequency_hz: FloatArray, detectors: int) -> FloatArray:
-    """What the readings of all detectors may be off by, smoothly along frequency, for unknowns of standard deviation 1.
+    """Smooth errors of the readings of all detectors: columns for unknowns of standard deviation 1.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def ripple_columns(frequency_hz: FloatArray, detectors: int) -> FloatArray:
     Returns
     -------
     ndarray, shape (detectors * n, m)
-        In dB: the ripple that all detectors share, then what each has of its own.
+        In dB: the ripple that all detectors have in common, then that of each detector.
     """
     place = np.log(frequency_hz)
     knots = np.linspace(place[0], place[-1], max(3, round((place[-1] - place[0]) / _KNOT_SPACING) + 1))

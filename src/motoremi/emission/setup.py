@@ -1,4 +1,4 @@
-"""The set-up of an emission test as the user knows it: source, path, receiver; from a TOML file or plain data."""
+"""The set-up of an emission test: source, path, receiver; from a TOML file or plain data."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ MotorImpedance: TypeAlias = Callable[[FloatArray], ComplexArray]
 
 @dataclass(frozen=True)
 class Ambient:
-    """Noise that stays with the motor off.
+    """Levels with the motor off.
 
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
     average_dbuv, peak_dbuv : ndarray, shape (n,)
-        As measured with the motor off; the receiver's own noise is in it.
+        Measured with the motor off; they include the receiver's own noise.
     """
 
     frequency_hz: FloatArray
@@ -45,7 +45,7 @@ class Ambient:
 
 @dataclass(frozen=True)
 class Setup:
-    """What the spectra were, or will be, measured on.
+    """Source, path and receiver with which spectra are measured or predicted.
 
     Parameters
     ----------
@@ -55,15 +55,15 @@ class Setup:
     floor_dbuv : float, optional
         Average reading of the receiver's noise, if it was measured.
     broadband_dbuv, broadband_slope_db : float, optional
-        Ambient noise at 1 MHz on the average detector, and how it falls in dB a decade.
+        Ambient noise at 1 MHz with the average detector, and its decrease in dB per decade.
     stations : tuple of Station
-        Lines that stand in the ambient noise.
+        Broadcast stations in the ambient noise.
     ambient : Ambient, optional
-        A sweep with the motor off.
+        Levels with the motor off.
     corrections : Corrections
-        What stands in front of the receiver: levels are those before it, so the receiver's own noise is higher by as much.
+        Corrections for the parts in front of the receiver. Levels are corrected ones, so the correction is added to the receiver's own noise.
     assumed : tuple of str
-        What nobody stated.
+        Parts of the set-up that were not stated.
     """
 
     source: Source = field(default_factory=Source)
@@ -86,7 +86,7 @@ class Setup:
         motor_ohm : ndarray of complex, shape (n,)
             Z_open (common mode) or Z_short (differential mode).
         weigh : bool
-            Whether the quasi-peak levels, which cost most of the time, are wanted; without it they are left out.
+            Whether to compute the quasi-peak levels, which take most of the time; without it they are left out.
         """
         transfer = self.path.transfer(frequency_hz, motor_ohm)
         lines = read_stations(frequency_hz, self.stations, self.receiver.band) if self.stations else None
@@ -105,7 +105,7 @@ class Setup:
         return self.receiver.noise(floor)
 
     def to_dict(self) -> JsonDict:
-        """Plain data, SI units; `from_dict` reads it back. The ambient sweep and the corrections stay in the session."""
+        """Plain data, SI units; `from_dict` reads it back. Ambient levels and corrections are not included: they are in the session."""
         cable = self.path.cable
         path: JsonDict = {"lisn": self.path.lisn.name, "mode": self.path.mode, "stray_f": self.path.stray_f}
         if cable is not None:
@@ -123,14 +123,14 @@ class Setup:
     def from_dict(cls, content: JsonDict) -> Setup:
         """From plain data or the content of a set-up file.
 
-        Tables: `source` (names of `Source`, or `speed_rpm`, `segments`, `interleaved` in place of `repetition_hz`), `commutation`
-        (names of `Commutation`, or `brush_width_m`, `commutator_diameter_m` and the speed in place of `time_s`), `path` (`lisn`, `mode`,
-        `stray_f`, `cable`), `receiver` (names of `Receiver`).
+        Tables: `source` (fields of `Source`, or `speed_rpm`, `segments`, `interleaved` instead of `repetition_hz`), `commutation`
+        (fields of `Commutation`, or `brush_width_m`, `commutator_diameter_m` and the speed instead of `time_s`), `path` (`lisn`, `mode`,
+        `stray_f`, `cable`), `receiver` (fields of `Receiver`).
 
         Raises
         ------
         BadInput
-            For a name that is not known or a value that cannot be.
+            For an unknown name or a value out of range.
         """
         unknown = set(content) - {"source", "commutation", "path", "receiver", "floor_dbuv", "assumed"}
         if unknown:

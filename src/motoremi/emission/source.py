@@ -1,7 +1,7 @@
-"""What makes the noise: voltage steps of commutation, their arcs, a chopper; the paper's high-pass source.
+"""Sources of the emission: voltage steps of commutation, arcs, a chopper, and the paper's high-pass source.
 
-A source is described by the Fourier integral of one event, in V s, and by how often events come. A contact settles exponentially: height
-U, 10 to 90 % in tr = 2.2 tau, |V| = U/(2 pi f)/sqrt(1 + (2 pi f tau)^2), which falls by 20 dB a decade up to 0.35/tr and by 40 beyond. A
+A source is described by the Fourier integral of one event, in V s, and by the rate of events. The voltage of a contact settles exponentially:
+step U, 10 to 90 % in tr = 2.2 tau, |V| = U/(2 pi f)/sqrt(1 + (2 pi f tau)^2), which falls by 20 dB per decade up to 0.35/tr and by 40 beyond. A
 chopper switches in linear ramps: U/(2 pi f) |sinc(f tr)| each, the two edges of a pulse with opposite signs.
 """
 
@@ -27,7 +27,7 @@ def repetition_hz(speed_rpm: float, segments: int, interleaved: bool = False) ->
     segments : int
         Bars of the commutator.
     interleaved : bool
-        Whether two brush arms commutate in turn instead of together: an odd number of bars with two arms, for example.
+        Whether two brush arms commutate alternately instead of simultaneously, for example with an odd number of bars.
     """
     _checked("speed_rpm", speed_rpm, above=0)
     _checked("segments", segments, above=0)
@@ -45,14 +45,14 @@ def _checked(name: str, value: float, above: float | None = None, least: float |
 
 
 def step_density(frequency_hz: FloatArray, step_v: float, rise_s: float) -> ComplexArray:
-    """Fourier integral of a step that settles exponentially, 10 to 90 % in `rise_s`, in V s; its time zero is where it begins."""
+    """Fourier integral of a step that settles exponentially, 10 to 90 % in `rise_s`, in V s; it begins at time zero."""
     omega: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
     density: ComplexArray = step_v / (omega * (1 + omega * (rise_s / math.log(9))))
     return density
 
 
 def ramp_density(frequency_hz: FloatArray, step_v: float, rise_s: float) -> ComplexArray:
-    """Fourier integral of a step that rises linearly, in V s; its time zero is the start of the rise."""
+    """Fourier integral of a step that rises linearly, in V s; the rise begins at time zero."""
     shape = np.sinc(frequency_hz * rise_s) * np.exp(-1j * np.pi * frequency_hz * rise_s)
     density: ComplexArray = step_v * shape / (2j * np.pi * frequency_hz)
     return density
@@ -60,12 +60,12 @@ def ramp_density(frequency_hz: FloatArray, step_v: float, rise_s: float) -> Comp
 
 @dataclass(frozen=True)
 class Arc:
-    """The arc that breaks when a segment leaves the brush.
+    """The arc when a segment leaves the brush.
 
     Parameters
     ----------
     voltage_v : float
-        Mean step when it goes out: 12 to 20 V.
+        Mean voltage step when the arc extinguishes: 12 to 20 V.
     rise_s : float
         10 to 200 ns.
     spread : float
@@ -89,7 +89,7 @@ class Chopper:
     Parameters
     ----------
     amplitude_v : float
-        Of the part that drives common-mode current.
+        Amplitude of the part that drives common-mode current.
     frequency_hz, duty, rise_s : float
     """
 
@@ -116,12 +116,12 @@ class Chopper:
 
 @dataclass(frozen=True)
 class HighPass:
-    """The paper's behavioural source (its HIPASS block): a level at every frequency, no events. The paper prints no values for it.
+    """The paper's behavioural source (its HIPASS block): a level at every frequency, without events. The paper gives no values for it.
 
     Parameters
     ----------
     level_v : float
-        Effective value well above the corner.
+        Rms value well above the corner frequency.
     corner_hz : float
     """
 
@@ -133,7 +133,7 @@ class HighPass:
         _checked("high-pass corner_hz", self.corner_hz, above=0)
 
     def voltage(self, frequency_hz: FloatArray) -> FloatArray:
-        """Effective value in volt at each frequency."""
+        """Rms value in volt at each frequency."""
         ratio = frequency_hz / self.corner_hz
         level: FloatArray = self.level_v * ratio / np.sqrt(1 + ratio**2)
         return level
@@ -141,20 +141,20 @@ class HighPass:
 
 @dataclass(frozen=True)
 class Source:
-    """Everything that drives common-mode current.
+    """All sources of common-mode current.
 
     Parameters
     ----------
     repetition_hz : float
         Commutations per second.
     step_v, rise_s : float
-        Contact voltage that vanishes at the end of a commutation, and in what time. The height follows from `Commutation.end_step_v`;
-        the paper says nothing on the time, and a microsecond is our assumption.
+        Step of the contact voltage at the end of a commutation, and its fall time. The step follows from `Commutation.end_step_v`;
+        the paper does not state the time, and a microsecond is an assumption.
     arc : Arc, optional
     jitter_s : float
-        Standard deviation of the moments of commutation.
+        Standard deviation of the times of commutation.
     missing_share : float
-        Share of commutations that do not break (brush bounce).
+        Share of commutations without a step (brush bounce).
     chopper : Chopper, optional
     high_pass : HighPass, optional
     """
@@ -177,7 +177,7 @@ class Source:
 
     @classmethod
     def of(cls, commutation: Commutation, repetition_hz: float, arc_voltage_v: float = 15.0, rise_s: float = 1e-6) -> Source:
-        """The source that a commutation leads to: a step of the contact voltage, and an arc where the current does not reverse in time."""
+        """The source for a commutation: a step of the contact voltage, or an arc if the current does not reverse in time."""
         spark = commutation.spark(arc_voltage_v)
         if spark is not None:
             return cls(repetition_hz, 0.0, rise_s, Arc(arc_voltage_v))
@@ -191,17 +191,17 @@ class Source:
         return total
 
     def to_dict(self) -> JsonDict:
-        """Plain data, SI units; parts that are not there are left out."""
+        """Plain data, SI units; missing parts are left out."""
         return {key: value for key, value in asdict(self).items() if value is not None}
 
     @classmethod
     def from_dict(cls, values: JsonDict) -> Source:
-        """From plain data, as a session or a file holds it.
+        """From plain data, as stored in a session or a file.
 
         Raises
         ------
         BadInput
-            For a name that a source does not have, or a value that it cannot have.
+            For an unknown name, or a value out of range.
         """
         parts: dict[str, Any] = {"arc": Arc, "chopper": Chopper, "high_pass": HighPass}
         try:

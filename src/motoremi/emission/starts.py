@@ -1,8 +1,8 @@
-"""Start values of a chopper, read off the spectrum: its period and the width of its pulses are ripple of the levels along frequency.
+"""Start values of a chopper from the spectrum: its period and the width of its pulses cause ripples of the levels along frequency.
 
-Levels in dB add what is multiplied: lines at multiples of 1/T are a ripple cos(2 pi f T), and the two edges of a pulse, which cancel where
-f d T is a whole number, one of -cos(2 pi f d T). A cosine transform over the whole scan tells T to some nanoseconds, also where the lines are no
-wider apart than the receiver's bandwidth and hardly stand out.
+In dB, factors of the spectrum are added: lines at multiples of 1/T cause a ripple cos(2 pi f T), and the two edges of a pulse, which cancel if
+f d T is an integer, a ripple -cos(2 pi f d T). A cosine transform over the whole scan determines T to some nanoseconds, even if the lines are not
+further apart than the receiver's bandwidth and are hardly visible.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from motoremi.arrays import FloatArray
 from motoremi.emission.problem import Problem
 from motoremi.emission.scatter import even_steps
 
-# Of the chopper and of its pulses.
+# Range of the chopper's frequency, and shortest pulse.
 _SLOWEST_HZ, _FASTEST_HZ = 2.5e3, 60e3
 _SHORTEST_S = 1.5e-6
-# Structure wider than this along frequency is not a chopper's; a point that is further off says no more.
+# Structures wider than this along frequency are not caused by a chopper; larger deviations of a point are clipped.
 _WIDEST_HZ, _MOST_DB = 700e3, 10.0
-# Zero padding, and how many ripples are followed.
+# Factor of zero padding, and numbers of periods and widths that are tried.
 _PADDING, _PERIODS, _WIDTHS = 16, 4, 4
 _RATES_HZ = np.geomspace(_SLOWEST_HZ, 9e3, 16)
 _DUTIES = (0.1, 0.25, 0.4)
@@ -38,29 +38,29 @@ def chopper_starts(problem: Problem, effects: Sequence[str], others: Mapping[str
     ----------
     problem : Problem
     effects : sequence of str
-        Of the model without a chopper.
+        Effects of the model without a chopper.
     others : mapping
-        Its values.
+        Its parameter values.
     """
     level = problem.whole.get("average", next(iter(problem.whole.values())))
     periods, widths = _ripples(problem.grid, level)
     pairs = [(1 / rate, duty) for rate in (3e3, 4.5e3, 6.5e3) for duty in _DUTIES]
     pairs += [(1 / rate, width * rate) for rate in _RATES_HZ for width in widths]
-    # The pulse and the gap after it show alike, and make up the period together.
+    # The pulse and the gap after it cause the same kind of ripple, and their sum is the period.
     pairs += [(one + other, one / (one + other)) for one, other in combinations(widths, 2)]
     for period in periods:
         pairs += [(period, duty) for duty in (*(width / period for width in widths), _duty_of_lines(problem, level, period))]
-    rough = _nearest([_sized(problem, effects, others, 1 / period, duty * period, _RISE_S) for period, duty in pairs if 0.03 < duty < 0.97])
-    # Ramps have zeros of their own, which a fit does not step over.
-    return _nearest([_sized(problem, effects, others, one["frequency_hz"], one["width_s"], float(rise)) for one in rough for rise in _RISES_S])
+    rough = _best([_sized(problem, effects, others, 1 / period, duty * period, _RISE_S) for period, duty in pairs if 0.03 < duty < 0.97])
+    # The rise time is scanned, because the spectrum of a ramp has zeros, which separate the minima of a fit.
+    return _best([_sized(problem, effects, others, one["frequency_hz"], one["width_s"], float(rise)) for one in rough for rise in _RISES_S])
 
 
-def _nearest(sized: list[tuple[float, dict[str, float]]]) -> list[dict[str, float]]:
+def _best(sized: list[tuple[float, dict[str, float]]]) -> list[dict[str, float]]:
     return [start for _, start in sorted(sized, key=lambda pair: pair[0])[:_KEPT]]
 
 
 def _ripples(frequency_hz: FloatArray, level_dbuv: FloatArray) -> tuple[list[float], list[float]]:
-    """Periods and widths of pulses, in s, strongest first; none where the scan is too short."""
+    """Periods and widths of pulses, in s, strongest first; none if the scan is too short."""
     even_hz, step = even_steps(frequency_hz)
     if even_hz[-1] - even_hz[0] < 2 * _WIDEST_HZ:
         return [], []
@@ -69,7 +69,7 @@ def _ripples(frequency_hz: FloatArray, level_dbuv: FloatArray) -> tuple[list[flo
     detail = np.clip(level - smooth, -_MOST_DB, _MOST_DB) * np.hanning(level.size)
     size = _PADDING * 2 ** int(np.ceil(np.log2(detail.size)))
     delay_s = np.arange(size) / (size * step)
-    # The transform repeats after 1/step, but for the phase of the first frequency.
+    # The transform is periodic in 1/step, apart from the phase of the first frequency.
     ripple = np.real(np.fft.ifft(detail, size) * size * np.exp(2j * np.pi * frequency_hz[0] * delay_s))
     return (
         _highest(delay_s, ripple, 1 / _FASTEST_HZ, min(1 / step, 1 / _SLOWEST_HZ), _PERIODS),
@@ -84,12 +84,12 @@ def _highest(delay_s: FloatArray, ripple: FloatArray, shortest_s: float, longest
 
 
 def _duty_of_lines(problem: Problem, level_dbuv: FloatArray, period_s: float) -> float:
-    """The duty cycle whose |sin(pi k d)|/k looks like the lines k; more lines tell it more sharply."""
+    """The duty cycle d for which |sin(pi k d)|/k agrees best with the lines k, refined with more and more lines."""
     frequency, spacing = problem.grid, 1 / period_s
     gain_db = 20 * np.log10(np.abs(problem.setup.path.transfer(problem.grid_hz, problem.motor_ohm)))
     number = np.arange(np.ceil(frequency[0] / spacing), frequency[-1] // spacing)
     at = np.searchsorted(frequency, number * spacing - (frequency[1] - frequency[0]) / 2)
-    # The receiver is tuned beside the line: what the filter takes off is put back.
+    # Correction for the attenuation of the filter, because the receiver is not tuned exactly to the line.
     beside = 6.02 * ((frequency[at] - number * spacing) / (0.5 * problem.setup.receiver.band.bandwidth_hz)) ** 2
     height_db = level_dbuv[at] + beside - np.interp(number * spacing, problem.grid_hz, gain_db)
     found, width = np.linspace(0.02, 0.5, 241), 0.001
@@ -107,7 +107,7 @@ def _duty_of_lines(problem: Problem, level_dbuv: FloatArray, period_s: float) ->
 def _sized(
     problem: Problem, effects: Sequence[str], others: Mapping[str, float], rate_hz: float, width_s: float, rise_s: float
 ) -> tuple[float, dict[str, float]]:
-    """A start with the amplitude that puts the average where it was measured, and how far it is off then."""
+    """The remaining error, and a start with the amplitude that gives the measured average level."""
     start = {"amplitude_v": _VOLT, "frequency_hz": rate_hz, "width_s": width_s, "rise_s": rise_s}
     error = problem.error((*effects, "chopper"), {**others, **{f"chopper.{key}": value for key, value in start.items()}})
     above_db = float(np.median(error[problem.where.get("average", slice(None))]))

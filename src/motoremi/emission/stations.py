@@ -1,4 +1,4 @@
-"""Stations: single narrow lines, such as broadcast that comes in over the mains, which no motor and no chopper makes."""
+"""Stations: single narrow lines from outside, such as radio broadcast, which are not caused by the motor or a chopper."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from motoremi.emission.band import Band
 from motoremi.emission.reading import Readings
 from motoremi.emission.scatter import even_steps
 
-# A station stands out from its surroundings (so many points either side), and is over so many points beside its top.
-_STANDS_OUT_DB = 5.0
+# Least height of a station above its surroundings (number of points on either side), and the number of points within which it falls off.
+_PROMINENT_DB = 5.0
 _AROUND, _OVER = 20, 3
-# More lines than this near each other are a comb, more than that in the whole span as well.
+# More lines than these, near each other or in the whole span, are a comb.
 _MOST_NEAR, _MOST = 4, 40
 
 
 @dataclass(frozen=True)
 class Station:
-    """One line.
+    """One station.
 
     Parameters
     ----------
     frequency_hz : float
     average_dbuv, peak_dbuv : float
-        Without what it stands on; modulation lifts the peak.
+        Levels without the surrounding noise; with modulation the peak is higher.
     """
 
     frequency_hz: float
@@ -37,12 +37,12 @@ class Station:
 
 
 def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray], band: Band) -> tuple[Station, ...]:
-    """The stations of a scan; none where the steps are too wide to tell.
+    """The stations of a scan; none if the steps are too wide to recognise them.
 
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
-        In equal steps but for points that were left out.
+        In equal steps, apart from points that were left out.
     levels_dbuv : mapping
         Detector -> levels at those frequencies.
     band : Band
@@ -55,8 +55,8 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
     levels = {detector: np.interp(even_hz, frequency_hz, level) for detector, level in levels_dbuv.items()}
     average = levels.get("average", next(iter(levels.values())))
     peak = levels.get("peak", average)
-    # On the peak a station may hide below the commutation.
-    tops = np.flatnonzero(_stands_out(average))
+    # The average is used, because with the peak detector a station may be below the level of the commutation.
+    tops = np.flatnonzero(_prominent(average))
     near = np.array([np.sum(np.abs(tops - top) <= _AROUND) for top in tops])
     if tops.size > _MOST or np.any(near > _MOST_NEAR):
         return ()
@@ -65,7 +65,7 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
     for top in tops:
         offset = float(np.clip((average[top + 1] - average[top - 1]) / (4 * fall_db), -0.5, 0.5))
         around = slice(max(0, top - _AROUND), top + _AROUND)
-        # On the average it stands in power on its surroundings, on the peak in voltage.
+        # A station adds to its surroundings in power with the average detector, in voltage with the peak detector.
         tuned_hz, beside_db = float(even_hz[top] + offset * step), fall_db * offset**2
         own_average = 10 * np.log10(10 ** (average[top] / 10) - 10 ** (np.median(average[around]) / 10))
         own_peak = 20 * np.log10(max(10 ** (peak[top] / 20) - 10 ** (np.median(peak[around]) / 20), 1e-9))
@@ -73,19 +73,19 @@ def find_stations(frequency_hz: FloatArray, levels_dbuv: Mapping[str, FloatArray
     return tuple(found)
 
 
-def _stands_out(level_dbuv: FloatArray) -> BoolArray:
-    """Points that are the highest nearby, well above their surroundings, and on one side at least over as quickly as the filter allows."""
+def _prominent(level_dbuv: FloatArray) -> BoolArray:
+    """Points that are the highest nearby, well above their surroundings, and fall off as fast as the filter allows on at least one side."""
     inner = slice(_OVER, -_OVER)
     highest = maximum_filter1d(level_dbuv, 2 * _OVER - 1) == level_dbuv
-    above = level_dbuv - median_filter(level_dbuv, size=2 * _AROUND + 1, mode="nearest") > _STANDS_OUT_DB
+    above = level_dbuv - median_filter(level_dbuv, size=2 * _AROUND + 1, mode="nearest") > _PROMINENT_DB
     narrow = np.zeros(level_dbuv.size, dtype=bool)
     beside = np.minimum(level_dbuv[: -2 * _OVER], level_dbuv[2 * _OVER :])
-    narrow[inner] = level_dbuv[inner] - beside > _STANDS_OUT_DB - 1
+    narrow[inner] = level_dbuv[inner] - beside > _PROMINENT_DB - 1
     return np.asarray(highest & above & narrow)
 
 
 def read_stations(frequency_hz: FloatArray, stations: tuple[Station, ...], band: Band) -> Readings:
-    """What the detectors read of them."""
+    """Readings of the stations."""
     tuned = np.array([station.frequency_hz for station in stations])
     passed = np.exp(-((frequency_hz[:, None] - tuned) ** 2) / (2 * band.sigma_hz**2))
     average, peak = (

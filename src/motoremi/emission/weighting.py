@@ -1,7 +1,7 @@
 """The quasi-peak detector as a circuit: a diode that charges a capacitor through a resistor, a discharge resistor, and the meter.
 
 The capacitor is charged while the intermediate-frequency sine exceeds its voltage v; averaged over a cycle of amplitude e the current
-is e h(v/e) with h(x) = (sqrt(1 - x^2) - x arccos x)/pi. The charge time of the standard is defined by the answer to a sine (63 % of the
+is e h(v/e) with h(x) = (sqrt(1 - x^2) - x arccos x)/pi. The standard defines the charge time by the response to a sine (63 % of the
 final value), from which the resistor follows. The meter is a critically damped system of second order.
 """
 
@@ -21,7 +21,7 @@ from motoremi.emission.band import Band
 _STEPS = 160
 _WIDTH = 4.0
 _METER_POINTS = 4096
-# Leaves 0.01 dB of doubt.
+# Number of bisections; the remaining uncertainty is 0.01 dB.
 _HALVINGS = 11
 
 
@@ -35,7 +35,7 @@ class Diode:
         Charge resistor times capacitor.
     discharge_s : float
     final : float
-        Voltage that a sine of amplitude 1 leads to; readings are divided by it.
+        Final voltage for a sine of amplitude 1; readings are divided by it.
     """
 
     charge_s: float
@@ -49,7 +49,7 @@ def _current(x: float) -> float:
 
 @lru_cache(maxsize=8)
 def diode(band: Band) -> Diode:
-    """The circuit whose answer to a sine rises to 63 % in the charge time of the band."""
+    """The circuit whose response to a sine rises to 63 % within the charge time of the band."""
 
     def final(charge_s: float) -> float:
         return float(brentq(lambda x: _current(x) / charge_s - x / band.discharge_s, 0.0, 1.0))
@@ -65,12 +65,12 @@ def diode(band: Band) -> Diode:
 
 @lru_cache(maxsize=256)
 def pulse_weight(band: Band, repetition_hz: float) -> float:
-    """Quasi-peak over peak for separate pulses of one height, both read as the sine of equal reading.
+    """Ratio of the quasi-peak to the peak reading of separate pulses of one height.
 
     Parameters
     ----------
     repetition_hz : float
-        Slow enough that the pulses behind the filter do not overlap (8 standard deviations of the envelope).
+        So low that the pulses behind the filter do not overlap (8 standard deviations of the envelope).
     """
     circuit = diode(band)
     step = 2 * _WIDTH * band.pulse_sigma_s / _STEPS
@@ -96,7 +96,7 @@ def pulse_weight(band: Band, repetition_hz: float) -> float:
 
 
 def _meter(voltage: FloatArray, repetition_hz: float, meter_s: float) -> FloatArray:
-    """What a critically damped meter shows of a periodic voltage."""
+    """Response of a critically damped meter to a periodic voltage."""
     harmonics = np.arange(voltage.size // 2 + 1)
     shown: FloatArray = np.fft.irfft(np.fft.rfft(voltage) / (1 + 2j * np.pi * harmonics * repetition_hz * meter_s) ** 2, voltage.size)
     return shown
@@ -108,7 +108,7 @@ def envelope_weight(band: Band, envelope: FloatArray) -> FloatArray:
     Parameters
     ----------
     envelope : ndarray, shape (..., m)
-        Samples over one period, or over a long enough stretch of noise.
+        Samples over one period, or over a sufficiently long section of noise.
 
     Returns
     -------
@@ -128,7 +128,7 @@ def envelope_weight(band: Band, envelope: FloatArray) -> FloatArray:
 
 
 def _fast_current(x: FloatArray) -> FloatArray:
-    """h(x) for 0 <= x <= 1 within 1e-7: powers of 1 - x, fitted."""
+    """h(x) for 0 <= x <= 1 with an error below 1e-7: a fitted polynomial in 1 - x."""
     y = np.maximum(1 - x, 0.0)
     current: FloatArray = y * np.sqrt(y) * (0.3001156 + y * (0.0149013 + y * (0.0027818 + y * (-0.00002 + y * 0.0005311))))
     return current

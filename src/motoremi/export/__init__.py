@@ -1,1 +1,1 @@
-"""The model and the data in the formats of other programs: CSV, Parquet, HDF5, xarray, Touchstone, SPICE."""
+"""Export of model and data to the formats of other programs: CSV, Parquet, HDF5, xarray, Touchstone, SPICE."""

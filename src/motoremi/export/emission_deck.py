@@ -11,15 +11,15 @@ from motoremi.emission.source import Source
 from motoremi.errors import BadInput
 from motoremi.export.spice import SUBCIRCUIT
 
-# A contact opens faster than anything else here; the settling behind it is what the source says.
+# Edge of the ideal step; the rise time of the source follows from an RC element behind it.
 _EDGE_S = 1e-9
 
 
 def emission_deck(subcircuit: str, setup: Setup) -> str:
-    """A deck that ngspice and LTspice run as it is.
+    """A deck that ngspice and LTspice run without changes.
 
-    AC: one volt of the source, whatever makes it; node `receiver` is the transfer. Transient: the source's steps, one edge for each
-    commutation, up and down in turn.
+    AC analysis: the source is one volt, so the voltage at node `receiver` is the transfer function. Transient analysis: the source's steps, one
+    edge for each commutation, alternately up and down.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def emission_deck(subcircuit: str, setup: Setup) -> str:
     Raises
     ------
     BadInput
-        If the subcircuit lacks the frame's side and the set-up reads the common mode.
+        If the subcircuit has no path to the frame and the set-up is for the common mode.
     """
     common = setup.path.mode == "common"
     if common and "nothing between far_end and frame" in subcircuit:
         raise BadInput("no open-circuit sweep: the frame's side of the motor is not known, and common-mode current goes through it")
     home = "0" if common else "back"
     lines = ["* emission test: source, motor, LISNs; read node receiver", *subcircuit.splitlines(), *_source(setup.source, home)]
-    # The source drives the frame, the LISNs see the terminal.
+    # The source drives the frame; the LISNs are at the terminal.
     lines.append(f"Xmotor terminal {'far' if common else 'emf'} emf {SUBCIRCUIT}")
     lines += path_lines(setup.path)
     period = 2 / setup.source.repetition_hz
@@ -46,7 +46,7 @@ def emission_deck(subcircuit: str, setup: Setup) -> str:
 
 
 def _source(source: Source, home: str) -> Iterator[str]:
-    """Voltage between `emf` and `home`: 1 V of AC in series with what switches."""
+    """Voltage between `emf` and `home`: 1 V AC in series with the switching sources."""
     random = [("jitter", source.jitter_s), ("missing commutations", source.missing_share), ("spread of the arc", source.arc and source.arc.spread)]
     for name, size in random:
         if size:
@@ -60,7 +60,7 @@ def _source(source: Source, home: str) -> Iterator[str]:
     node, period = "after_ac", 2 / source.repetition_hz
     for name, height, rise in steps:
         following = f"after_{name}"
-        # 10 to 90 % of an exponential take ln 9 time constants.
+        # The 10 to 90 % time of an exponential is ln 9 time constants.
         yield f"V{name} {name}_edge 0 pulse(0 {height:.6g} 1u {_EDGE_S:g} {_EDGE_S:g} {period / 2:.9g} {period:.9g})"
         yield f"R{name} {name}_edge {name}_settled 1"
         yield f"C{name} {name}_settled 0 {rise / math.log(9):.9g}"

@@ -1,4 +1,4 @@
-"""Libraries that only some exports need."""
+"""Check for libraries that only some exports need."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from motoremi.errors import BadInput
 
 
 def needs(module: str, what: str, extra: str) -> None:
-    """Say in one line how to install what is missing.
+    """Raise an error that says how to install a missing library.
 
     Raises
     ------

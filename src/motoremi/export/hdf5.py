@@ -13,7 +13,7 @@ from motoremi.fitting.result import Fit
 def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
     """Groups `sweeps/<termination>-<repeat>`, `spectra/<number>`, `model/<termination>` and `analysis/<name>` (JSON text).
 
-    Impedances are complex datasets in ohm; metadata stand as JSON in the attribute `metadata` of each group.
+    Impedances are complex datasets in ohm; the attribute `metadata` of each group holds its metadata as JSON.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Dispersive laws as passive ladders: sums of simple cells whose sizes a non-negative least-squares fit finds.
+"""Dispersive laws as passive networks: sums of simple cells whose sizes are found by non-negative least squares.
 
-A loss that grows with frequency in a conductor or a core is a spectrum of R parallel L cells in series (Foster's first form), one in a
-dielectric a spectrum of R series C cells in parallel (the second). Sizes cannot be negative, so what comes out is passive whatever the data.
+A loss that grows with frequency in a conductor or a core is represented by R parallel L cells in series (Foster's first form), one in a
+dielectric by R series C cells in parallel (the second form). Sizes cannot be negative, so the result is always passive.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.export.parts import Element, InParallel, InSeries, Part, resonant_loop
 
-# Cells that change the result by less than this are left out.
+# Cells that change the result by less than this are left out; the poles are not refined further below the second error.
 _NEGLIGIBLE = 1e-9
 _GOOD_ENOUGH = 3e-6
 _REFINEMENTS = 8
@@ -29,12 +29,12 @@ class Ladder:
 
 
 def ladder_of(name: str, frequency_hz: FloatArray, impedance: ComplexArray, resonances: tuple[tuple[float, float], ...] = ()) -> Ladder:
-    """The passive ladder nearest to an impedance: R parallel L cells or R series C cells, whichever is nearer.
+    """The passive network for an impedance: R parallel L cells or R series C cells, whichever has the smaller error.
 
     Parameters
     ----------
     name : str
-        Of the element, for the names of the cells.
+        Name of the element, for the names of the cells.
     frequency_hz : ndarray, shape (n,)
     impedance : ndarray of complex, shape (n,)
         In ohm.
@@ -52,7 +52,7 @@ def ladder_of(name: str, frequency_hz: FloatArray, impedance: ComplexArray, reso
 
 
 def _loops(name: str, resonances: tuple[tuple[float, float], ...]) -> tuple[Part, ...]:
-    """Resonant cells of unit size round each resonance: a loss beside it moves and damps what is seen of it."""
+    """Resonant cells of unit size around each resonance, because losses in parallel shift and damp it."""
     parts: list[Part] = []
     for w, quality in resonances:
         for at in w * np.exp(np.linspace(-0.15, 0.15, 31)):
@@ -69,7 +69,7 @@ def _loops(name: str, resonances: tuple[tuple[float, float], ...]) -> tuple[Part
 
 @dataclass(frozen=True)
 class _Foster:
-    """`constant + slope s + sum weights s / (s + poles)`, and extra cells with their sizes."""
+    """`constant + slope s + sum of weights s / (s + poles)`, and extra cells."""
 
     poles: FloatArray
     weights: FloatArray
@@ -79,7 +79,7 @@ class _Foster:
 
 
 def _foster(s: ComplexArray, target: ComplexArray, extra: tuple[Part, ...]) -> _Foster:
-    """The nearest sum with sizes of at least 0, its poles refined where they are needed."""
+    """The best sum with non-negative sizes; the poles are refined near those with a size above 0."""
     w = np.abs(s)
     step = np.log(10) / 8
     poles = np.exp(np.arange(np.log(w.min() / 100), np.log(w.max() * 100), step))

@@ -1,4 +1,4 @@
-"""Networks of ideal resistors, inductors and capacitors as values: what a circuit simulator can take."""
+"""Networks of ideal resistors, inductors and capacitors for a circuit simulator."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray
 
-# Hands out a new node, or a new element name from a stem.
+# Returns a new node name or element name that begins with a stem.
 Fresh: TypeAlias = Callable[[str], str]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A network of two terminals."""
+    """A network with two terminals."""
 
     def impedance(self, s: ComplexArray) -> ComplexArray:
-        """In ohm."""
+        """Impedance in ohm."""
         raise NotImplementedError
 
     def scaled(self, factor: float) -> Part:
@@ -55,7 +55,7 @@ class Element(Part):
 
 @dataclass(frozen=True)
 class InSeries(Part):
-    """One after the other."""
+    """Parts in series."""
 
     members: tuple[Part, ...]
 
@@ -73,7 +73,7 @@ class InSeries(Part):
 
 @dataclass(frozen=True)
 class InParallel(Part):
-    """Side by side."""
+    """Parts in parallel."""
 
     members: tuple[Part, ...]
 
@@ -90,18 +90,18 @@ class InParallel(Part):
 
 @dataclass(frozen=True)
 class Coils:
-    """Equal coils in series, each with resistance before it and a part beside both, whose flux links the others.
+    """Equal coils in series that are coupled by their flux, each with a series resistance and a part in parallel with both.
 
     Parameters
     ----------
     copper : Part
-        Of one coil.
+        Resistance of one coil.
     henry : float
-        Of one coil.
+        Inductance of one coil.
     coupling : float
-        Of neighbours; to the power of the distance for others.
+        Coupling of neighbours; to the power of the distance for others.
     beside : Part or None
-        Across one coil and its copper.
+        Part in parallel with one coil and its resistance.
     """
 
     copper: Part
@@ -110,7 +110,7 @@ class Coils:
     beside: Part | None
 
     def admittance(self, s: ComplexArray, count: int) -> ComplexArray:
-        """Of so many coils: currents from their voltages, shape (n, count, count)."""
+        """Admittance matrix of `count` coils, shape (n, count, count)."""
         order = np.arange(count)
         linked = self.coupling ** np.abs(order[:, None] - order)
         own = self.copper.impedance(s)[:, None, None] * np.eye(count)

@@ -17,11 +17,11 @@ from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, 
 from motoremi.model.motor import Motor
 from motoremi.model.sections import Sections, linked_flux
 
-# Ladders are fitted beyond the measured span, so that a transient does not meet the end of the fit right behind it.
+# Factor by which the fit of ladders extends beyond the measured span, so that they are still valid near its ends in a transient run.
 _MARGIN = 3.0
 _POINTS_PER_DECADE = 40
 _LARGEST_NUMBER_OF_SECTIONS = 512
-# Half of what the whole netlist is allowed (0.05 dB, 0.5 degree) is left to the sections of a distributed winding.
+# Largest error because of the sections of a distributed winding: half of that of the whole netlist (0.05 dB, 0.5 degree).
 _SECTION_DB, _SECTION_DEG = 0.025, 0.25
 
 
@@ -34,11 +34,11 @@ class Realisation:
     outside : tuple of (str, Part)
         From the terminal inwards: `series` parts (leads) and `shunt` parts to the frame.
     winding : Part or Coils
-        Between the terminal and the far end; of one section where it is distributed.
+        Between the terminal and the far end; one section of a distributed winding.
     frame : Part or None
-        Between the far end and the frame; None where no sweep saw it.
+        Between the far end and the frame; None without an open-circuit sweep.
     sections : int
-        How many sections a distributed winding is cut into; 1 if it is not.
+        Number of sections of a distributed winding, otherwise 1.
     spread : Part or None
         Impedance to the frame of one section.
     across : Part or None
@@ -56,7 +56,7 @@ class Realisation:
     ladder_errors: Mapping[str, float] = field(default_factory=dict)
 
     def impedance(self, termination: str, frequency_hz: FloatArray) -> ComplexArray:
-        """What the parts give between terminal and frame, with the far end open, or joined to the frame."""
+        """Impedance between terminal and frame, with the far end open, or connected to the frame."""
         s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
         load = None
         if termination == "open":
@@ -82,9 +82,9 @@ class Realisation:
         return 1 / own if load is None else 1 / (own - through**2 / (own + 1 / load))
 
     def _ends(self, s: ComplexArray, series: ComplexArray, shunt: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Admittance at either end of all sections in a row, the other end shorted, and between the ends.
+        """Admittance at either end of the chain of sections with the other end shorted, and transfer admittance between the ends.
 
-        Each section has half of what goes to the frame at each of its ends. Two equal rows make one of twice the length.
+        Each section has half of its shunt admittance at each end. The length of the chain is doubled until all sections are included.
         """
         own, through = 1 / series + shunt / 2, 1 / series
         for _ in range(self.sections.bit_length() - 1):
@@ -93,7 +93,7 @@ class Realisation:
         return own, through
 
     def _coupled_ends(self, s: ComplexArray, coils: Coils) -> tuple[ComplexArray, ComplexArray]:
-        """The same of coils that link each other's flux: the admittance of all nodes, those inside eliminated."""
+        """The same for coils that are coupled by their flux: the admittance matrix with the inner nodes eliminated."""
         assert self.spread is not None
         count = self.sections
         drop = np.eye(count, count + 1) - np.eye(count, count + 1, 1)
@@ -108,7 +108,7 @@ class Realisation:
 
 
 class _Builder:
-    """Turns circuit nodes into parts, for one set of values and one span."""
+    """Converts circuit nodes to parts, for one set of values and one span."""
 
     def __init__(self, values: Mapping[str, float], span_hz: tuple[float, float]) -> None:
         self.values = values
@@ -117,7 +117,7 @@ class _Builder:
         self.errors: dict[str, float] = {}
 
     def part(self, node: Node) -> Part:
-        """The parts of one node."""
+        """The part for one node."""
         if isinstance(node, Series):
             return InSeries(tuple(self.part(member) for member in node.members))
         if isinstance(node, Parallel):
@@ -161,7 +161,7 @@ class _Builder:
     def _ladder(self, node: Node) -> Part:
         name = _word(next((part.name for part in walk(node) if isinstance(part, Leaf)), "part"))
         loops = [self._own(part)[1:] for part in walk(node) if isinstance(part, Scaled) and part.law is laws.coupled_winding_factor]
-        # A narrow resonance needs points of its own.
+        # A narrow resonance needs additional points.
         near = [resonance_hz * np.exp(np.linspace(-6, 6, 120) / max(quality, 5.0)) for resonance_hz, quality in loops]
         frequency = np.unique(np.concatenate((self.frequency_hz, *near)))
         resonances = tuple((2 * np.pi * resonance_hz, quality) for resonance_hz, quality in loops)
@@ -185,19 +185,19 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
     motor : Motor
         Without effects of the analyser.
     values : mapping
-        Of all its parameters, SI units.
+        Values of all its parameters, SI units.
     span_hz : tuple
-        Over which the ladders have to fit.
+        Span over which the ladders are fitted.
     with_frame : bool
-        False where nothing is known of the frame's side.
+        False if the path to the frame is not known.
 
     Raises
     ------
     BadInput
-        If an element differs between the two sweeps, or an effect of the user's own wraps the motor in a way that has no such parts.
+        If an element differs between the two sweeps, or a user's effect changes the motor in a way that has no equivalent of ideal parts.
     """
-    if motor.apart:
-        differing = ", ".join(apart.element for apart in motor.apart)
+    if motor.open_factors:
+        differing = ", ".join(factor.element for factor in motor.open_factors)
         raise BadInput(
             f"{differing} differs between the short- and the open-circuit sweep: no one network is both; drop common-mode-flux for this export"
         )
@@ -225,16 +225,16 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
 
 
 def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sections) -> Realisation:
-    """A winding of coils that link each other's flux.
+    """A winding of coils that are coupled by their flux.
 
     Raises
     ------
     BadInput
-        If La is under a law of its core: coils with a ladder each do not link as their flux does.
+        If La has a law of its core: coupled coils of ideal parts cannot represent it.
     """
     if not (isinstance(seen.flux, Leaf) and seen.flux.law is laws.inductor):
         raise BadInput(
-            "La is under a law of its core, which coupled coils of ideal parts cannot share: drop that effect, or winding-sections, for this export"
+            "La has a law of its core, which coupled coils of ideal parts cannot represent: drop that effect, or winding-sections, for this export"
         )
     count, coupling = round(builder.values[seen.number.name]), builder.values[seen.coupling.name]
     copper, spread = builder.part(seen.copper).scaled(1 / count), builder.part(seen.shunt).scaled(count)
@@ -254,12 +254,12 @@ _PLACEHOLDER = Leaf("motor", laws.resistor, ())
 
 
 def _bare(motor: Motor) -> Motor:
-    """The motor without what is attached to it."""
-    return dataclasses.replace(motor, apart=(), attachments=())
+    """The motor without attachments."""
+    return dataclasses.replace(motor, open_factors=(), attachments=())
 
 
 def _line_of(seen: Node) -> tuple[Line | None, Node | None]:
-    """The line of a distributed winding, and what lies across its ends."""
+    """The line of a distributed winding, and the part across its ends."""
     if isinstance(seen, Bridged):
         return Line(seen.series, seen.shunt, seen.load), seen.across
     if isinstance(seen, Parallel) and isinstance(seen.members[0], Line):
@@ -279,5 +279,5 @@ def _outside(builder: _Builder, wrapped: Node) -> tuple[str, Part]:
 
 
 def _word(name: str) -> str:
-    """A name that every simulator takes."""
+    """A name that every simulator accepts."""
     return "".join(c if c.isascii() and c.isalnum() else "_" for c in name)

@@ -1,4 +1,4 @@
-"""The fitted motor as a SPICE subcircuit of plain R, L, C and K, for ngspice and LTspice alike."""
+"""The fitted motor as a SPICE subcircuit of R, L, C and K, for ngspice and LTspice."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import show, show_band
 from motoremi.threads import one_blas_thread
 
-# A netlist further than this from the model is not written at all.
+# A netlist with a larger difference from the model is not written.
 _WORST_DB, _WORST_DEG = 0.5, 5.0
 SUBCIRCUIT = "motoremi_motor"
 
 
 @dataclass(frozen=True)
 class SpiceModel:
-    """A netlist and how well it agrees with the fitted model.
+    """A netlist and its largest difference from the fitted model.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class SpiceModel:
     error_db, error_deg : float
         Largest over the fitted span and both terminations.
     left_out : tuple of str
-        Effects of the analyser: they are in the meter, not in the motor.
+        Effects of the analyser, which do not belong to the motor.
     """
 
     text: str
@@ -50,7 +50,7 @@ def spice_model(fit: Fit) -> SpiceModel:
     Raises
     ------
     BadInput
-        If the fit did not converge, or an own effect has no equivalent of resistors, inductors and capacitors.
+        If the fit did not converge, or a user's effect has no equivalent of resistors, inductors and capacitors.
     """
     if not fit.converged:
         raise BadInput("the fit did not converge: fit again before the model is used elsewhere")

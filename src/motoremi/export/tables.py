@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
-    """All sweeps below each other, the model's impedance beside them where there is a fit.
+    """All sweeps in one table, with the model's impedance if there is a fit.
 
     Returns
     -------
     DataFrame
-        `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`, and with a fit `model_resistance_ohm, model_reactance_ohm`; of
-        a simulated bench also `simulated`.
+        `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`, with a fit also `model_resistance_ohm, model_reactance_ohm`, for
+        simulated data also `simulated`.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
 
 
 def csv_bytes(session: Session, fit: Fit | None) -> bytes:
-    """The table as CSV; every number survives the round trip exactly."""
+    """The table as CSV; every number is read back exactly."""
     return sweep_table(session, fit).to_csv(index=False, lineterminator="\n").encode()
 
 

@@ -16,7 +16,7 @@ REFERENCE_OHM = 50.0
 
 
 def touchstone_text(frequency_hz: FloatArray, impedance_ohm: ComplexArray, parameter: Literal["S", "Z"], comments: tuple[str, ...] = ()) -> str:
-    """The text of a one-port file, every digit kept."""
+    """The text of a one-port file, with all digits."""
     normalised = impedance_ohm / REFERENCE_OHM
     with np.errstate(divide="ignore", invalid="ignore"):
         values = normalised if parameter == "Z" else (normalised - 1) / (normalised + 1)
@@ -28,7 +28,7 @@ def touchstone_text(frequency_hz: FloatArray, impedance_ohm: ComplexArray, param
 
 
 def session_touchstone(session: Session, termination: str | None, parameter: Literal["S", "Z"], model_of: Fit | None = None) -> tuple[str, str]:
-    """The mean of a termination's repeats, or the model at their frequencies; returns the text and which termination it is.
+    """The mean of a termination's repeats, or the model at their frequencies: the text, and the termination.
 
     Raises
     ------

@@ -136,12 +136,12 @@ def log_evidences(problem: Problem, u: FloatArray, residual: ComplexArray, slope
 
 
 def _products(problem: Problem, residual: ComplexArray, slopes: ComplexArray) -> ComplexArray:
-    return problem.observed.columns.apart.products(np.concatenate([residual[None], slopes]), DISCREPANCIES)
+    return problem.observed.columns.sweep_blocks.products(np.concatenate([residual[None], slopes]), DISCREPANCIES)
 
 
 def _log_evidences(problem: Problem, u: FloatArray, products: ComplexArray, declared: float) -> FloatArray:
     whitening = problem.observed.columns.whitening(declared)
-    inner, analyser = whitening.less_analyser(products, u.size + 1)
+    inner, analyser = whitening.with_analyser(products, u.size + 1)
     squares, gradients, matrices = inner[:, 0, 0].real, inner[:, 1:, 0].real, inner[:, 1:, 1:].real.copy()
     precision = problem.precision_at(declared)
     away = u - problem.centre

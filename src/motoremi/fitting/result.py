@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.data.coarse import scattered
+from motoremi.data.coarse import scatter_in_bins
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.drawing import figure_of
@@ -445,7 +445,7 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
     pairs = zip(measurement.sweeps, measurement.noise, strict=True)
     left = problem.deviation(u) if averaged else alone
     steps_hz, where = measurement.analyser.step_frequencies_hz, problem.observed.slices
-    scatter = sum(scattered(sweep, noise, steps_hz, left[where[sweep.termination]]) for sweep, noise in pairs)
+    scatter = sum(scatter_in_bins(sweep, noise, steps_hz, left[where[sweep.termination]]) for sweep, noise in pairs)
     warnings = list(measurement.caveats())
     if not solution.converged and method != "paper":
         warnings.append("the fit did not converge: do not use its values")

@@ -1,1 +1,1 @@
-"""Thousands of sessions: the same fit and diagnosis for each, on local processes or a cluster, and what they say together."""
+"""Fit and diagnosis of thousands of sessions, on local processes or a cluster, and statistics over all of them."""

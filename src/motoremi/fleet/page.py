@@ -81,17 +81,17 @@ def _missing(figures: JsonDict) -> Section:
 
 def _found(figures: JsonDict) -> Section:
     rows = tuple((name, str(len(sessions)), _listed(sessions)) for name, sessions in figures["findings"].items())
-    table = Table("What the data themselves show, where a verdict hangs on it", ("finding", "motors", "sessions"), rows)
+    table = Table("Serious findings about the data, which affect the verdict", ("finding", "motors", "sessions"), rows)
     return Section("Findings", () if rows else ("None that is serious.",), (table,) if rows else ())
 
 
 def _drifts(figures: JsonDict) -> Section:
     if not figures["drift"]:
-        return Section("Drift", ("No parameter follows time or serial number more than chance would (1 %, all looked at together).",))
+        return Section("Drift", ("No parameter depends on time or serial number (significance level 1 %, corrected for the number of tests).",))
     rows = tuple(
         (d["parameter"], d["along"], str(d["n"]), f"{d['change_percent']:+.3g} %", f"{d['tau']:+.2f}", f"{d['p']:.1e}") for d in figures["drift"]
     )
-    table = Table("What follows time or serial number", ("parameter", "along", "n", "from first to last", "Kendall's tau", "p"), rows)
+    table = Table("Parameters that depend on time or serial number", ("parameter", "along", "n", "from first to last", "Kendall's tau", "p"), rows)
     return Section("Drift", (), (table,), (Picture(to_svg(_trends(figures), "drift", "drift"), "Parameters that drift."),))
 
 
@@ -106,7 +106,7 @@ def _strays(figures: JsonDict) -> Section:
 
 def _golden(figures: JsonDict) -> Section:
     limits = tuple((name, str(x["n"]), _shown(figures, name, x["low"]), _shown(figures, name, x["high"])) for name, x in figures["limits"].items())
-    text = f"Sessions {figures['golden']!r} are the golden set. Limits hold 95 % of such motors with 95 % confidence."
+    text = f"Sessions {figures['golden']!r} are the golden set. The limits contain 95 % of such motors with 95 % confidence."
     if not limits:
         return Section("Limits from the golden set", (text, "Fewer than five golden sessions gave a result: no limits."))
     beyond = tuple(

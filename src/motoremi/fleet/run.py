@@ -1,4 +1,4 @@
-"""Run a fleet: submit sessions to an executor, store each result as it comes, go on where an earlier run stopped."""
+"""Run a fleet: submit sessions to an executor, store each result at once, and continue where an earlier run stopped."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from motoremi.export.extras import needs
 from motoremi.fleet.work import Job, work
 
 RESULTS = "fleet.jsonl"
-# So many jobs wait in the executor for each worker: enough to keep it busy, few enough to keep memory flat.
+# Number of jobs submitted for each worker: enough to keep it busy, few enough to limit the memory.
 _IN_FLIGHT = 4
-# A session whose worker dies is tried again, in case another one killed it; after this it is its own fault.
+# Number of times that a session is tried whose worker ends while it works on this session alone.
 _TRIES = 3
 
 
@@ -33,7 +33,7 @@ def sessions_in(folder: Path) -> list[str]:
     Raises
     ------
     BadInput
-        If the folder does not exist or holds none.
+        If the folder does not exist or contains no session.
     """
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder")
@@ -49,9 +49,9 @@ def sessions_in(folder: Path) -> list[str]:
 
 
 def run_fleet(jobs: Sequence[Job], out: Path, executor: ExecutorMaker, progress: Progress | None = None) -> int:
-    """Work on all jobs that have no stored result yet; returns how many were worked on now.
+    """Work on all jobs that have no stored result yet; returns their number.
 
-    Every result is one line of `fleet.jsonl`, on disk before the next is taken, so a run that was stopped goes on where it was.
+    Every result is written as one line of `fleet.jsonl` before the next is processed, so that a run that was stopped can be continued.
     """
     out.mkdir(parents=True, exist_ok=True)
     log = out / RESULTS
@@ -71,7 +71,7 @@ def run_fleet(jobs: Sequence[Job], out: Path, executor: ExecutorMaker, progress:
 
 
 def stored_results(log: Path) -> Iterator[JsonDict]:
-    """Results in the order in which they were stored; a last line that a crash cut off is left out."""
+    """Results in the order in which they were stored, without an incomplete last line."""
     if not log.exists():
         return
     with open(log, "rb") as file:
@@ -92,7 +92,7 @@ def _pending(jobs: Sequence[Job], log: Path) -> list[Job]:
 
 
 def settled(jobs: Sequence[Job], log: Path) -> Iterator[JsonDict]:
-    """The last stored result of each job, in the order of the jobs, read one by one so that memory stays flat."""
+    """The last stored result of each job, in the order of the jobs, read one by one to limit the memory."""
     wanted = {job.session: job.key() for job in jobs}
     places: dict[str, int] = {}
     offset = 0
@@ -114,12 +114,12 @@ def _drop_torn_line(log: Path) -> None:
 
 
 class ExecutorMaker:
-    """Where the work is done; `open` may be called again after the workers broke down."""
+    """Creates executors; `open` may be called again after the workers of an executor have ended."""
 
     workers = 1
 
     def open(self) -> Executor:
-        """A fresh executor."""
+        """A new executor."""
         raise NotImplementedError
 
 
@@ -134,14 +134,14 @@ class LocalProcesses(ExecutorMaker):
 
 
 class DaskCluster(ExecutorMaker):
-    """Workers of an existing Dask cluster; they need motoremi installed and see the sessions under the same path.
+    """Workers of an existing Dask cluster; motoremi must be installed there and the sessions be accessible under the same path.
 
     Raises
     ------
     InstrumentError
         If no scheduler answers.
     BadInput
-        If Dask is not installed or the address is none.
+        If Dask is not installed or the address is not valid.
     """
 
     def __init__(self, address: str) -> None:
@@ -158,17 +158,17 @@ class DaskCluster(ExecutorMaker):
         self.workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
 
     def open(self) -> Executor:
-        # Not pure: a session may have changed since another client submitted the same job.
+        # pure=False: results are not cached by Dask, because a session may have changed since another client submitted the same job.
         executor: Executor = self._client.get_executor(pure=False)
         return executor
 
     def close(self) -> None:
-        """Leave the cluster."""
+        """Disconnect from the cluster."""
         self._client.close()
 
 
 def _computed(jobs: Sequence[Job], maker: ExecutorMaker) -> Iterator[JsonDict]:
-    """Results as they come; workers that die cost their session another try, alone, and never the rest."""
+    """Results in the order of completion. If a worker ends unexpectedly, the sessions in progress are tried again one by one."""
     tries: dict[Job, int] = {}
     queue = iter(jobs)
     suspects: list[Job] = []
@@ -177,7 +177,7 @@ def _computed(jobs: Sequence[Job], maker: ExecutorMaker) -> Iterator[JsonDict]:
         flying: dict[Future[JsonDict], Job] = {}
         while True:
             if suspects and not flying:
-                # After a breakdown those that were in the air go one by one, so that the one at fault is known.
+                # After a worker has ended, the jobs in progress are run one at a time to find the one that caused it.
                 job = suspects.pop()
                 flying[pool.submit(work, job)] = job
             elif not suspects and not any(job in tries for job in flying.values()):
@@ -194,8 +194,8 @@ def _computed(jobs: Sequence[Job], maker: ExecutorMaker) -> Iterator[JsonDict]:
                 except BrokenProcessPool:
                     broken.append(job)
                 except CancelledError as error:
-                    raise InstrumentError("the cluster went away; what was computed is kept, the same command goes on with the rest") from error
-                except Exception as error:  # the cluster gave up on this one, since its workers died too often
+                    raise InstrumentError("lost the connection to the cluster; results are kept, run the same command to continue") from error
+                except Exception as error:  # the cluster has given up on this job because its workers ended too often
                     yield _lost(job, f"{type(error).__name__}: {error}")
                 else:
                     yield result

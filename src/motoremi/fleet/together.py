@@ -1,4 +1,4 @@
-"""What a fleet says together: distributions, drift, outliers, limits from a golden set."""
+"""Statistics over a fleet: distributions, drift, outliers, limits from a golden set."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.report.words import findings_of, serious_of
 
-# Robust distance from the median, in standard deviations, beyond which a motor is looked at: one in 15 000 of a normal fleet.
+# Robust distance from the median, in standard deviations, beyond which a motor is an outlier: one in 15 000 of a normal distribution.
 OUTLIER = 4.0
-# A drift is told when chance alone would show it less often than this, all parameters and both axes together.
+# Significance level of a drift, for all parameters and both axes together.
 DRIFT_P = 0.01
-# Limits hold 95 % of what the golden motors stand for, with 95 % confidence (two-sided normal tolerance interval, Howe 1969).
+# Limits contain 95 % of motors like the golden ones, with 95 % confidence (two-sided normal tolerance interval, Howe 1969).
 CONTENT, CONFIDENCE = 0.95, 0.95
 FEWEST = 5
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One session, as far as it is plotted and judged."""
+    """The values of one session that are used here."""
 
     session: str
     time: float
@@ -41,7 +41,7 @@ def together(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict
     Parameters
     ----------
     results : iterable of dict
-        As `work` gives them.
+        Results of `work`.
     golden : str, optional
         Pattern of session names (`golden/*`) whose motors are known to be good.
 
@@ -127,7 +127,7 @@ def _robust_sigma(values: FloatArray) -> float:
 
 
 def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonDict]:
-    """Parameters that follow time or serial number: Theil-Sen slope, Kendall's tau, p corrected for how many were looked at (Holm)."""
+    """Parameters that depend on time or serial number: Theil-Sen slope, Kendall's tau, p corrected for the number of tests (Holm)."""
     found: list[JsonDict] = []
     for axis, places in (("time", {row.session: row.time for row in rows}), ("serial", {row.session: row.serial for row in rows})):
         for name, column in columns.items():
@@ -144,12 +144,12 @@ def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonD
                 {"parameter": name, "along": axis, "n": len(x), "tau": float(tau), "p": float(p), "change_percent": 100 * float(np.expm1(total))}
             )
     found.sort(key=lambda entry: entry["p"])
-    told = []
+    significant = []
     for rank, entry in enumerate(found):
         if not entry["p"] * (len(found) - rank) < DRIFT_P:
             break
-        told.append(entry)
-    return told
+        significant.append(entry)
+    return significant
 
 
 def _outliers(columns: dict[str, dict[str, float]]) -> list[JsonDict]:
@@ -197,7 +197,7 @@ def _beyond(columns: dict[str, dict[str, float]], limits: dict[str, JsonDict]) -
         {"session": session, "parameter": name, "value": value, "low": limit["low"], "high": limit["high"]}
         for name, limit in limits.items()
         for session, value in columns[name].items()
-        # The fit's error has no lower limit: nothing is wrong with a better fit.
+        # The fit's error has no lower limit.
         if value > limit["high"] or (value < limit["low"] and name != "error")
     ]
 

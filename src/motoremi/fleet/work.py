@@ -1,4 +1,4 @@
-"""What is done with one session; runs in a worker, knows nothing of the others, and never raises for a session that is bad."""
+"""The work on one session. It runs in a worker, independently of the other sessions, and does not raise for a bad session."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from motoremi.workflow import measurement_of
 
 @dataclass(frozen=True)
 class Job:
-    """One session and what to do with it.
+    """One session and its settings.
 
     Parameters
     ----------
     session : str
         Path below the fleet's folder, with `/`.
     folder : str
-        The fleet's folder, as the workers see it.
+        The fleet's folder, as a path for the workers.
     diagnose : bool
-        Whether to seek missing effects, or to fit alone.
+        Whether to diagnose, or only to fit.
     seed : int
-        The same for all: a session gives here what it gives alone.
+        The same for all sessions, so that a session has the same result as alone.
     reports : str
-        Folder for each session's own report, as the workers see it; empty for none.
+        Folder for each session's own report, as a path for the workers; empty for none.
     """
 
     session: str
@@ -52,14 +52,14 @@ class Job:
     reports: str = ""
 
     def key(self) -> str:
-        """Ties a result to the measured data, the settings and the version: a result with the same key need not be computed again."""
+        """Digest of measured data, settings and version: a result with the same key need not be computed again."""
         digest = hashlib.sha256(f"{__version__} {catalogue_sha256()} {self.diagnose} {self.seed} {bool(self.reports)}".encode())
         digest.update(_measured(Path(self.folder) / self.session / SESSION))
         return digest.hexdigest()
 
 
 def _measured(log: Path) -> bytes:
-    """The recorded digests of sweeps and spectra: analyses that are added later change nothing."""
+    """Digest of the recorded sweeps and spectra; analyses that are added later do not change it."""
     digest = hashlib.sha256()
     try:
         with open(log, "rb") as file:
@@ -77,13 +77,13 @@ def work(job: Job) -> JsonDict:
     Returns
     -------
     dict
-        Plain data without times of computation, so that it is the same wherever it was computed; `status` is `done` or `bad`.
+        Plain data without computing times, so that it is the same on every machine; `status` is `done` or `bad`.
     """
     result: JsonDict = {"session": job.session, "key": job.key()}
     try:
         session = load(Path(job.folder) / job.session)
         measurement = measurement_of(session)
-        # Not part of the result's identity, but what drift is plotted over.
+        # The axes over which drift is plotted; not a part of the key.
         result |= {
             "time": str(session.start.get("time", "")),
             "serial": serial_of(session.start, job.session),
@@ -109,14 +109,14 @@ def work(job: Job) -> JsonDict:
             _write_report(job, Materials(session, steps, compare(best), None if found is None else found.to_dict()))
     except MotoremiError as error:
         result |= {"status": "bad", "trouble": clean_text(str(error), 500)}
-    except Exception as error:  # a defect of ours on one session must not stop the others; it is told in the report
+    except Exception as error:  # a programming error on one session must not stop the others; the report shows it
         result |= {"status": "bad", "trouble": clean_text(f"internal error ({type(error).__name__}: {error})", 500)}
-    # Through JSON once, so that a result that was just computed and one that was read back are the same.
+    # Converted to JSON and back, so that a result just computed is the same as one read from the file.
     return dict(json.loads(json.dumps(plain(result), allow_nan=False)))
 
 
 def _write_report(job: Job, materials: Materials) -> None:
-    """The session's own report; the session itself is only read."""
+    """Write the session's own report; the session itself is not changed."""
     page = render_html(build_report(materials))
     write_whole(Path(job.reports) / f"{job.session}.html", page.encode())
 
@@ -140,7 +140,7 @@ def _figures(fitted: Fit) -> JsonDict:
 
 
 def serial_of(start: JsonDict, session: str) -> str:
-    """The motor's serial number: as written at the start of the session, else a number at the end of the motor's or the folder's name."""
+    """The motor's serial number: from the session's start document, or a number at the end of the motor's or the folder's name."""
     for key in ("serial", "serial_number"):
         if start.get(key):
             return clean_text(str(start[key]), 80)

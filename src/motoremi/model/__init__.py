@@ -1,4 +1,4 @@
-"""What could be true: immittance laws with exact derivatives, circuits, the paper's motor, the catalogue of effects."""
+"""The models: immittance laws with exact derivatives, circuits, the paper's motor, the catalogue of effects."""
 
 from motoremi.model.effects import catalogue, find_effect
 from motoremi.model.motor import Motor, dc_motor

@@ -1,8 +1,8 @@
-"""A circuit is a value: leaves are laws, inner nodes compose them.
+"""Circuits as immutable trees: leaves are immittance laws, inner nodes combine them.
 
-`Tape` evaluates a circuit for a whole batch of parameter sets at all frequencies. One pass forward gives the impedance
-of every node; one pass backward carries dZ/dZ_node down to the leaves, where it meets the exact derivative of each law.
-All quantities are holomorphic, so complex derivatives suffice.
+`Tape` evaluates a circuit for a batch of parameter sets at all frequencies. A forward pass computes the impedance of every node; a backward
+pass carries dZ/dZ_node down to the leaves and multiplies it by the exact derivative of each law (reverse-mode differentiation).
+All functions are holomorphic, so complex derivatives suffice.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.laws import Law, ValueAndSlopes, capacitor
 from motoremi.model.parameter import Parameter
 
-# Derivatives for each child's impedance (None stands for one) and for each own parameter.
+# Derivatives with respect to each child's impedance (None stands for one) and to each own parameter.
 Slopes: TypeAlias = tuple[Sequence[Any], Sequence[Any]]
-# A node's impedance, and what the way back wants of the way there.
+# A node's impedance, and the values that its backward pass needs.
 Passed: TypeAlias = tuple[ComplexArray, Any]
 
 
 @dataclass(frozen=True)
 class Node:
-    """Common face of all circuit parts.
+    """Interface of all circuit parts.
 
-    `given` is what the node's law gives (value and slopes), worked out once for both passes; nodes without a law ignore it. `kept` is what
-    the forward pass hands to the backward one.
+    `given` is the result of the node's law (value and slopes), computed once for both passes; nodes without a law ignore it. `kept` holds the
+    values that the forward pass keeps for the backward pass.
     """
 
     @property
@@ -52,11 +52,11 @@ class Node:
         raise NotImplementedError
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
-        """Derivatives for each child's impedance and for each own parameter."""
+        """Derivatives with respect to each child's impedance and to each own parameter."""
         raise NotImplementedError
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
-        """The same node over other children."""
+        """The same node with other children."""
         return self
 
 
@@ -117,7 +117,7 @@ class Parallel(Node):
         return self.members
 
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
-        if len(parts) == 2:  # a division takes as long as five products
+        if len(parts) == 2:  # one division instead of three: a division takes as long as five products
             inverse = 1 / (parts[0] + parts[1])
             shares = [parts[1] * inverse, parts[0] * inverse]
             return parts[0] * shares[0], shares
@@ -126,7 +126,7 @@ class Parallel(Node):
         return impedance, [impedance * admittance for admittance in admittances]
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
-        return [share**2 for share in kept], ()  # of the current
+        return [share**2 for share in kept], ()  # each branch's share of the current, squared
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
         return Parallel(children)
@@ -134,7 +134,7 @@ class Parallel(Node):
 
 @dataclass(frozen=True)
 class Wrapped(Node):
-    """One part behind a law that has parameters of its own."""
+    """One part that is changed by a law with parameters of its own."""
 
     child: Node
     law: Law
@@ -170,10 +170,10 @@ class Scaled(Wrapped):
 
 @dataclass(frozen=True)
 class Superposed(Node):
-    """One element under several laws of its material, each of which changes it alone: the changes add up.
+    """One element with several laws of its material: the changes that each law alone would make are added.
 
-    Of a capacitance they add in the admittance (each mechanism polarises for itself), otherwise in the impedance (each takes up flux or
-    turns current into heat for itself). Products of laws would turn the phase further than a passive part can.
+    For a capacitance they are added in the admittance (each mechanism polarises independently), otherwise in the impedance (each mechanism
+    takes up flux or dissipates power independently). A product of the laws could turn the phase further than a passive part can.
     """
 
     element: Node
@@ -216,7 +216,7 @@ class Shunted(Wrapped):
 
 @dataclass(frozen=True)
 class ThroughCable(Wrapped):
-    """Impedance seen through a lossless line of 50 ohm whose tanh(s tau) the law gives."""
+    """Impedance at the input of a lossless 50 ohm line; the law gives tanh(s tau)."""
 
     REFERENCE_OHM: ClassVar[float] = 50.0
 
@@ -235,7 +235,7 @@ class ThroughCable(Wrapped):
 
 @dataclass(frozen=True)
 class Line(Node):
-    """Uniform line with total series impedance `series` and total shunt impedance `shunt`, its far end closed by `load` or shorted.
+    """Uniform line with total series impedance `series` and total shunt impedance `shunt`, terminated by `load` or shorted.
 
     With a = Z_series, y = 1/Z_shunt, u = a y and T(u) = tanh(sqrt u)/sqrt u, its input is (Z_load + a T) / (1 + Z_load y T).
     """
@@ -288,7 +288,7 @@ class Line(Node):
 
 @dataclass(frozen=True)
 class Bridged(Node):
-    """A uniform line as `Line`, closed by `load`, with a branch `across` it from end to end.
+    """A uniform line as `Line`, terminated by `load`, with a branch `across` it from end to end.
 
     With y = 1/Z_shunt and u = Z_series y = theta^2, its admittances are (theta coth(theta) + Z_series/Z_across)/Z_series at either end and
     -(theta/sinh(theta) + Z_series/Z_across)/Z_series between them.
@@ -305,23 +305,23 @@ class Bridged(Node):
 
     @staticmethod
     def _ends(u: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
-        """theta coth(theta), theta/sinh(theta), the first less the second, and the derivatives of the two for u.
+        """theta coth(theta), theta/sinh(theta), their difference, and the derivatives of the two with respect to u.
 
-        Power series where the closed forms would cancel.
+        For small u power series are used, because the closed forms would cancel.
         """
         small = np.abs(u) < 1e-3
         theta = np.sqrt(np.where(small, 1.0, u))
         once = np.exp(-theta)
         less = 1 - once**2
         coth, inverse = (1 + once**2) / less, 2 * once / less
-        here, between, apart = theta * coth, theta * inverse, theta * (1 - once) / (1 + once)
+        here, between, difference = theta * coth, theta * inverse, theta * (1 - once) / (1 + once)
         here_slope, between_slope = 0.5 * (coth / theta - inverse**2), 0.5 * inverse * (1 / theta - coth)
         if np.any(small):
             few = u[small]
             here[small], here_slope[small] = 1 + few * (1 / 3 - few / 45), 1 / 3 + few * (-2 / 45 + few * 2 / 315)
             between[small], between_slope[small] = 1 + few * (-1 / 6 + few * 7 / 360), -1 / 6 + few * (7 / 180 - few * 31 / 5040)
-            apart[small] = few * (1 / 2 + few * (-1 / 24 + few / 240))
-        return here, between, apart, here_slope, between_slope
+            difference[small] = few * (1 / 2 + few * (-1 / 24 + few / 240))
+        return here, between, difference, here_slope, between_slope
 
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
         a, y = parts[0], 1 / parts[1]
@@ -329,7 +329,7 @@ class Bridged(Node):
         ends = self._ends(a * y)
         own, through = ends[0] * inverse + bridge, ends[1] * inverse + bridge
         bottom = own + load
-        # own - through^2 / bottom without the difference of near equals.
+        # own - through^2 / bottom, without subtracting nearly equal numbers.
         impedance = bottom / (ends[2] * inverse * (own + through) + own * load)
         return impedance, (y, inverse, bridge, load, ends, through / bottom)
 
@@ -361,21 +361,21 @@ def replace_leaf(node: Node, name: str, change: Callable[[Node], Node]) -> Node:
 
 
 def replace_element(node: Node, name: str, change: Callable[[Node], Node]) -> Node:
-    """The circuit with the element called `name`, under all laws of its material, replaced by `change(element)`."""
+    """The circuit with the element called `name`, together with all laws of its material, replaced by `change(element)`."""
     if is_element(node, name):
         return change(node)
     return node.rebuilt(tuple(replace_element(child, name, change) for child in node.children)) if node.children else node
 
 
 def is_element(node: Node, name: str) -> bool:
-    """Whether a node is the element called `name`, alone or under laws of its material."""
+    """Whether a node is the element called `name`, with or without laws of its material."""
     while isinstance(node, (Scaled, Superposed)):
         node = node.children[0]
     return isinstance(node, Leaf) and node.name == name
 
 
 def with_law(node: Node, law: Law, parameters: tuple[Parameter, ...]) -> Node:
-    """An element under one more law of its material, which scales its impedance."""
+    """An element with one more law of its material, which scales its impedance."""
     element = node
     while not isinstance(element, Leaf):
         element = element.children[0]
@@ -393,7 +393,7 @@ def find(node: Node, name: str) -> Node | None:
 
 @dataclass(eq=False)
 class _Step:
-    """A node of a tape: its children's steps, the places of its parameters, and the first and last of the roots that it belongs to."""
+    """A node of a tape: the steps of its children, the indices of its parameters, and the first and last root that it belongs to."""
 
     node: Node
     law: Law | None
@@ -404,9 +404,9 @@ class _Step:
 
 
 class Tape:
-    """One or more circuits made ready for fast evaluation.
+    """One or more circuits prepared for fast evaluation.
 
-    What they share is worked out once for all of them: the winding, seen with the far end shorted and open.
+    Parts that consecutive circuits share, such as the winding in the short-circuit and in the open-circuit sweep, are computed once.
 
     Parameters
     ----------
@@ -414,7 +414,7 @@ class Tape:
     names : sequence of str
         Order of the parameters in the vectors that the methods take.
     sizes : sequence of int, optional
-        How many of the frequencies belong to each root, in turn. A single one has all.
+        Number of frequencies that belong to each root, in order. A single root has all.
     """
 
     def __init__(self, roots: Node | Sequence[Node], names: Sequence[str], sizes: Sequence[int] = ()) -> None:
@@ -440,7 +440,7 @@ class Tape:
         return len(self._steps) - 1
 
     def _shared(self, index: int, root: int) -> bool:
-        """Let one more root have a step with all below it, unless it has some of it already: within a circuit, each occurrence is a step."""
+        """Share a step and all steps below it with one more root. Not possible if the root has one already: each occurrence needs a step."""
         below = [self._steps[index]]
         for step in below:
             below.extend(self._steps[child] for child in step.children)
@@ -451,11 +451,11 @@ class Tape:
         return True
 
     def _span(self, first: int, last: int) -> slice:
-        """The frequencies of some roots among all."""
+        """The frequencies of the roots from `first` to `last`, as a slice of all."""
         return slice(int(self._edges[first]), int(self._edges[last + 1])) if self._edges.size > 1 else slice(None)
 
     def _cut(self, first: int, last: int, step: int) -> slice | None:
-        """Their frequencies among those of a step; None for all."""
+        """The frequencies of the roots from `first` to `last`, as a slice of those of a step; None for all."""
         theirs = self._steps[step]
         if (theirs.first, theirs.last) == (first, last):
             return None
@@ -463,7 +463,7 @@ class Tape:
         return slice(int(self._edges[first] - start), int(self._edges[last + 1] - start))
 
     def forward(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, list[Any]]:
-        """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units; and what `backward` needs."""
+        """Impedance in ohm, shape (..., n), for parameter values of shape (..., p) in SI units; and the trace that `backward` needs."""
         columns = values.transpose(-1, *range(values.ndim - 1))[..., None]
         computed: list[ComplexArray] = []
         trace: list[Any] = []
@@ -479,9 +479,9 @@ class Tape:
         return joined, trace
 
     def backward(self, trace: list[Any], seed: ComplexArray, into: Sequence[ComplexArray | None]) -> None:
-        """Add `seed`, shape (..., n), times the derivative of the impedance for each parameter to `into`.
+        """Write `seed`, shape (..., n), times the derivative of the impedance with respect to each parameter into `into`.
 
-        `into` holds zeros of shape (..., n) for each parameter, None for what is not wanted.
+        `into` holds an array of zeros of shape (..., n) for each parameter, or None if its derivative is not needed.
         """
         sensitivity: list[Any] = [None] * len(self._steps)
 
@@ -516,7 +516,7 @@ class Tape:
         return self.forward(s, values)[0]
 
     def gradient(self, s: ComplexArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Impedance, shape (..., n), and its derivative for each parameter, shape (..., p, n)."""
+        """Impedance, shape (..., n), and its derivative with respect to each parameter, shape (..., p, n)."""
         impedance, trace = self.forward(s, values)
         gradient = np.zeros((*values.shape, s.size), dtype=np.complex128)
         self.backward(trace, np.ones_like(impedance), list(np.moveaxis(gradient, -2, 0)))
@@ -524,7 +524,7 @@ class Tape:
 
 
 def _within(values: ComplexArray, cut: slice | None) -> ComplexArray:
-    """Values at some of the frequencies; what does not depend on frequency stays as it is."""
+    """Values at the frequencies of a slice; values that do not depend on frequency are returned unchanged."""
     return values if cut is None or values.shape[-1] == 1 else values[..., cut]
 
 

@@ -1,4 +1,4 @@
-"""The way to the frame, read off the difference of the two sweeps: a scan over its resonance and damping, in which all else is linear."""
+"""Elements of the path to the frame from the difference of the two sweeps: a scan over resonance and damping; the rest is linear."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 
-# Around the band: a resonance further away than this shows only by its slope.
+# Range of the scan around the band: of a resonance further away only a slope is visible.
 BEYOND_BAND = (0.3, 10.0)
 RESONANCES = 44
 DAMPINGS = np.geomspace(0.01, 100.0, 13)
 MOST_FRAMES = 2
-# A narrow resonance hides between the points of the scan.
+# Number of refinements: a narrow resonance may lie between the points of the scan.
 ZOOMS = 4
 ZOOM = np.linspace(-1, 1, 5)
-# Either of Cr and Cf may be too small to be seen, but none is nothing.
+# Cr or Cf may be too small to be determined, but they are not set to zero.
 LEAST_SHARE = 0.01
 
 
 @dataclass(frozen=True)
 class _FrameScan:
-    """The frame's impedance for given resonance and damping, the rest solved for.
+    """The frame's impedance for given resonance and damping; the other unknowns are solved for.
 
     With w the resonance of Lr with Cr and Cf in series, d the damping there and q = (s/w)(d + s/w), the frame is
     (1/s) (a + b q/(1 + q)) where a = 1/(Cr + Cf) and b = 1/Cf - a, neither below zero.
@@ -53,7 +53,7 @@ def frames(frequency_hz: FloatArray, frame_ohm: ComplexArray, error_ohm: FloatAr
     Parameters
     ----------
     frequency_hz, frame_ohm, error_ohm : ndarray, shape (n,)
-        The impedance of the way to the frame, and how uncertain it is, up to a factor.
+        The impedance of the path to the frame, and its uncertainty up to a common factor.
     """
     omega = 2 * np.pi * frequency_hz
     scan = _FrameScan(omega, 1j * omega * frame_ohm, 1 / (omega * error_ohm) ** 2)

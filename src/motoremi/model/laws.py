@@ -1,9 +1,8 @@
 """Immittance laws: value and exact derivative in one call.
 
 A law takes the complex angular frequency `s` (shape (n,)) and its parameters (each broadcast against `s`, shape (..., 1))
-and returns its value and the partial derivative for each parameter, which broadcast against (..., n): what depends on no parameter, or
-on no frequency, need not be repeated. What the value means depends on the node that holds the law: an impedance in ohm, an admittance
-in siemens, or a pure factor.
+and returns its value and its partial derivative with respect to each parameter, which broadcast against (..., n). The node that holds the law
+decides what the value is: an impedance in ohm, an admittance in siemens, or a factor.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray
 
-# (s, *parameters) -> (value, derivatives). Parameters are real arrays; `Any` spares each law a cast.
+# (s, *parameters) -> (value, derivatives). Parameters are real arrays; with `Any` no law needs a cast.
 ValueAndSlopes: TypeAlias = tuple[ComplexArray, tuple[ComplexArray, ...]]
 Law: TypeAlias = Callable[..., ValueAndSlopes]
 TWO_PI = 2 * np.pi
@@ -40,7 +39,7 @@ def capacitor(s: ComplexArray, capacitance: Any) -> ValueAndSlopes:
 
 
 def given(values: ComplexArray) -> Law:
-    """A law that takes given values, shape (n,), at the frequencies they belong to."""
+    """A law with given values, shape (n,), at the frequencies of the sweep."""
 
     def law(s: ComplexArray) -> ValueAndSlopes:
         return values, ()
@@ -65,7 +64,7 @@ def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistanc
 def coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any) -> ValueAndSlopes:
     """A winding coupled to La, closed by its own capacitance: 1 - k^2 s^2 / (s^2 + s ww/Q + ww^2)."""
     w = TWO_PI * resonance_hz
-    # Over s squared: what is left depends on one quotient.
+    # Divided by s squared, everything depends on x alone.
     x = (1 / s) * w
     damped = x * (1 / quality)
     shape = 1 / (1 + damped + x**2)
@@ -93,13 +92,13 @@ def resistance_and_inductance(s: ComplexArray, resistance: Any, inductance: Any)
 
 
 def positive_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
-    """Z = R where R > 0, else nothing."""
+    """Z = R if R > 0, else 0."""
     on = (resistance > 0) + 0j
     return resistance * on, (on,)
 
 
 def negative_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
-    """Z = -R where R < 0, else nothing."""
+    """Z = -R if R < 0, else 0."""
     on = (resistance < 0) + 0j
     return -resistance * on, (-on,)
 
@@ -118,22 +117,22 @@ def gain_step(s: ComplexArray, real_step: Any, imaginary_step: Any, frequency_hz
 
 
 def split_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
-    """Impedance of a share of a capacitance: 1 / b."""
+    """Factor on the impedance of a capacitance of which the share b is taken: 1 / b."""
     return 1 / share, (-1 / share**2,)
 
 
 def rest_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
-    """Impedance of what is left of a capacitance: 1 / (1 - b)."""
+    """Factor on the impedance of a capacitance of which the share 1 - b is left: 1 / (1 - b)."""
     return 1 / (1 - share), (1 / (1 - share) ** 2,)
 
 
 def drift_factor(s: ComplexArray, change: Any) -> ValueAndSlopes:
-    """Impedance of a capacitance that has grown by a share: 1 / (1 + c)."""
+    """Factor on the impedance of a capacitance that has grown by the share c: 1 / (1 + c)."""
     return 1 / (1 + change), (-1 / (1 + change) ** 2,)
 
 
 def line_tangent(s: ComplexArray, delay: Any) -> ValueAndSlopes:
-    """tanh(s tau) of a lossless line; signed, since a reference plane may lie on either side."""
+    """tanh(s tau) of a lossless line; tau may be negative, because the reference plane can be shifted to either side."""
     tanh = np.tanh(s * delay)
     return tanh, (s * (1 - tanh**2),)
 
@@ -148,5 +147,5 @@ def resonant_branch(s: ComplexArray, capacitance: Any, resonance_hz: Any, qualit
 
 
 def share_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
-    """Impedance of a share of an inductance: k."""
+    """Factor on the impedance of an inductance of which the share k is taken: k."""
     return share, (_ONE,)

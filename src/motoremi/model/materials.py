@@ -1,7 +1,7 @@
-"""Laws of materials: what copper, iron, ferrite and insulation make of an element, as a factor of its impedance.
+"""Laws of materials (copper, iron, ferrite, insulation) as factors on the impedance of an element.
 
-One room for conductors (skin and proximity effect), magnetic materials (diffusion in sheets, relaxation with one time constant or with
-many, damped resonance, closed loops) and dielectrics (constant loss angle, relaxation). Each is causal and passive over its whole range.
+Conductors: skin and proximity effect. Magnetic materials: diffusion in sheets, relaxation with one or many time constants, damped
+resonance, closed loops. Dielectrics: constant loss angle, relaxation. Each law is causal and passive over its whole range.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from motoremi.model.laws import TWO_PI, ValueAndSlopes
 
 # Permeability of vacuum times the conductivity of copper at 20 °C (5.8e7 S/m), in s/m².
 COPPER_MU_SIGMA = 4e-7 * np.pi * 5.8e7
-# The table for round wires: from where the factor is 1 to far beyond any wire at any frequency, in steps that keep it within 1e-11.
+# The table for round wires: ln|x| from where the factor is 1 to beyond any wire and frequency, in steps that keep the error below 1e-11.
 _LOWEST, _HIGHEST, _STEP = np.log(1e-4), np.log(1e5), 0.0025
 
 
 def skin_factor(s: ComplexArray, radius: Any) -> ValueAndSlopes:
     """Round copper wire: x I0(x) / (2 I1(x)), x = radius sqrt(s mu0 sigma). 1 for a thin wire."""
-    # On the frequency axis x lies on one ray: a table along its logarithm is ten times quicker than Bessel functions and as exact.
+    # On the frequency axis x lies on one ray: a table over its logarithm is ten times faster than Bessel functions.
     table = _round_wire_table()
     place = (np.log(radius) + 0.5 * np.log(np.abs(s) * COPPER_MU_SIGMA) - _LOWEST) / _STEP
     if s.real.any() or place.min() < 0 or not place.max() < table.shape[1]:
@@ -41,7 +41,7 @@ def skin_factor(s: ComplexArray, radius: Any) -> ValueAndSlopes:
 
 def _round_wire(x: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """x I0(x) / (2 I1(x)) and its derivative."""
-    # Scaled Bessel functions: the exponentials cancel in the ratio and would overflow one by one.
+    # Scaled Bessel functions: the exponential factors cancel in the ratio, and unscaled functions would overflow.
     ratio = ive(0, x) / ive(1, x)
     return x * ratio / 2, (ratio + x * (1 - ratio**2 + ratio / x)) / 2
 
@@ -110,8 +110,8 @@ def permeability_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: A
 def shorted_loop_factor(s: ComplexArray, share: Any, corner_hz: Any, skin_hz: Any) -> ValueAndSlopes:
     """An inductance with a closed loop of solid metal coupled to it: 1 - k^2 s / (s + w B).
 
-    k^2 is the share of the flux that the loop encloses, w its resistance over its inductance, and B = x coth x, x = sqrt(s / (2 pi fs)), how
-    its resistance rises once the current keeps to the surface (a deep bar).
+    k^2 is the share of the flux that the loop encloses, w its resistance over its inductance, and B = x coth x, x = sqrt(s / (2 pi fs)), the
+    factor by which its resistance rises when the current is forced to the surface (a deep bar).
     """
     corner = TWO_PI * corner_hz
     x = np.sqrt(s) * np.sqrt(1 / (TWO_PI * skin_hz))
@@ -120,7 +120,7 @@ def shorted_loop_factor(s: ComplexArray, share: Any, corner_hz: Any, skin_hz: An
     through = corner * rise
     bottom = 1 / (s + through)
     taken = s * bottom
-    # Half of x dB/dx, and its sign against fs.
+    # fs times minus dB/dfs, since x dB/dx = -2 fs dB/dfs.
     by_skin = 0.5 * (rise - x**2 * (1 / tanh**2 - 1))
     return 1 - share * taken, (
         -taken,
@@ -132,8 +132,8 @@ def shorted_loop_factor(s: ComplexArray, share: Any, corner_hz: Any, skin_hz: An
 def machine_core_factor(s: ComplexArray, cage_share: Any, cage_hz: Any, iron_hz: Any, exponent: Any) -> ValueAndSlopes:
     """The inductance of a machine's winding: (1 - k) / (1 + (s/wi)^a) + k / (1 + s/wc).
 
-    A share k of the flux is driven out by the rotor's cage above a few hundred hertz, the rest by eddy currents in iron, which spread over
-    decades.
+    A share k of the flux is screened by the rotor's cage above a few hundred hertz, the rest by eddy currents in the iron, over several
+    decades of frequency.
     """
     cage = 1 / (1 + s / (TWO_PI * cage_hz))
     power = _power(s / (TWO_PI * iron_hz), exponent)
@@ -149,7 +149,7 @@ def machine_core_factor(s: ComplexArray, cage_share: Any, cage_hz: Any, iron_hz:
 
 
 def _power(x: ComplexArray, exponent: Any) -> ComplexArray:
-    """x^a; where all x have the same phase, as on the frequency axis, without a complex power for each."""
+    """x^a, without a complex power for each x if all have the same phase, as on the frequency axis."""
     modulus, phase = np.abs(x), np.angle(x)
     same = phase[:1] if np.all(phase == phase[0]) else phase
     result: ComplexArray = np.exp(np.log(modulus) * exponent) * np.exp(1j * same * exponent)
@@ -166,7 +166,7 @@ def constant_phase_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:
 def relaxation_factor(s: ComplexArray, strength: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
     """Impedance of a relaxing capacitance (Cole-Cole): 1 / (1 + d / (1 + (s/wd)^a))."""
     corner = TWO_PI * corner_hz
-    # In units of an angular frequency in its middle, powers of the axis stay far from the ends of what a number can hold.
+    # Relative to an angular frequency in the middle of the sweep, so that the powers do not overflow.
     middle = np.abs(s[s.size // 2])
     power = _power(s / middle, exponent) * (middle / corner) ** exponent
     pole = 1 / (1 + power)

@@ -1,4 +1,4 @@
-"""The DC motor of Liu, Wang and Nan (2011), fig. 2, and the places where effects attach."""
+"""The circuit of a DC motor (Liu, Wang and Nan 2011, fig. 2), and the places where effects change it."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ BASE_PARAMETERS = (
 
 @dataclass(frozen=True)
 class Attachment:
-    """Something between the analyser and the winding: wraps the circuit of the terminations it applies to."""
+    """A part between the analyser and the winding: `wrap` adds it to the circuit of the terminations it applies to."""
 
     wrap: Callable[[Node], Node]
     terminations: Terminations = BOTH
 
 
 @dataclass(frozen=True)
-class Apart:
-    """An element that differs in the open-circuit sweep, by a factor of its impedance."""
+class OpenSweepFactor:
+    """A factor on the impedance of an element that applies in the open-circuit sweep only."""
 
     element: str
     law: Law
@@ -48,7 +48,7 @@ class Apart:
 
 @dataclass(frozen=True)
 class Motor:
-    """A motor as two circuits that share their elements.
+    """A motor as the circuits of its two sweeps, which share their elements.
 
     Parameters
     ----------
@@ -57,17 +57,17 @@ class Motor:
     frame : Node
         From the far end of the winding to the frame: (Rr + s Lr + 1/s Cr) parallel Cf, the second term of eq. (2).
     distribution : Parameter, optional
-        Share of Cf that is spread along the winding.
+        Share of Cf that is distributed along the winding.
     spread : Node, optional
-        From the turns to the frame, all along the winding; what lies beside its copper (Ca) is then across its ends.
+        Impedance to the frame that is distributed along the winding, instead of a share of Cf; Ca is then across the ends of the winding.
     coupled : tuple of Parameter, optional
-        Number of sections and coupling of neighbours, where what is spread lies along sections that are linked by their flux.
+        Number of sections and coupling of neighbours, if the winding is divided into sections that are coupled by their flux.
     across : tuple of Node
-        Parts from one end of the winding to the other that are no part of it.
-    apart : tuple of Apart
-        Elements that differ in the open-circuit sweep.
+        Parts from one end of the winding to the other that do not belong to it, such as a capacitor.
+    open_factors : tuple of OpenSweepFactor
+        Factors on elements in the open-circuit sweep.
     attachments : tuple of Attachment
-        From the motor outwards to the analyser.
+        Parts between motor and analyser, from the motor outwards.
     effects : tuple of str
         Identifiers of the effects added so far, in order.
     """
@@ -78,21 +78,21 @@ class Motor:
     spread: Node | None = None
     coupled: tuple[Parameter, Parameter] | None = None
     across: tuple[Node, ...] = ()
-    apart: tuple[Apart, ...] = ()
+    open_factors: tuple[OpenSweepFactor, ...] = ()
     attachments: tuple[Attachment, ...] = ()
     effects: tuple[str, ...] = ()
 
     def circuit(self, termination: str) -> Node:
-        """The one-port that the analyser sees with the far end `short` or `open`.
+        """The one-port at the analyser with the termination `short` or `open`.
 
-        `grounded` is what `open` becomes once the far end is tied to the frame: seen through the same leads and strap, without the frame.
+        `grounded` is the open-circuit sweep with the far end connected to the frame: with the same leads and strap, without the path to the frame.
         """
         if termination not in (*BOTH, "grounded"):
             raise BadInput(f"unknown termination {termination!r}: use 'short', 'open' or 'grounded'")
         winding, frame = self.winding, self.frame
         if termination != "short":
-            for apart in self.apart:
-                winding = replace_leaf(winding, apart.element, lambda leaf, apart=apart: Scaled(leaf, apart.law, apart.parameters))  # type: ignore[misc]
+            for factor in self.open_factors:
+                winding = replace_leaf(winding, factor.element, lambda leaf, factor=factor: Scaled(leaf, factor.law, factor.parameters))  # type: ignore[misc]
         seen: Node
         if self.spread is not None:
             copper, *beside = winding.children
@@ -111,33 +111,33 @@ class Motor:
         return seen
 
     def _with_across(self, winding: Node) -> Node:
-        """A winding with what lies from end to end of it."""
+        """A winding with the parts that are connected from end to end of it."""
         return Parallel((*winding.children, *self.across)) if self.across else winding
 
     @property
     def between(self) -> Node:
-        """All that lies between the ends of a winding that is not spread."""
+        """All parts between the ends of a winding that is not distributed."""
         return self._with_across(self.winding)
 
     @property
     def is_line(self) -> bool:
-        """Whether the winding is spread along the frame."""
+        """Whether the winding has a distributed capacitance to the frame."""
         return self.spread is not None or self.distribution is not None
 
     def _distributed(self, copper: Node, turns: Sequence[Node], spread: Node, across: Sequence[Node], frame: Node | None) -> Node:
-        """Copper and core, with parts beside all of their turns, spread toward the frame; further parts across the ends."""
-        bridge = _together(across)
+        """A distributed winding: copper and core, `turns` in parallel with every turn, `spread` to the frame, `across` from end to end."""
+        bridge = _parallel(across)
         if self.coupled is not None:
             resistance, flux = copper.children
-            return Sections(resistance, flux, spread, *self.coupled, _together(turns), bridge, frame)
+            return Sections(resistance, flux, spread, *self.coupled, _parallel(turns), bridge, frame)
         series = Parallel((copper, *turns)) if turns else copper
         if bridge is None:
             return Line(series, spread, frame)
         return Parallel((Line(series, spread), bridge)) if frame is None else Bridged(series, spread, bridge, frame)
 
     def _insulation(self, name: str) -> Node:
-        """The element with everything that effects have made of it (dielectric loss and the like)."""
-        # Parents come after their children.
+        """The element with all laws that effects have added to it, such as dielectric loss."""
+        # `walk` yields parents after their children, so the last match is the outermost.
         found = [node for node in walk(self.frame) if is_element(node, name)]
         if not found:
             raise BadInput(f"the motor has no element {name}")
@@ -158,7 +158,7 @@ class Motor:
         return {p.name for node in walk(self.circuit(termination)) for p in node.own_parameters}
 
     def replaced(self, element: str, change: Callable[[Node], Node]) -> Motor:
-        """The motor with one element, under all laws of its material, changed wherever it occurs."""
+        """The motor with one element, together with all laws of its material, changed wherever it occurs."""
         winding, frame = (replace_element(part, element, change) for part in (self.winding, self.frame))
         return dataclasses.replace(self, winding=winding, frame=frame)
 
@@ -167,15 +167,15 @@ class Motor:
         return dataclasses.replace(self, attachments=(*self.attachments, Attachment(wrap, terminations)))
 
     def with_branch(self, branch: Node) -> Motor:
-        """The motor with one more part across its winding, beside Ca."""
+        """The motor with one more part of its winding, in parallel with Ca."""
         return dataclasses.replace(self, winding=Parallel((*self.winding.children, branch)))
 
     def with_across(self, branch: Node) -> Motor:
-        """The motor with a part from one end of its winding to the other, which is no part of the winding."""
+        """The motor with a part from one end of its winding to the other that does not belong to the winding."""
         return dataclasses.replace(self, across=(*self.across, branch))
 
     def with_first_turns(self, cell: Node) -> Motor:
-        """The motor with a part in series at the winding's terminal: lumped even where the winding is not, inside all that is attached."""
+        """The motor with a lumped part in series at the winding's terminal, inside all other attachments."""
         first = Attachment(lambda seen: Series((seen, cell)))
         return dataclasses.replace(self, attachments=(first, *self.attachments))
 
@@ -183,8 +183,8 @@ class Motor:
         return f"Motor(effects={list(self.effects)})"
 
 
-def _together(parts: Sequence[Node]) -> Node | None:
-    """Parts side by side; None for none."""
+def _parallel(parts: Sequence[Node]) -> Node | None:
+    """Parts in parallel; None if there are none."""
     return Parallel(tuple(parts)) if len(parts) > 1 else parts[0] if parts else None
 
 

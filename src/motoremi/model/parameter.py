@@ -1,4 +1,4 @@
-"""A number that a circuit depends on, and what is known about it beforehand."""
+"""A parameter of a circuit: name, unit, range and prior."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Parameter:
-    """A named, unit-bearing, bounded quantity.
+    """A named quantity with unit and bounds.
 
     Parameters
     ----------
@@ -18,19 +18,19 @@ class Parameter:
     unit : str
         SI unit, empty for a pure number.
     low, high : float
-        What is physically possible for a motor, in `unit`.
+        Physically possible range for a motor, in `unit`.
     reason : str
-        Why these bounds.
+        Reason for these bounds.
     scale : {"log", "linear"}
         `log` for quantities that are positive and span decades (they are fitted as logarithms); `linear` for signed ones.
     sigma : float, optional
-        Standard deviation of a Gaussian prior round zero (`linear` only): the analyser's specified errors.
+        Standard deviation of a Gaussian prior about zero (`linear` only).
     vary : bool
         False for a value that is found by a scan and then held.
     special : float, optional
-        The value at which the law takes its simplest form, as likely beforehand as all others together.
+        The value at which the law takes its simplest form; it has half of the prior probability.
     usual : tuple of float, optional
-        Where most motors lie within the bounds: as likely beforehand as all the rest together.
+        Range of most motors within the bounds; it has half of the prior probability.
     """
 
     name: str

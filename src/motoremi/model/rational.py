@@ -1,7 +1,7 @@
-"""Quotients of polynomials through measured values.
+"""Rational functions fitted to measured values.
 
-Multiplied by its denominator, a rational fit is linear least squares (Levy 1959), reweighted with its last value (Sanathanan and
-Koerner 1963).
+Multiplied by its denominator, the fit is a linear least-squares problem (Levy 1959); it is solved repeatedly, weighted with the denominator of
+the previous solution (Sanathanan and Koerner 1963).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Rational:
     middle : float
         Angular frequency in rad/s.
     lowest : float
-        Where the values begin, over `middle`.
+        Lowest angular frequency of the values, divided by `middle`.
     numerator, denominator : ndarray
-        Coefficients of rising powers; the denominator begins with 1.
+        Coefficients of increasing powers; the denominator begins with 1.
     """
 
     middle: float
@@ -37,12 +37,12 @@ class Rational:
 
 
 def rational_fit(frequency_hz: FloatArray, value: ComplexArray, weight: FloatArray, degrees: tuple[int, int]) -> Rational:
-    """The quotient of these degrees that comes near the values.
+    """The rational function of these degrees that is fitted to the values.
 
     Parameters
     ----------
     frequency_hz, value, weight : ndarray, shape (n,)
-        Weight is one over the error of a value, up to a factor.
+        The weight is the reciprocal of a value's error, up to a common factor.
     degrees : tuple of int
         Of numerator and denominator.
     """

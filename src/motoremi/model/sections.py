@@ -1,12 +1,13 @@
-"""A winding as a chain of equal sections whose flux links their neighbours.
+"""A winding as a chain of equal sections that are coupled by their flux.
 
-Section i carries J_i through copper and core and c U_i through the capacitance of its turns; its voltage is U_i = a J_i + b sum_j k^|i-j| J_j,
-with a the copper's share, b the core's and k the coupling of neighbours. Every node has y to the frame, the two ends half of it. The inverse
-of the matrix k^|i-j| is tridiagonal, so along the chain everything is a sum of two waves z^i with v = z + 1/z - 2 from
+Section i carries the current J_i through copper and core and c U_i through the capacitance of its turns; its voltage is
+U_i = a J_i + b sum_j k^|i-j| J_j, with the impedance a of the copper, b of the core, and the coupling k of neighbours. Every node has the
+admittance y to the frame, the two end nodes half of it. The inverse of the matrix k^|i-j| is tridiagonal, so that voltages and currents along
+the chain are sums of two waves z^i with v = z + 1/z - 2 from
 
     k (1 + c a) v^2 - (q + c r + a k y) v + y r = 0,  q = (1 - k)^2, r = a q + b (1 - k^2),
 
-whatever the number of sections; both ends driven alike, and driven against each other, give the two-port.
+for any number of sections. The two-port follows from the even mode (equal voltages at both ends) and the odd mode (opposite voltages).
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from motoremi.model.circuit import Node, Passed, Slopes
 from motoremi.model.laws import Law, ValueAndSlopes
 from motoremi.model.parameter import Parameter
 
-# Places among the derivatives for a, b, c, y, k.
+# Indices of y and k among the derivatives with respect to a, b, c, y, k.
 _BY_FRAME, _BY_COUPLING = 3, 4
-# Less is none.
+# A smaller coupling is replaced by this, since the equation is singular at zero.
 LEAST_COUPLING = 1e-6
 
 
 def linked_flux(sections: Any, coupling: Any) -> tuple[Any, Any]:
-    """Sum of k^|i-j| over all pairs of sections, and its derivative for k: what shares one inductance out among them."""
+    """Sum of k^|i-j| over all pairs of sections, and its derivative with respect to k: the winding's inductance in units of a section's."""
     n, k = sections, coupling
     left, power = 1 - k, k**n
     total = n * (1 + k) / left - 2 * k * (1 - power) / left**2
@@ -39,21 +40,21 @@ def linked_flux(sections: Any, coupling: Any) -> tuple[Any, Any]:
 
 
 def _geometry(s: ComplexArray, sections: Any, coupling: Any) -> ValueAndSlopes:
-    """Hands the coupling, which the waves need to be some, and the number of sections, a whole one, to the node."""
+    """The coupling, kept away from zero, and the number of sections as a whole number, as the law of the node."""
     return np.where(np.abs(coupling) < LEAST_COUPLING, LEAST_COUPLING, coupling), (np.rint(sections),)
 
 
 @dataclass(frozen=True)
 class Sections(Node):
-    """A chain of coupled sections, its far end closed by `load` or shorted, with a branch `across` from end to end.
+    """A chain of coupled sections, terminated by `load` or shorted, with a branch `across` from end to end.
 
     Parameters
     ----------
     copper, flux, shunt : Node
-        Of the whole winding: in series with its flux, linked by it, and to the frame.
+        Totals of the whole winding: the part in series with the flux, the part that is coupled by it, and the impedance to the frame.
     number, coupling : Parameter
     turns, across, load : Node, optional
-        Beside copper and flux of every section; beside all of them; at the far end.
+        In parallel with copper and flux of every section; in parallel with the whole chain; at the far end.
     """
 
     copper: Node
@@ -74,7 +75,7 @@ class Sections(Node):
         return (self.turns, self.across, self.load)
 
     def _sorted(self, parts: Sequence[Any]) -> list[Any]:
-        """What belongs to turns, branch across and load of all that belongs to the children; None where there is none."""
+        """The entries for turns, branch across and load out of the entries for all children; None for a missing part."""
         rest = iter(parts[3:])
         return [None if node is None else next(rest) for node in self._others]
 
@@ -92,24 +93,24 @@ class Sections(Node):
         share = (1 - k**2) / total
         turns, across, closing = self._sorted(parts)
         chain = _Chain(parts[0] / n, parts[1] * share, 0.0 if turns is None else n / turns, 1 / (n * parts[2]), k, n)
-        alike, against = chain.driven(alike=True), chain.driven(alike=False)
+        even_mode, odd_mode = chain.mode(even=True), chain.mode(even=False)
         bridge = 0.0 if across is None else 1 / across
         load = None if closing is None else 1 / closing
-        even, odd = alike.admittance, against.admittance + 2 * bridge
+        even, odd = even_mode.admittance, odd_mode.admittance + 2 * bridge
         own = 0.5 * (even + odd)
         bottom = own if load is None else even * odd + own * load
         impedance = 1 / bottom if load is None else (own + load) / bottom
-        kept = (chain, alike, against, even, odd, bridge, load, bottom, share, -(2 * k + share * by_coupling) / total)
+        kept = (chain, even_mode, odd_mode, even, odd, bridge, load, bottom, share, -(2 * k + share * by_coupling) / total)
         return impedance, kept
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
-        chain, alike, against, even, odd, bridge, load, bottom, share, share_slope = kept
+        chain, even_mode, odd_mode, even, odd, bridge, load, bottom, share, share_slope = kept
         if load is None:
             by_even = by_odd = -0.5 * impedance**2
         else:
             by_even = (0.5 - impedance * (odd + 0.5 * load)) / bottom
             by_odd = (0.5 - impedance * (even + 0.5 * load)) / bottom
-        by_a, by_flux, by_c, by_y, by_k = (by_even * e + by_odd * o for e, o in zip(alike.slopes, against.slopes, strict=True))
+        by_a, by_flux, by_c, by_y, by_k = (by_even * e + by_odd * o for e, o in zip(even_mode.slopes, odd_mode.slopes, strict=True))
         slopes = [by_a / chain.n, by_flux * share, -by_y * chain.y / parts[2]]
         if self.turns is not None:
             slopes.append(-by_c * chain.c**2 / chain.n)
@@ -140,16 +141,16 @@ class _Chain:
         self.r = a * self.q + b
         middle = self.q + c * self.r + a * k * y
         root = np.sqrt(middle**2 - 4 * k * self.loaded * y * self.r)
-        # Of the two signs the one that does not cancel.
+        # The sign that does not cancel.
         self.root = root = np.where((middle.conj() * root).real < 0, -root, root)
         self.waves = (2 * y * self.r / (middle + root), (middle + root) / (2 * k * self.loaded))
-        # Of each wave the whole current over that through the copper, times q - k v; that of the second by the sum of the roots.
+        # For each wave, total current over current through the copper, times q - k v; for the second wave from the sum of the roots.
         bent = k * self.loaded * self.waves[0]
         self.currents = (middle - a * k * y - bent, bent - a * k * y)
 
     @cached_property
     def slopes(self) -> tuple[tuple[Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]:
-        """Derivatives of both waves, and of both currents, for a, b, c, y, k."""
+        """Derivatives of both waves, and of both currents, with respect to a, b, c, y, k."""
         a, c, y, k, q, r, loaded = self.a, self.c, self.y, self.k, self.q, self.r, self.loaded
         q_slope = -2 * (1 - k)
         waves = []
@@ -169,41 +170,41 @@ class _Chain:
         second = [bend - one for one, bend in zip((k * y, 0.0, 0.0, a * k, a * y), bent, strict=True)]
         return (waves[0], waves[1]), (first, second)
 
-    def driven(self, alike: bool) -> _Driven:
-        """Both ends at the same voltage, or at opposite ones."""
-        return _Driven(self, alike)
+    def mode(self, even: bool) -> _Mode:
+        """Both ends at the same voltage (even), or at opposite voltages (odd)."""
+        return _Mode(self, even)
 
 
-class _Driven:
-    """The admittance of either end, and its derivatives for a, b, c, y, k."""
+class _Mode:
+    """The admittance of either end in the even or the odd mode, and its derivatives with respect to a, b, c, y, k."""
 
-    def __init__(self, chain: _Chain, alike: bool) -> None:
-        self.chain, self.alike, k = chain, alike, chain.k
-        # With 0 added an imaginary part is never -0: of a wave below -4, `sqrt` and `arcsinh` would take that for the other side of their cut.
+    def __init__(self, chain: _Chain, even: bool) -> None:
+        self.chain, self.even, k = chain, even, chain.k
+        # Adding 0 turns an imaginary part of -0 into +0: for a wave below -4 it would select the other side of the branch cut of `sqrt`.
         quarters = [0.25 * v + 0.0 for v in chain.waves]
         self.sinh = [np.sqrt(quarter) for quarter in quarters]
         self.cosh = [np.sqrt(1 + quarter) for quarter in quarters]
         self.half = [sinh / cosh for sinh, cosh in zip(self.sinh, self.cosh, strict=True)]
         self.whole = [np.tanh(chain.n * np.arcsinh(sinh)) for sinh in self.sinh]
-        # tanh(theta/2) times tanh(n theta/2), or over it, of v = 4 sinh(theta/2)^2.
-        self.ratios = [half / whole if alike else half * whole for half, whole in zip(self.half, self.whole, strict=True)]
+        # With v = 4 sinh(theta/2)^2: tanh(theta/2) divided by tanh(n theta/2) in the even mode, times it in the odd mode.
+        self.ratios = [half / whole if even else half * whole for half, whole in zip(self.half, self.whole, strict=True)]
         self.ends = [(1 - k) + (1 + k) * t for t in self.ratios]
         (h1, h2), (t1, t2), (e1, e2) = chain.currents, self.ratios, self.ends
         self.top, self.bottom = e2 * h1 - e1 * h2, e2 * h1 * t1 - e1 * h2 * t2
         self.admittance = 0.5 * chain.y * self.top / self.bottom
 
     def _turns(self) -> list[ComplexArray]:
-        """Derivatives of the ratios for v."""
+        """Derivatives of the ratios with respect to v."""
         found = []
         for sinh, cosh, half, whole in zip(self.sinh, self.cosh, self.half, self.whole, strict=True):
             by_half, by_whole = 0.5 * (1 - half**2), 0.5 * self.chain.n * (1 - whole**2)
-            turn = (by_half - half / whole * by_whole) / whole if self.alike else by_half * whole + half * by_whole
+            turn = (by_half - half / whole * by_whole) / whole if self.even else by_half * whole + half * by_whole
             found.append(turn / (4 * sinh * cosh))
         return found
 
     @property
     def slopes(self) -> list[ComplexArray]:
-        """Of the admittance."""
+        """Derivatives of the admittance."""
         k, (h1, h2), (t1, t2), (e1, e2) = self.chain.k, self.chain.currents, self.ratios, self.ends
         turn1, turn2 = self._turns()
         (waves1, waves2), (currents1, currents2) = self.chain.slopes

@@ -1,1 +1,1 @@
-"""Liu, Wang and Nan (2011) reproduced: Fig. 6 - 8 on simulated data, and where the printed numbers do not agree."""
+"""Reproduction of Liu, Wang and Nan (2011): Fig. 6 - 8 on simulated data, and checks of the printed numbers against each other."""

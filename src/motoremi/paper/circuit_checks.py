@@ -1,4 +1,4 @@
-"""Where Table 1 does not agree with itself or with what the paper says of it."""
+"""Checks of Table 1 against itself and against the paper's text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from motoremi.quantities import show
 from motoremi.simulate.effects import HiddenEffect
 
 LEAD = HiddenEffect("lead-inductance", {"resistance_ohm": 0.02, "inductance_h": 100e-9})
-# What the paper blames: permittivity and permeability that depend on frequency.
+# The paper's explanation: permittivity and permeability that depend on frequency.
 DISPERSIONS = (
     HiddenEffect("dielectric-loss@Ca", {"tan_delta": 0.02}),
     HiddenEffect("dielectric-relaxation@Ca", {"strength": 0.2, "corner_hz": 2e7}),
@@ -107,20 +107,20 @@ def no_loss() -> Disagreement:
 
 
 def above_20_mhz() -> Disagreement:
-    """What leaves an error above 20 MHz, as in Fig. 8, once the circuit is fitted."""
+    """Causes of an error above 20 MHz after the fit, as in Fig. 8."""
     v = TABLE_1
     highest = max(
         resonance_hz(*pair)
         for pair in ((v["La"], v["Ca"]), (v["Lr"], v["Cr"]), (v["Lr"], v["Cr"] * v["Cf"] / (v["Cr"] + v["Cf"])), (v["La"], v["Cf"]))
     )
     split = {h.name: error_split_percent(fit(dc_motor(), sweeps(TABLE_1_OHM, h), analyser="none")) for h in (LEAD, *DISPERSIONS)}
-    told = "; ".join(f"{name} {low:.2g} % and {high:.2g} %" for name, (low, high) in split.items())
+    errors = "; ".join(f"{name} {low:.2g} % and {high:.2g} %" for name, (low, high) in split.items())
     only_lead = split[LEAD.name][1] > split[LEAD.name][0] and all(split[h.name][1] < split[h.name][0] for h in DISPERSIONS)
     return Disagreement(
         "above-20-mhz",
         "the model fails above 20 MHz because permittivity and permeability depend on frequency",
         f"Table 1 has no resonance above {show(highest, 'Hz', 3)}; error below and above 20 MHz of the circuit fitted to simulated motors "
-        f"that hide one thing each: {told}",
+        f"that hide one thing each: {errors}",
         "100 nH of leads fail above 20 MHz as Fig. 8 does; dispersion fails most at the undamped resonance below it"
         if only_lead
         else "these motors do not tell the causes apart",
@@ -134,12 +134,12 @@ def above_20_mhz() -> Disagreement:
 
 
 def stop_rule() -> Disagreement:
-    """What 30 candidates and a deviation of 0.1 can and cannot reach."""
+    """The accuracy that 30 candidates and a deviation of 0.1 can reach."""
     half_step = 10 ** (1 / (CANDIDATES - 1))
     measurement = Measurement.of(sweeps(TABLE_1_OHM, noise=0.0), "none")
     log = Problem(dc_motor(), measurement, weights="log")
     likelihood = Problem(dc_motor(), measurement)
-    # The truth half-way between two candidates in each parameter, the neighbour taken at random on either side.
+    # The truth is half-way between two candidates of each parameter; one of the two is taken at random.
     rng = np.random.default_rng(1)
     nearest = log.vector(TABLE_1_OHM) + np.log(half_step) * rng.choice([-1, 1], (200, len(log.unknowns)))
     deviation = float(np.median(np.mean(np.abs(np.exp(-log.deviation(nearest)) - 1), axis=1)))
@@ -156,7 +156,7 @@ def stop_rule() -> Disagreement:
 
 
 def candidate_bounds() -> dict[str, tuple[float, float]]:
-    """One decade either way of Table 1: the paper does not print its candidates."""
+    """One decade on either side of Table 1, because the paper does not print its candidates."""
     return {name: (value / 10, value * 10) for name, value in TABLE_1_OHM.items()}
 
 

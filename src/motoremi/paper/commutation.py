@@ -36,7 +36,7 @@ class Commutation:
 
     @property
     def ratio(self) -> float:
-        """A = Rd Tk / Ls, the only number that the shape of the current depends on; below 1 the current does not reverse in time."""
+        """A = Rd Tk / Ls, which alone determines the shape of the current; below 1 the current does not reverse in time."""
         return self.resistance_ohm * self.time_s / self.inductance_h
 
     def current(self, tau: FloatArray) -> FloatArray:

@@ -17,17 +17,17 @@ NOISE = 0.005
 
 
 def grid_hz() -> FloatArray:
-    """The paper's band, even in the logarithm."""
+    """The paper's band, logarithmically spaced."""
     return np.geomspace(LOWEST_HZ, HIGHEST_HZ, POINTS)
 
 
 def simulated(elements: Mapping[str, float], hidden: HiddenEffect | None = None) -> SimulatedMotor:
-    """A motor with these seven elements that may hide one effect."""
+    """A motor with these seven elements and at most one hidden effect."""
     return SimulatedMotor(**elements, effects=() if hidden is None else (hidden,))
 
 
 def sweeps(elements: Mapping[str, float], hidden: HiddenEffect | None = None, noise: float = NOISE, seed: int = 2011) -> list[ImpedanceSweep]:
-    """Both sweeps; `noise` is relative, of the real and of the imaginary part, 0 for none (0.5 % is stated all the same)."""
+    """Both sweeps; `noise` is the relative noise of the real and of the imaginary part. The sweeps always state 0.5 %, also with 0."""
     motor = simulated(elements, hidden)
     rng = np.random.default_rng(seed)
     frequency = grid_hz()

@@ -1,4 +1,4 @@
-"""One number of the paper beside what follows from its other numbers."""
+"""A number of the paper compared with a value that follows from its other numbers."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from motoremi.arrays import JsonDict
 
 @dataclass(frozen=True)
 class Disagreement:
-    """What is printed, what was computed, what it means.
+    """A printed number, the computed value, and the conclusion.
 
     Parameters
     ----------
     name : str
         Identifier.
     printed, computed, meaning : str
-        For a reader.
+        Texts for the table.
     numbers : mapping
         The computed numbers, each named with its unit.
     """

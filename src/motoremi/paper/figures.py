@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.data.storage import told_as_storage_error, write_whole
+from motoremi.data.storage import as_storage_error, write_whole
 from motoremi.paper.printed import FAILS_ABOVE_HZ, TRAINING_LOOPS
 from motoremi.paper.reproduction import Reproduction, training
 from motoremi.report.axes import BLACK, BLUE, GREEN, GREY, VERMILION, frequency_axis, grid, legend_above, log_values, panels
@@ -21,8 +21,8 @@ LOOKS = ((VERMILION, "--"), (BLUE, "-"), (GREEN, "-."))
 
 
 def prepare(folder: Path) -> None:
-    """Make the folder, or say in one line why not, before anything is computed."""
-    with told_as_storage_error(folder):
+    """Create the folder before anything is computed; raises `StorageError` if that fails."""
+    with as_storage_error(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
 

@@ -1,6 +1,6 @@
-"""The paper's Fig. 6 - 8 once more: its colony and ours on sweeps simulated from Table 1.
+"""The paper's Fig. 6 - 8 on sweeps simulated from Table 1: its ant colony algorithm and this project's.
 
-The motor has Rr in ohm and leads of 100 nH that neither model knows, for the paper's model fails above 20 MHz and this is what does that.
+The motor has Rr in ohm, and leads of 100 nH that the paper's circuit does not contain: they cause an error above 20 MHz as in the paper.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from motoremi.paper.printed import TABLE_1, TABLE_1_OHM
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """All that the command shows.
+    """The results that the command shows.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Reproduction:
             "schema": "motoremi.paper/1",
             "table_1": dict(TABLE_1),
             "simulated": {"elements": dict(TABLE_1_OHM), "hidden": {LEAD.name: dict(LEAD.sizes)}, "noise_relative": NOISE, "points": POINTS},
-            "fits": {name: _told(one) for name, one in self.fits.items()},
+            "fits": {name: _figures(one) for name, one in self.fits.items()},
             "figure_6": {name: [dict(point) for point in one.history] for name, one in list(self.fits.items())[:2]},
             "figure_7": {
                 "frequency_hz": frequency,
@@ -64,7 +64,7 @@ class Reproduction:
         }
 
 
-def _told(one: Fit) -> JsonDict:
+def _figures(one: Fit) -> JsonDict:
     below, above = error_split_percent(one)
     return {
         "parameters": dict(one.parameters),
@@ -79,7 +79,7 @@ def _told(one: Fit) -> JsonDict:
 
 
 def reproduce() -> Reproduction:
-    """Fit the simulated motor in the three ways and hold the paper's numbers against each other."""
+    """Fit the simulated motor in the three ways, and compare the paper's numbers with each other."""
     measured = sweeps(TABLE_1_OHM, LEAD)
     bounds = candidate_bounds()
     printed = fit(dc_motor(), measured, method="paper", analyser="none", bounds=bounds)

@@ -1,4 +1,4 @@
-"""Where the numbers of the paper's interference source and LISN do not agree."""
+"""Checks of the paper's numbers of interference source and LISN."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from motoremi.paper.disagreement import Disagreement
 from motoremi.quantities import show
 from motoremi.simulate.network import Network, impedance
 
-# CISPR 16-1-2: 50 uH and 5 Ohm against ground, the receiver's 50 Ohm beside them; one such in each line.
+# CISPR 16-1-2: 50 uH and 5 Ohm against ground, in parallel with the receiver's 50 Ohm; one in each line.
 LISN = Network().inductor("L", "line", "damped", 50e-6).resistor("R", "damped", "ground", 5.0).resistor("receiver", "line", "ground", 50.0)
 
 
@@ -27,7 +27,7 @@ def computed_time_s() -> float:
 
 
 def surface_speed_m_per_s() -> float:
-    """Of the commutator."""
+    """Surface speed of the commutator."""
     return float(np.pi * printed.COMMUTATOR_DIAMETER_M * printed.SPEED_RPM / 60)
 
 
@@ -91,7 +91,7 @@ def euler() -> Disagreement:
     exact = float(coil.contact_voltage(np.array([0.0]))[0])
     rate = float(np.max(np.abs(np.diff(volts)))) / printed.STEP_S
     difference = coil.solver_difference()
-    digits = min(9, int(-np.log10(difference)))  # the solver is asked for ten
+    digits = min(9, int(-np.log10(difference)))  # the solver's tolerance is 1e-10
     return Disagreement(
         "euler",
         f"solved in time steps of {show(printed.STEP_S, 's')}",

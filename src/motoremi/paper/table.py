@@ -15,13 +15,13 @@ def markdown(result: Reproduction) -> str:
     for name, true in TABLE_1_OHM.items():
         cells = [_cell(one.parameters[name], units[name], one.determined(name) or one.method == "paper") for one in fits.values()]
         lines.append(f"| {name} | {show(true, units[name], 3)} | " + " | ".join(cells) + " |")
-    told = list(result.to_dict()["fits"].values())
+    figures = list(result.to_dict()["fits"].values())
     for title, key, unit in (
         ("rms error below 20 MHz", "below_20_mhz_percent", " %"),
         ("rms error above 20 MHz", "above_20_mhz_percent", " %"),
         ("chi2_reduced", "chi2_reduced", ""),
     ):
-        lines.append(f"| {title} | | " + " | ".join(f"{fit[key]:.2g}{unit}" for fit in told) + " |")
+        lines.append(f"| {title} | | " + " | ".join(f"{fit[key]:.2g}{unit}" for fit in figures) + " |")
     loops = result.printed.history[-1]["loop"]
     count, best = training(result.printed)
     lines += [

@@ -1,1 +1,1 @@
-"""The motor under test and virtual instruments: physics of their own, never the formulas of the fit."""
+"""Simulation of the motor under test and of its measurement, without any formula of `model` or `emission`."""

@@ -1,7 +1,6 @@
 """The simulated impedance analyser: its specification, its errors, and faults beyond the specification.
 
-After the physics notes, section B.1: a smooth gain error for each calibration, residual R, L, G, C for each connection, and
-noise for each point.
+Its errors are a smooth gain error for each calibration, residual R, L, G, C for each connection, and noise for each point.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ BANDWIDTH_FACTORS = (1, 2, 3, 4, 5)
 _RANGE_EDGES_HZ = (1e6, 15e6)
 _LINE_OHM = 50.0
 _LINE_CELLS = 50
-# Standard deviations of what is left after open and short compensation, and what a fixture has without it.
+# Standard deviations of the residuals after open and short compensation, and elements of an uncompensated fixture.
 _RESIDUAL_SD = {"resistance_ohm": 3e-3, "inductance_h": 1e-9, "capacitance_f": 3e-14}
 _RAW_FIXTURE = {"resistance_ohm": 20e-3, "inductance_h": 15e-9, "capacitance_f": 3e-12}
 # Noise floors of impedance and admittance: a tenth of the specified offsets.
@@ -42,7 +41,7 @@ def _bands(frequency_hz: FloatArray, edges_hz: Sequence[float], values: Sequence
 
 
 def basic_percent(frequency_hz: FloatArray) -> FloatArray:
-    """Basic error E_p of the 4294A with a 16047E fixture, in percent."""
+    """Basic accuracy E_p of the 4294A with a 16047E fixture, in percent."""
     return _bands(frequency_hz, (100.0, 800.0, 1e6, 15e6), (0.5, 0.3, 0.075, 1e-7 * frequency_hz, 1.5))
 
 
@@ -126,7 +125,7 @@ def _check_bandwidth(bandwidth_factor: int) -> None:
 
 @dataclass(frozen=True)
 class _Residuals:
-    """What is left between the analyser and the motor after compensation."""
+    """Residual elements between the analyser and the motor after compensation."""
 
     resistance_ohm: float
     inductance_h: float
@@ -143,10 +142,10 @@ class _Residuals:
 
 
 class SimulatedAnalyser:
-    """An impedance analyser with errors of its own.
+    """An impedance analyser with systematic errors and noise.
 
-    The gain error belongs to the analyser's calibration, residuals to a connection, noise to a point. All come from the seed;
-    noise is one stream, so that the same calls in the same order give the same data.
+    The gain error belongs to the analyser's calibration, residuals to a connection, noise to a point. All are drawn from the seed;
+    the noise is one random stream, so that the same calls in the same order give the same data.
 
     Parameters
     ----------
@@ -182,14 +181,14 @@ class SimulatedAnalyser:
         return f"SimulatedAnalyser(seed={self.seed}, model={self.model!r}, faults={tuple(self.faults)!r})"
 
     def without(self, faults: Sequence[str], *, compensated: bool = False) -> SimulatedAnalyser:
-        """The same analyser, its noise going on, with some faults mended or its fixture compensated."""
-        mended = copy.copy(self)
-        mended.faults = {name: sizes for name, sizes in self.faults.items() if name not in faults}
-        mended.compensated = self.compensated or compensated
-        return mended
+        """The same analyser, with the same stream of noise, without some faults or with its fixture compensated."""
+        other = copy.copy(self)
+        other.faults = {name: sizes for name, sizes in self.faults.items() if name not in faults}
+        other.compensated = self.compensated or compensated
+        return other
 
     def with_noise(self, purpose: str) -> SimulatedAnalyser:
-        """The same analyser with a noise of its own for some purpose, whatever was measured before."""
+        """The same analyser with a separate stream of noise, which does not depend on earlier measurements."""
         other = copy.copy(self)
         other._noise = self._rng(f"noise {purpose}")
         return other
@@ -210,13 +209,13 @@ class SimulatedAnalyser:
         termination : {"short", "open"}
         frequency_hz : array_like, shape (n,)
         true_impedance : array_like, shape (n,)
-            Of the motor, in ohm.
+            Impedance of the motor, in ohm.
         connection : int
-            Sweeps of one number were taken without touching the leads and share their residuals.
+            Number of the connection; sweeps with the same number share their residuals.
         bandwidth_factor : int
             1 (fastest) to 5 (best).
         averages : int
-            Of how many readings each point is the mean.
+            Number of readings that are averaged at each point.
 
         Returns
         -------
@@ -241,9 +240,9 @@ class SimulatedAnalyser:
         return measured
 
     def gain_error(self, frequency_hz: FloatArray) -> ComplexArray:
-        """Relative error of the calibration, the same in all sweeps; a third of the basic error, smooth in log f."""
+        """Relative error of the calibration, the same in all sweeps; a third of the basic accuracy, smooth in log f."""
         rng = self._rng("gain")
-        # Spread over the band that matters; the ends go on as constants.
+        # Between 100 kHz and 100 MHz; constant beyond.
         knots = np.linspace(np.log(1e5), np.log(1e8), 3 + int(rng.integers(0, 3)))
         draws = rng.standard_normal((2, knots.size))
         position = np.clip(np.log(frequency_hz), knots[0], knots[-1])
@@ -271,7 +270,7 @@ class SimulatedAnalyser:
         conductance = float(rng.normal(0.0, 1 / 3))
         if not self.compensated:
             sizes = {name: value + self._fixture[name] for name, value in sizes.items()}
-        # A bad compensation stays the same until the next one, whatever is connected.
+        # The error of a bad compensation is the same for all connections.
         for fault in ("open-residual", "short-residual"):
             for name, value in self.faults.get(fault, {}).items():
                 if name == "conductance":
@@ -302,7 +301,7 @@ def _draw_fault(name: str, rng: np.random.Generator) -> dict[str, float | str]:
 
 
 def behind_line(impedance: ComplexArray, frequency: FloatArray, delay_s: float) -> ComplexArray:
-    """The impedance seen through a 50 Ohm line of that delay, in cells of half C, L, half C."""
+    """The impedance at the input of a 50 Ohm line with that delay, made of cells of half C, L, half C."""
     s = 2j * np.pi * frequency
     series = s * delay_s * _LINE_OHM / _LINE_CELLS
     half_shunt = s * delay_s / _LINE_OHM / _LINE_CELLS / 2

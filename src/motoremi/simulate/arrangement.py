@@ -1,4 +1,4 @@
-"""What stands on the simulated bench after somebody was asked for a measurement: the motor as it was set up, the analyser as it then is."""
+"""The set-up on the simulated bench for a requested measurement: motor, condition, analyser, and the operator's mistakes."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from motoremi.simulate.operator import Mistake, Operator
 from motoremi.simulate.response import SILENT
 from motoremi.simulate.specimen import Specimen
 
-# Faults of the analyser that a measurement mends.
-MENDS: Mapping[str, tuple[str, ...]] = {
+# Faults of the analyser that are removed by what the operator does for a measurement.
+REMOVED_FAULTS: Mapping[str, tuple[str, ...]] = {
     "repeat-compensation": ("open-residual", "short-residual", "gain-error", "cable-delay"),
     "contacts-cleaned": ("contact-resistance",),
     "sweep-downwards": ("range-step",),
 }
-# What other meters err by, relative and beside it, and the highest resistance that an insulation tester shows.
+# Errors of other meters, relative and absolute, and the highest resistance that an insulation tester shows.
 _METERS: Mapping[str, tuple[float, float]] = {
     "dc-resistance": (2e-3, 1e-3),
     "insulation-resistance": (0.05, 0.0),
@@ -36,7 +36,7 @@ _OTHER_STANDARD = {"fixture-open": "fixture-short", "fixture-short": "fixture-op
 
 
 class Analyser(Protocol):
-    """What measures: `SimulatedAnalyser` is one."""
+    """Interface of a simulated analyser, such as `SimulatedAnalyser`."""
 
     def measure(
         self,
@@ -51,25 +51,25 @@ class Analyser(Protocol):
         ...
 
     def without(self, faults: Sequence[str], *, compensated: bool = False) -> Self:
-        """With faults mended."""
+        """The same analyser without some faults."""
         ...
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """A measurement that was asked for, as the operator set it up.
+    """A requested measurement as the operator set it up.
 
     Parameters
     ----------
     specimen : Specimen
     condition : Condition or None
-        What was asked; None for the motor as it is.
+        The requested condition; None for the motor as it is.
     terminations : tuple of str
-        Which sweeps were asked for.
+        The requested sweeps.
     turn : int
-        How often the same was asked before.
+        Number of earlier requests for the same measurement.
     mistake : Mistake, optional
-        What the operator did otherwise.
+        The operator's deviation from the request.
     """
 
     specimen: Specimen
@@ -82,12 +82,12 @@ class Arrangement:
     def made_by(
         cls, operator: Operator, specimen: Specimen, condition: Condition | None, terminations: tuple[Termination, ...], name: str, turn: int = 0
     ) -> Arrangement:
-        """What an operator makes of what was asked, `name` being the measurement's."""
+        """The set-up that an operator makes for a request; `name` is the identifier of the measurement."""
         return cls(specimen, condition, terminations, turn, operator.mistake(name, turn))
 
     @property
     def name(self) -> str:
-        """Identifier of the condition that the motor is truly in; empty for none."""
+        """Identifier of the condition that was actually set up; empty for none."""
         asked = "" if self.condition is None else self.condition.id
         if self.mistake is None:
             return asked
@@ -97,11 +97,11 @@ class Arrangement:
 
     @property
     def on_the_fixture(self) -> bool:
-        """Whether a known part is in the motor's place."""
+        """Whether a standard is connected instead of the motor."""
         return self.name in STANDARDS
 
     def impedance(self, termination: Termination, frequency_hz: FloatArray) -> ComplexArray:
-        """What a perfect analyser would show in the sweep of that name, in ohm."""
+        """The true impedance in the sweep of that name, in ohm."""
         value = None if self.condition is None else self.condition.value
         return self.specimen.impedance(self._true_termination(termination), frequency_hz, self.name, value, self.turn)
 
@@ -112,8 +112,8 @@ class Arrangement:
         return TERMINATIONS[1 - TERMINATIONS.index(termination)] if termination == meant else termination
 
     def analyser(self, before: Any) -> Any:
-        """The analyser, an `Analyser`, as what was done leaves it."""
-        faults = MENDS.get(self.name, ())
+        """The analyser, an `Analyser`, without the faults that this measurement removes."""
+        faults = REMOVED_FAULTS.get(self.name, ())
         if faults and self._rng(self.name).random() < SILENT and self.name != "repeat-compensation":
             return before
         return before.without(faults, compensated=self.name == "repeat-compensation") if faults else before
@@ -121,12 +121,12 @@ class Arrangement:
     def sweeps(
         self, analyser: Analyser, frequency_hz: FloatArray, connection: int, repeats: int = 1, bandwidth_factor: int = 3
     ) -> list[ImpedanceSweep]:
-        """The sweeps that were asked for; each termination is a connection of its own, counted from `connection`.
+        """The requested sweeps; each termination is a separate connection, numbered from `connection`.
 
         Parameters
         ----------
         analyser : Analyser
-            As it was before.
+            The analyser before the measurement.
         frequency_hz : ndarray, shape (n,)
         connection : int
         repeats : int
@@ -143,7 +143,7 @@ class Arrangement:
         return measured
 
     def single_value(self, name: str) -> SingleValue:
-        """What another meter shows."""
+        """The reading of another meter."""
         quantity, (relative, absolute), rng = VALUES[name], _METERS[name], self._rng(f"{name} {self.turn}")
         kind = None if self.mistake is None else self.mistake.kind
         true = self.specimen.single_value("dc-resistance" if kind == "terminals" else name)

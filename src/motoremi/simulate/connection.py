@@ -1,4 +1,4 @@
-"""Hidden effects of leads, terminals, frame strap, bearing and temperature (physics notes A.1: 9, 10, 13, 14, 17)."""
+"""Hidden effects of leads, terminals, frame strap, bearing and temperature."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from motoremi.simulate.parts import IN, OUT, Network
 
 
 def _draw_bearing(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    # A film that only stores vanishes in Cr; one that leaks within the band does not.
+    # A purely capacitive film cannot be distinguished from a smaller Cr; a film with leakage in the band can.
     return {"capacitance_f": log_uniform(rng, 5e-11, 5e-10), "resistance_ohm": log_uniform(rng, 1e3, 1e4)}
 
 
@@ -59,11 +59,11 @@ def _apply_drift(network: Network, elements: Elements, sizes: Sizes) -> Network:
 
 
 ROTOR_EFFECTS = (EffectKind("bearing-film", _draw_bearing, _apply_bearing),)
-# From the motor outwards.
+# In order from the motor outwards.
 CONNECTION_EFFECTS = (
     EffectKind("ground-strap-inductance", _draw_strap, _apply_strap),
     EffectKind("lead-inductance", _draw_lead, _apply_lead),
     EffectKind("terminal-capacitance", _draw_terminal, _apply_terminal),
 )
-# The short-circuit sweep comes first; the motor has warmed up by the time of the open one.
+# The short-circuit sweep is measured first; until the open-circuit sweep the motor has warmed up.
 DRIFT_EFFECTS = (EffectKind("temperature-drift", _draw_drift, _apply_drift, terminations=("open",)),)

@@ -1,4 +1,4 @@
-"""Everything that a simulation can hide: by name, drawn by seed, worked into a motor's network."""
+"""All effects that a simulated motor can hide: drawn by seed and added to the motor's network."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from motoremi.simulate.parts import Network
 from motoremi.simulate.suppressor import SUPPRESSOR_EFFECTS
 from motoremi.simulate.winding import BESIDE_EFFECTS, MATERIAL_EFFECTS, TURN_EFFECTS
 
-# The order is the order in which effects are worked in: elements, then what spreads or extends them, then the terminals.
+# In the order in which effects are added to the network: elements, then distributed windings and extensions, then the terminals.
 _KINDS: Mapping[str, EffectKind] = {
     kind.name: kind
     for kind in (
@@ -40,7 +40,7 @@ _KINDS: Mapping[str, EffectKind] = {
 }
 MOTOR_EFFECTS: tuple[str, ...] = tuple(_KINDS)
 OUTSIDE_EFFECTS: tuple[str, ...] = tuple(kind.name for kind in _OUTSIDE)
-# Made by the simulated analyser, see `analyser.py`.
+# Added by the simulated analyser, see `analyser.py`.
 ANALYSER_FAULTS: tuple[str, ...] = (
     "open-residual",
     "short-residual",
@@ -81,7 +81,7 @@ class HiddenEffect:
         check_motor_effect(self.name)
 
     def apply(self, network: Network, elements: Elements, termination: Termination) -> Network:
-        """The network with this effect, if the effect is there in this sweep."""
+        """The network with this effect, if it applies to this sweep."""
         kind = _KINDS[self.name]
         return kind.apply(network, elements, self.sizes) if termination in kind.terminations else network
 
@@ -95,7 +95,7 @@ def check_motor_effect(name: str) -> None:
 
 
 def split_effects(effects: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Part names into what the motor hides and what the analyser does wrong.
+    """Split names into effects of the motor and faults of the analyser.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def split_effects(effects: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, .
 
 
 def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[dict[str, float], tuple[HiddenEffect, ...]]:
-    """Draw sizes for effects; the size of one does not depend on which others there are.
+    """Draw sizes for effects; the size of an effect does not depend on the other effects.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[d
         raise BadInput(f"an effect is named twice: {', '.join(names)}")
     for name in names:
         for other in sorted(set(names) & set(_KINDS[name].excludes)):
-            raise BadInput(f"{name} and {other} work on the same parts of the winding: hide one of them")
+            raise BadInput(f"{name} and {other} change the same parts of the winding: hide one of them")
     values = dict(elements)
     effects = []
     for name in sorted(names, key=MOTOR_EFFECTS.index):

@@ -1,8 +1,8 @@
-"""The spectrum that a receiver shows of a running motor: moments and steps drawn one by one, a sampled waveform, a network, a receiver.
+"""Simulation of the emission of a running motor in the time domain: events, sampled waveform, network, receiver.
 
-Nothing here is a formula for a level: events are placed in time, the network is solved by nodal analysis at the frequencies of the record's
-Fourier transform, and the receiver works on the samples. The physics (steps that settle exponentially, trapezoids, a cable as a
-ladder) is that of section D of the physics notes.
+No level is computed by a formula: events are placed in time one by one, the network is solved by nodal analysis at the frequencies of the
+record's Fourier transform, and the receiver works on the samples. Steps settle exponentially, chopper pulses are trapezoids, and the cable
+is a ladder of cells.
 """
 
 from __future__ import annotations
@@ -32,41 +32,41 @@ SOURCE_EFFECTS = ("arc-breakdown", "commutation-jitter", "chopper", "background-
 # Twice the highest frequency and a margin for the edges of the pulses; a whole number of samples in 4.5 kHz.
 SAMPLE_RATE_HZ = 16384 * 4.5e3
 RECORD_S = 0.05
-# The weighting detectors see the record so often: the meter needs the better part of a second.
+# Number of times that the weighting detectors process the record, because their meter needs most of a second to settle.
 REPEATS = 16
-# What the receiver's readings are off by: its offset and the ripple of its front end, standard deviations.
+# Errors of the receiver: standard deviations of its offset and of the ripple of its front end.
 OFFSET_DB, RIPPLE_DB = 0.7, 0.4
 _GRID_HZ = 4e3
 _TAPS = 24
 _LADDER = 60
-# Medium and short wave: where broadcast stations come in over the mains.
+# Broadcast bands of medium and short wave.
 _STATIONS_HZ = ((530e3, 1.6e6), (5.9e6, 6.2e6), (7.2e6, 7.45e6), (9.4e6, 9.9e6))
 
 
 @dataclass(frozen=True)
 class Stand:
-    """Everything between the brushes and the display, as it really is.
+    """True values of the source, the path and the receiver.
 
     Parameters
     ----------
     repetition_hz : float
         Commutations per second.
     step_v, rise_s : float
-        What vanishes when a segment leaves the brush, and in what time (10 to 90 %).
+        Voltage step when a segment leaves the brush, and its fall time (10 to 90 %).
     arc_v, arc_rise_s, arc_spread : float
-        Arc at the end of each commutation; none for 0 V.
+        Arc at the end of each commutation; 0 V for none.
     jitter_s, missing_share : float
     chopper_v, chopper_hz, chopper_duty, chopper_rise_s : float
-        None for 0 V.
+        0 V for no chopper.
     broadband_dbuv, broadband_slope_db : float
-        Ambient noise in 9 kHz at 1 MHz, and its fall in dB a decade; none below -40 dBuV.
+        Ambient noise in 9 kHz at 1 MHz, and its decrease in dB per decade; none below -40 dBuV.
     stations, stations_seed : int
-        How many broadcast stations, and which.
+        Number of broadcast stations, and the seed of their frequencies and levels.
     lisn_factor : float
-        Of the choke's inductance.
+        Factor on the choke's inductance.
     cable_m, cable_ohm : float
     floor_dbuv, offset_db : float
-        The receiver's noise on the average detector, and its error.
+        The receiver's noise with the average detector, and its offset.
     """
 
     repetition_hz: float
@@ -93,7 +93,7 @@ class Stand:
 
     @classmethod
     def random(cls, seed: int, effects: Sequence[str] = ()) -> Stand:
-        """Draw a stand; one seed is one stand, whatever it hides.
+        """Draw a stand; the values of a seed do not depend on the hidden effects.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class Stand:
         return cls(**drawn)
 
     def truth(self) -> JsonDict:
-        """What a blind test is scored against."""
+        """The true values, against which a blind test is scored."""
         return dict(vars(self))
 
 
@@ -151,8 +151,8 @@ def _draw(name: str, rng: np.random.Generator) -> dict[str, float | int]:
 def transfer(motor: SimulatedMotor, stand: Stand, frequency_hz: FloatArray) -> ComplexArray:
     """Receiver voltage per volt of a source in series with the motor, which feeds two networks in parallel.
 
-    With a current driven into the source's node a, V_receiver/V_a is the answer to an ideal voltage source there; the transfer
-    impedance is found from three driving-point impedances.
+    With a current driven into the source's node a, V_receiver/V_a is the response to an ideal voltage source there; the transfer
+    impedance follows from three driving-point impedances.
     """
     inside = motor.network("open").with_node("G", "source").with_node("X", "port")
     network = inside.plus(
@@ -184,12 +184,12 @@ def transfer(motor: SimulatedMotor, stand: Stand, frequency_hz: FloatArray) -> C
 
 
 def waveform(motor: SimulatedMotor, stand: Stand, seed: int) -> FloatArray:
-    """The voltage at the receiver's input over one record, in volt; the record repeats."""
+    """The voltage at the receiver's input over one record, in volt; the record is periodic."""
     size = round(RECORD_S * SAMPLE_RATE_HZ)
     frequency = fft.rfftfreq(size, 1 / SAMPLE_RATE_HZ)
     omega = 2j * np.pi * np.maximum(frequency, 1.0)
     rng = np.random.default_rng([seed, 13])
-    # What the motor and the chopper do is described by the slope of their voltage: impulses, which edges then widen.
+    # The voltages of motor and chopper are described by their derivative: impulses, which are widened by the shape of the edges.
     slope = np.zeros(frequency.size, dtype=np.complex128)
     moments = np.arange(uniform(rng, 0, 1) / stand.repetition_hz, RECORD_S, 1 / stand.repetition_hz)
     moments = moments[rng.random(moments.size) >= stand.missing_share]
@@ -214,7 +214,7 @@ def waveform(motor: SimulatedMotor, stand: Stand, seed: int) -> FloatArray:
 
 
 def _impulses(moments: FloatArray, heights: FloatArray, size: int) -> FloatArray:
-    """Impulses of unit area between samples, limited to half the sample rate by a windowed sinc; the record is a ring."""
+    """Impulses of unit area at times between samples, band-limited by a windowed sinc; the record is periodic."""
     at = moments * SAMPLE_RATE_HZ
     whole = np.floor(at).astype(np.intp)
     steps = np.arange(-_TAPS, _TAPS + 1)
@@ -226,7 +226,7 @@ def _impulses(moments: FloatArray, heights: FloatArray, size: int) -> FloatArray
 
 
 def _ambient(stand: Stand, frequency: FloatArray, rng: np.random.Generator) -> ComplexArray:
-    """Fourier transform of what comes from outside: noise, and stations with some modulation."""
+    """Fourier transform of the ambient: noise, and broadcast stations with some modulation."""
     size = 2 * (frequency.size - 1)
     total = np.zeros(frequency.size, dtype=np.complex128)
     if stand.broadband_dbuv > -40:
@@ -249,14 +249,14 @@ def _ambient(stand: Stand, frequency: FloatArray, rng: np.random.Generator) -> C
 
 
 def measure(motor: SimulatedMotor, stand: Stand, frequency_hz: ArrayLike, seed: int, quasi_peak: bool = True) -> Reading:
-    """What the receiver shows, with its noise, its offset and the ripple of its front end.
+    """Readings of the receiver, with its noise, its offset and the ripple of its front end.
 
     Parameters
     ----------
     frequency_hz : array_like, shape (n,)
         Equally spaced, 150 kHz to 30 MHz.
     seed : int
-        Of everything that happens by chance while the motor runs.
+        Seed of all random events while the motor runs.
     """
     frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
     samples = waveform(motor, stand, seed)
@@ -269,14 +269,14 @@ def measure(motor: SimulatedMotor, stand: Stand, frequency_hz: ArrayLike, seed: 
 
 
 def motor_off(stand: Stand, frequency_hz: ArrayLike, seed: int, quasi_peak: bool = True) -> Reading:
-    """The background sweep: the same stand with no motor running."""
+    """The background: the same stand with the motor off."""
     quiet = dataclasses.replace(stand, step_v=0.0, arc_v=0.0, chopper_v=0.0)
     return measure(SimulatedMotor(), quiet, frequency_hz, seed, quasi_peak)
 
 
 @dataclass(frozen=True, eq=False)
 class _Running:
-    """A motor, or none, as a key: two motors of the same values are one."""
+    """A motor, or none, as a cache key: equal for motors with equal values."""
 
     motor: SimulatedMotor | None
 
@@ -287,7 +287,7 @@ class _Running:
         return hash(repr(self.motor))
 
 
-# The detectors of one scan are asked for one by one.
+# Cached because the detectors of one scan are requested one by one.
 @lru_cache(maxsize=6)
 def _scanned(running: _Running, seed: int, grid: tuple[float, float, int], effects: tuple[str, ...], quasi_peak: bool) -> Reading:
     start, step, count = grid
@@ -309,11 +309,11 @@ def spectrum(
     frequency_hz : array_like, shape (n,)
         Equally spaced, 150 kHz to 30 MHz.
     detector : {"peak", "quasi-peak", "average", "cispr-average", "rms-average"}
-        As read after any time that the meters need; pulses of a motor come so fast that the CISPR-average reads the average.
+        After the meters have settled. The pulses of a motor are so frequent that the CISPR-average is equal to the average.
     seed : int
-        One seed is one running motor on one stand.
+        Seed of the stand and of all random events.
     effects : sequence of str
-        What the source and the path hide; brushes arc unless told otherwise.
+        Hidden effects of source and path; by default the brushes arc.
 
     Returns
     -------

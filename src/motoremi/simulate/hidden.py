@@ -1,4 +1,4 @@
-"""What a hidden effect is, and how one is worked into a network."""
+"""Kinds of hidden effects, and functions that add one to a network."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class EffectKind:
     name : str
         Identifier, `name` or `name@element`.
     draw : callable
-        `draw(rng, elements)` gives sizes that a good measurement must notice, named with their units. A size named as one of the
+        `draw(rng, elements)` returns sizes that a good measurement must detect, named with their units. A size with the name of one of the
         seven elements replaces that element.
     apply : callable
-        `apply(network, elements, sizes)` gives the network with the effect.
+        `apply(network, elements, sizes)` returns the network with the effect.
     terminations : tuple of str
-        Sweeps in which it is there.
+        Sweeps in which it is present.
     excludes : tuple of str
-        Kinds that work on the same parts in another way: a motor hides one of them.
+        Kinds that change the same parts in another way: a motor has only one of them.
     """
 
     name: str

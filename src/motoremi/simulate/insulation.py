@@ -1,4 +1,4 @@
-"""Hidden effects of the insulation at Ca, Cr and Cf (physics notes A.1: 6-8)."""
+"""Hidden effects of the insulation at Ca, Cr and Cf."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from motoremi.simulate.hidden import EffectKind, Elements, Sizes, beside, log_un
 from motoremi.simulate.parts import IN, OUT, Network
 
 _PLACES = ("Cf", "Ca", "Cr")
-# Above these the rest of the circuit hides the capacitor: Rr in series with Cr, and Cr beside Cf.
+# Above these frequencies other elements hide the capacitor: Rr in series with Cr, and Cr in parallel with Cf.
 _HIGHEST_CORNER_HZ = {"Cf": 4e6, "Ca": 1e7, "Cr": 2e6}
 
 
@@ -46,5 +46,5 @@ def _leakage(place: str) -> EffectKind:
     return EffectKind(f"insulation-leakage@{place}", draw, apply)
 
 
-# Loss replaces the capacitor, the others add to it.
+# The loss replaces the capacitor, so it comes first; the others are added in parallel.
 INSULATION_EFFECTS = tuple(make(place) for make in (_loss, _relaxation, _leakage) for place in _PLACES)

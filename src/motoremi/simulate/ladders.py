@@ -1,8 +1,8 @@
-"""Fields and materials cut into ideal parts: one-ports between the nodes `in` and `out`.
+"""Discrete models of fields and materials made of ideal parts: one-ports between the nodes `in` and `out`.
 
-Each function cuts a continuous medium into cells and writes down the resistors, inductors and capacitors of the cells;
-nothing here knows a closed form. The meshes are graded: fine where the field is thin at the highest frequency, coarse where
-it only matters at low frequency.
+Each function divides a continuous medium into cells and returns the resistors, inductors and capacitors of the cells;
+no closed form is used. The meshes are graded: fine near the surface, to which the field is confined at the highest frequency, and coarse
+inside.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from motoremi.simulate.parts import IN, OUT, Block, Network, Part
 
 MU_0 = 4e-7 * np.pi  # H/m; the 2019 SI differs in the tenth digit
 COPPER_S_PER_M = 5.8e7  # at 20 degC
-# Everything is good from 40 Hz to 110 MHz, the range of a 4294A.
+# The models are valid from 40 Hz to 110 MHz, the range of a 4294A.
 LOWEST_HZ, HIGHEST_HZ = 40.0, 110e6
-# First cell in units of the penetration depth at HIGHEST_HZ, and how much each cell outgrows the one before.
+# Size of the first cell in units of the penetration depth at HIGHEST_HZ, and ratio of the sizes of neighbouring cells.
 _FIRST_CELL, _GROWTH = 0.01, 1.01
 _BRANCHES_PER_DECADE = 4
 _DECADES_BEYOND = 4
 LINE_CELLS = 1200
-# Cells of a spread of time constants: how dense, how far to either side of the middle (natural logarithm), how far above the band one by one.
+# Distribution of time constants: cells per decade, extent to either side of the middle (natural logarithm), and factor above HIGHEST_HZ up to
+# which each cell is a separate part.
 _CORES_PER_DECADE, _SPREAD, _FAR_ABOVE = 4, 40.0, 1000.0
 
 
@@ -38,7 +39,7 @@ def graded_faces(depth: float, refine: int = 1) -> FloatArray:
     depth : float
         Penetration depth at `HIGHEST_HZ` over the length of the mesh.
     refine : int
-        Cut every cell into so many: for convergence checks.
+        Number of parts into which every cell is divided, for convergence checks.
     """
     first, growth = _FIRST_CELL * depth, _GROWTH
     cells = max(8, int(np.ceil(np.log1p((growth - 1) / first) / np.log(growth)))) if first < 1 else 8
@@ -55,9 +56,9 @@ def diffusion_ladder(henry: FloatArray, siemens: FloatArray, end: Literal["open"
     henry : ndarray, shape (n,)
         Flux of each cell per ampere.
     siemens : ndarray, shape (n + 1,)
-        Eddy or current path of each node, the surface first.
+        Conductance of the current path at each node, the surface first.
     end : {"open", "short"}
-        `open`: no current is left beyond the last node. `short`: no electric field there, by symmetry.
+        `open`: no current beyond the last node. `short`: no electric field there, by symmetry.
     """
     nodes = [IN, *(f"n{number}" for number in range(1, henry.size)), OUT if end == "short" else f"n{henry.size}"]
     parts = [Part("L", f"l{number}", *ends, float(value)) for number, (ends, value) in enumerate(zip(pairwise(nodes), henry, strict=True), start=1)]
@@ -101,7 +102,7 @@ def round_wire(ohm: float, radius_m: float, conductivity_s_per_m: float = COPPER
     """
     length = ohm * conductivity_s_per_m * np.pi * radius_m**2
     depth = 1 / np.sqrt(np.pi * HIGHEST_HZ * MU_0 * conductivity_s_per_m)
-    # The mesh ends just off the axis, where a shell would have no flux; the last disc conducts as one.
+    # The mesh ends close to the axis, where a shell would have no flux; the last node represents the remaining disc.
     radii = radius_m * (1 - 0.999 * graded_faces(float(depth / radius_m), refine))
     middles = np.concatenate(([radius_m], (radii[1:] + radii[:-1]) / 2, [0.0]))
     henry = MU_0 * length / (2 * np.pi) * np.log(radii[:-1] / radii[1:])
@@ -115,11 +116,11 @@ def wire_inductance(ohm: float, radius_m: float, conductivity_s_per_m: float = C
 
 
 def foil_winding(ohm: float, height_m: float, layers: int, conductivity_s_per_m: float = COPPER_S_PER_M, refine: int = 1) -> Network:
-    """Layers of foil in each other's field.
+    """Layers of foil, each in the field of the others.
 
-    A layer's own current meets it from both faces with opposite field, the field of the layers below it with the same field.
-    The two parts do not exchange power, so the layers' impedances add up from two half sheets: one that carries a current and
-    one that stands in a field. Layer p of m sees (2p - 1)/2 times the field of one layer; sum (2p - 1)^2 = m (4m^2 - 1)/3.
+    The field of a layer's own current has opposite directions at its two faces, the field of the layers below it the same direction.
+    The two parts do not exchange power, so that a layer is the sum of two half sheets: one that carries a current and one in an external
+    field. Layer p of m is in (2p - 1)/2 times the field of one layer; sum (2p - 1)^2 = m (4m^2 - 1)/3.
 
     Parameters
     ----------
@@ -154,9 +155,9 @@ def foil_inductance(ohm: float, height_m: float, layers: int, conductivity_s_per
 
 
 def constant_phase(farad: float, tan_delta: float, reference_hz: float = 1e6, per_decade: int = 0) -> Network:
-    """Capacitance whose loss angle is the same at all frequencies: R-C branches evenly spaced in log time constant.
+    """Capacitance with a constant loss angle: R-C branches evenly spaced in log time constant.
 
-    The branches reach four decades beyond 40 Hz and 110 MHz; faster ones only store, so one capacitor stands for all of them.
+    The branches reach four decades beyond 40 Hz and 110 MHz; faster ones are purely capacitive and are combined into one capacitor.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def constant_phase(farad: float, tan_delta: float, reference_hz: float = 1e6, pe
     tan_delta : float
     reference_hz : float
     per_decade : int
-        Branches per decade; 0 for the usual number.
+        Branches per decade; 0 for the default.
     """
     if not 0 < tan_delta < 1:
         raise BadInput(f"tan delta {tan_delta} is outside 0 .. 1")
@@ -192,7 +193,7 @@ def constant_phase(farad: float, tan_delta: float, reference_hz: float = 1e6, pe
 
 
 def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
-    """Resistance in series and capacitance in shunt all along, open at the end: charge that diffuses (Warburg)."""
+    """Line with series resistance and shunt capacitance, open at the end: diffusion of charge (Warburg)."""
     faces = graded_faces(float(1 / np.sqrt(np.pi * HIGHEST_HZ * ohm * farad)), refine)
     middles = np.concatenate(([0.0], (faces[1:] + faces[:-1]) / 2, [1.0]))
     nodes = [IN, *(f"n{number}" for number in range(1, faces.size))]
@@ -206,14 +207,14 @@ def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
 
 
 def winding_line(winding: Network, slots: Part | Block, start: str, end: str, cells: int) -> tuple[Block | Part, ...]:
-    """A winding spread over many cells, with what lies between it and the frame spread along it; the ends carry half a share.
+    """A winding divided into cells, with its impedance to the frame distributed along it; the end nodes have half a share.
 
     Parameters
     ----------
     winding : Network
         The whole winding between `in` and `out`.
     slots : Part or Block
-        From the whole winding to its negative node, the frame.
+        Impedance of the whole winding to the frame, which is its negative node.
     start, end : str
         Nodes of the outer network.
     cells : int
@@ -227,21 +228,22 @@ def winding_line(winding: Network, slots: Part | Block, start: str, end: str, ce
 
 
 def spread_relaxation(henry: float, corner_hz: float, exponent: float, per_decade: int = 0) -> Network:
-    """Flux through iron whose eddy currents die out over decades: R parallel L cells, evenly spaced in log corner frequency.
+    """Inductance with a distribution of time constants: cells of R parallel L, evenly spaced in log corner frequency.
 
-    The cells share the inductance as the time constants of Cole and Cole (J. Chem. Phys. 9 (1941) 341) are spread. Those beyond the band
-    only store or only lose: one inductor and one resistor stand for them. From 100 Hz to 30 MHz within 1e-4 for exponents of 0.55 to 0.75.
+    The inductance is divided among the cells according to the distribution of Cole and Cole (J. Chem. Phys. 9 (1941) 341). Cells beyond the
+    band are purely inductive or purely resistive and are combined into one inductor and one resistor. From 100 Hz to 30 MHz the error is below
+    1e-4 for exponents of 0.55 to 0.75.
 
     Parameters
     ----------
     henry : float
-        At low frequency.
+        Inductance at low frequency.
     corner_hz : float
-        Of the middle cell.
+        Corner frequency of the middle cell.
     exponent : float
-        Above 0, below 1: the smaller, the wider the spread.
+        Above 0, below 1: the smaller, the wider the distribution.
     per_decade : int
-        Cells per decade; 0 for the usual number.
+        Cells per decade; 0 for the default.
     """
     if not 0 < exponent < 1:
         raise BadInput(f"exponent {exponent} is outside 0 .. 1")

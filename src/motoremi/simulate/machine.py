@@ -1,4 +1,4 @@
-"""Hidden effects of rotor, frame, flux paths, turns and modes: what larger machines show, at the sizes of the simulated motors."""
+"""Hidden effects of larger machines (rotor, frame, flux paths, turns, modes), at the sizes of the simulated motors."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, beside, log_uniform, replaced, uniform
 from motoremi.simulate.parts import IN, OUT, Block, Network, Part
 
-# How tightly a closed loop is coupled to the flux that it encloses; the rest of its share is leakage.
+# Coupling of a closed loop to the flux that it encloses; the rest is leakage.
 _LOOP_COUPLING = 0.95
-# A line of low impedance and much loss: these are as good as twice as many (within 1e-4).
+# Number of cells of the lossy line; twice as many change the result by less than 1e-4.
 MACHINE_CELLS = 200
 _MODES = ("first", "second", "third")
 
@@ -29,7 +29,7 @@ def _loop(elements: Elements, share: float, corner_hz: float, resistance: Networ
     )
 
 
-# Below 20 kHz, where a loop shows, La is some tens of milliohms: the copper resistance is that of the wire alone.
+# A loop is visible below 20 kHz, where the reactance of La is small: Ra is the resistance of the wire alone there, without core losses.
 def _draw_cage(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
     return {
         "share": uniform(rng, 0.4, 0.8),
@@ -40,7 +40,7 @@ def _draw_cage(rng: np.random.Generator, elements: Elements) -> dict[str, float]
 
 
 def _apply_cage(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    # A bar carries current from its top downwards, half of a sheet that is twice as deep.
+    # In a bar the current is displaced to the top: half of a sheet that is twice as deep.
     time = 1 / (2 * np.pi * sizes["skin_hz"])
     bar = ladders.half_sheet(time, time, "open")
     cage = _loop(elements, sizes["share"], sizes["corner_hz"], bar)
@@ -70,7 +70,7 @@ def _draw_flux(rng: np.random.Generator, elements: Elements) -> dict[str, float]
 
 
 def _apply_flux(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """Flux of current that leaves through the frame closes beside the core: less of it links the winding."""
+    """The flux of current that leaves through the frame closes outside the core, so less of it links the winding."""
     return network.with_item("La", network.item("La").scaled(1 - sizes["share_lost"]))
 
 
@@ -109,10 +109,10 @@ def _draw_machine(rng: np.random.Generator, elements: Elements) -> dict[str, flo
 
 
 def _apply_machine(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """Copper, iron and cage in many cells, each with its share of the slot's insulation and of the laminations behind it; Ca over all."""
+    """Copper, iron and cage in many cells, each with its share of slot insulation and laminations; Ca across all cells."""
     own = ("Ra", "La")
     coil = network.item("La")
-    assert isinstance(coil, Part)  # by what the kind excludes
+    assert isinstance(coil, Part)  # the effects that change La are excluded
     core = (
         Network()
         .block("iron", IN, "rotor", ladders.spread_relaxation((1 - sizes["cage_share"]) * coil.value, sizes["iron_hz"], sizes["exponent"]))
@@ -126,7 +126,7 @@ def _apply_machine(network: Network, elements: Elements, sizes: Sizes) -> Networ
     return rest.plus(*ladders.winding_line(winding, Block("slots", "X", "G", path), "X", "Y", MACHINE_CELLS))
 
 
-# Loops, then flux, before what lies beside the whole of La; modes after what replaces Ca.
+# Order: loops and flux before parts in parallel with the whole of La; modes after effects that replace Ca.
 LOOP_EFFECTS = (
     EffectKind("rotor-cage", _draw_cage, _apply_cage),
     EffectKind("shorted-turn", _draw_turn, _apply_turn),

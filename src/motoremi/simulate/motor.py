@@ -1,4 +1,4 @@
-"""The simulated motor: the paper's seven elements as a network of parts, and what is hidden in it."""
+"""The simulated motor: the paper's seven elements as a network of ideal parts, with hidden effects."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class SimulatedMotor:
 
     @classmethod
     def random(cls, seed: int, effects: Sequence[str] = ()) -> SimulatedMotor:
-        """Draw a plausible damped motor; one seed is one motor, whatever it hides.
+        """Draw a plausible damped motor; the elements of a seed do not depend on the hidden effects, except where an effect sets one.
 
         Parameters
         ----------
         seed : int
         effects : sequence of str
-            Any of `MOTOR_EFFECTS`, drawn large enough to matter.
+            Any of `MOTOR_EFFECTS`, drawn large enough to be detected.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class SimulatedMotor:
         if seed < 0:
             raise BadInput(f"the seed is {seed}; it must be 0 or above")
         rng = np.random.default_rng([seed, 0])
-        # Ra holds the eddy loss of the core as well: a real winding resonates with a Q of 10 to 100.
+        # Ra includes the eddy-current loss of the core: a real winding resonates with a Q of 10 to 100.
         base = {
             "Ra": log_uniform(rng, 5.0, 50.0),
             "La": uniform(rng, 8e-6, 20e-6),
@@ -78,16 +78,16 @@ class SimulatedMotor:
         return {name: getattr(self, name) for name in ELEMENTS}
 
     def effect(self, name: str) -> HiddenEffect | None:
-        """What it hides under that name, if it does."""
+        """The hidden effect of that name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)
 
     def network(self, termination: Termination) -> Network:
-        """The network between X and G; in the short-circuit sweep the far end Y is joined to G, the common return."""
-        network = self.apart(termination)
+        """The network between X and G; in the short-circuit sweep the far end Y is connected to G."""
+        network = self.with_free_end(termination)
         return network.with_node("Y", GROUND) if termination == "short" else network
 
-    def apart(self, termination: Termination) -> Network:
-        """The network of one sweep with the far end Y still a node of its own."""
+    def with_free_end(self, termination: Termination) -> Network:
+        """The network of one sweep before the far end Y is connected to anything."""
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
         network = (
@@ -105,7 +105,7 @@ class SimulatedMotor:
         return network
 
     def impedance(self, termination: Termination, frequency_hz: ArrayLike) -> ComplexArray:
-        """Impedance of one sweep without any error of measurement.
+        """True impedance in one sweep.
 
         Parameters
         ----------
@@ -121,11 +121,11 @@ class SimulatedMotor:
         return impedance(self.network(termination), TERMINAL, GROUND, frequency_hz)
 
     def netlist(self, termination: Termination) -> str:
-        """The network as SPICE lines; drive node `X` against node `G`."""
+        """The network as SPICE lines, between the nodes `X` and `G`."""
         return to_spice(self.network(termination))
 
     def truth(self) -> JsonDict:
-        """What a blind test is scored against: elements and effects with their sizes, SI units."""
+        """The truth of a blind test: elements and effects with their sizes, SI units."""
         return {
             "elements": dict(self.elements),
             "effects": {effect.name: dict(effect.sizes) for effect in self.effects},

@@ -1,8 +1,8 @@
-"""What a network does: its driving-point impedance at all frequencies at once, and its SPICE netlist.
+"""Driving-point impedance of a network at all frequencies at once, and its SPICE netlist.
 
-Nodes of at most three neighbours are eliminated one by one (series and star-triangle rules); what is left, and everything
-that mutual coupling touches, is solved by modified nodal analysis. Both are exact; the first makes ladders of hundreds of
-sections cheap and, since it only adds admittances and never subtracts them, keeps their digits.
+Nodes with at most three neighbours are eliminated one by one (series and star-triangle rules); the rest, and all nodes of coupled
+inductors, are solved by modified nodal analysis. Both are exact. Elimination is fast for ladders of hundreds of sections, and it loses no
+digits because it never subtracts admittances.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _Edges = dict[str, dict[str, ComplexArray]]
 
 
 def impedance(network: Network, positive: str, negative: str, frequency_hz: ArrayLike) -> ComplexArray:
-    """Impedance seen between two nodes.
+    """Impedance between two nodes.
 
     Parameters
     ----------
     network : Network
     positive, negative : str
-        Nodes between which 1 A is driven.
+        The two nodes.
     frequency_hz : array_like, shape (n,)
         In hertz, above 0.
 
@@ -47,7 +47,7 @@ def impedance(network: Network, positive: str, negative: str, frequency_hz: Arra
     Raises
     ------
     BadInput
-        If the two nodes are one, or no path of parts joins them.
+        If the two nodes are the same, or not connected by parts.
     """
     frequency: FloatArray = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     s: ComplexArray = (2j * np.pi * frequency).astype(np.complex128)
@@ -86,7 +86,7 @@ def _coupled_inductor(network: Network, name: str) -> Part:
 
 def _admittance(item: Item, s: ComplexArray, known_blocks: dict[int, ComplexArray]) -> ComplexArray:
     if isinstance(item, Block):
-        # A line repeats one cell hundreds of times: solve it once.
+        # A line repeats the same cell hundreds of times; it is solved once.
         if id(item.network) not in known_blocks:
             known_blocks[id(item.network)] = 1 / _solve(item.network, IN, OUT, s, known_blocks)
         return known_blocks[id(item.network)] / item.scale
@@ -103,7 +103,7 @@ def _join(edges: _Edges, first: str, second: str, admittance: ComplexArray) -> N
 
 
 def _eliminate(edges: _Edges, keep: set[str]) -> None:
-    """Remove inner nodes of few neighbours: a star of admittances y_i becomes the mesh y_i y_j / sum(y)."""
+    """Eliminate inner nodes with few neighbours: a star of admittances y_i becomes the mesh y_i y_j / sum(y)."""
     waiting = sorted((node for node in edges if node not in keep), key=lambda node: -len(edges[node]))
     while waiting:
         node = waiting.pop()
@@ -120,7 +120,7 @@ def _eliminate(edges: _Edges, keep: set[str]) -> None:
 
 
 def _drop_other_islands(edges: _Edges, inductors: list[Part], start: str) -> None:
-    """Keep what a path of parts joins to `start` and every island that holds a coupled inductor."""
+    """Keep the nodes that are connected to `start`, and every separate part of the network that contains a coupled inductor."""
     reached: set[str] = set()
     border = [start]
     for inductor in inductors:
@@ -139,7 +139,7 @@ def _drop_other_islands(edges: _Edges, inductors: list[Part], start: str) -> Non
 
 
 def _references(edges: _Edges, inductors: list[Part], negative: str) -> set[str]:
-    """One node at 0 V in every island of parts: `negative` in its own, any node in the others."""
+    """One node at 0 V in every connected part of the network: `negative` in its own, any node in the others."""
     group = {node: node for node in edges}
 
     def root(node: str) -> str:

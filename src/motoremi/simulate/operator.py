@@ -1,4 +1,4 @@
-"""A simulated operator, who now and then does something else than was asked."""
+"""A simulated operator who makes mistakes at random."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-# other termination: the sweep of this name is of the other one (a far end that nobody connected, or joined by mistake).
-# nothing done: the change was forgotten. other standard: mixed up. two wires: the leads were measured as well.
-# terminals: the insulation tester stood across the winding.
+# other termination: the far end was not connected, or connected by mistake. nothing done: the condition was not set up. other standard: the
+# standards were mixed up. two wires: the resistance of the leads was included. terminals: the insulation tester was connected across the winding.
 Kind: TypeAlias = Literal["other termination", "nothing done", "other standard", "two wires", "terminals"]
 
-# How often an action goes wrong.
+# Probability of a mistake.
 MISTAKEN = 0.05
-# What can go wrong with each measurement; those that are not here need no hands.
+# Possible mistakes of each measurement; the others need no action of the operator.
 _MISTAKES: Mapping[str, tuple[Kind, ...]] = {
     "short-sweep": ("other termination",),
     "open-sweep": ("other termination",),
@@ -41,13 +40,13 @@ _MISTAKES: Mapping[str, tuple[Kind, ...]] = {
 
 @dataclass(frozen=True)
 class Mistake:
-    """What went wrong.
+    """A mistake of the operator.
 
     Parameters
     ----------
     kind : str
     of : int
-        Which of the sweeps, where it is about one of several; counts from 0 and goes round.
+        Index of the sweep that it applies to, from 0, modulo the number of sweeps.
     """
 
     kind: Kind
@@ -56,20 +55,20 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Operator:
-    """Somebody who does what is asked, most of the time.
+    """An operator with a given probability of mistakes.
 
     Parameters
     ----------
     seed : int
     mistaken : float
-        Share of the actions that go wrong.
+        Probability of a mistake.
     """
 
     seed: int
     mistaken: float = MISTAKEN
 
     def mistake(self, condition: str, turn: int = 0) -> Mistake | None:
-        """What goes wrong when this is asked for the `turn`-th time (from 0); None if it is done as asked."""
+        """The mistake when this is requested for the `turn`-th time (from 0); None if it is done as requested."""
         kinds = _MISTAKES.get(condition, ())
         rng = np.random.default_rng([self.seed, turn, zlib.crc32(f"operator {condition}".encode())])
         if not kinds or rng.random() >= self.mistaken:

@@ -1,4 +1,4 @@
-"""Effects that are in nobody's catalogue: a blind test must also contain what cannot be named."""
+"""Effects that are not in the catalogue, for blind tests of the verdict `unexplained`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def _draw_tap(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
 
 
 def _apply_tap(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """Two R-C branches across part of the turns, the rest of which stays coupled to them."""
+    """Two R-C branches across part of the turns, which are coupled to the rest."""
     tap, coupling = sizes["tap"], sizes["coupling"]
-    # Inductance goes with turns squared; both parts and twice their mutual inductance make La.
+    # Inductance is proportional to the square of the turns; both parts and twice their mutual inductance add up to La.
     unit = elements["La"] / (tap**2 + (1 - tap) ** 2 + 2 * coupling * tap * (1 - tap))
     inner = (
         Network()

@@ -26,7 +26,7 @@ class Part:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.value) and self.value > 0):
-            raise BadInput(f"part {self.name}: {self.value} is no value for an ideal {self.kind}; it must be above 0")
+            raise BadInput(f"part {self.name}: {self.value} cannot be the value of an ideal {self.kind}; it must be above 0")
 
     def scaled(self, factor: float) -> Part:
         """The same part with `factor` times the impedance."""
@@ -75,7 +75,7 @@ Item: TypeAlias = Part | Block
 
 @dataclass(frozen=True)
 class Network:
-    """Parts between named nodes; every change gives a new network.
+    """Parts between named nodes; every change returns a new network.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class Network:
         return dataclasses.replace(self, items=tuple(new if item.name == name else item for item in self.items))
 
     def with_node(self, old: str, new: str) -> Network:
-        """With one node renamed; an existing name joins the two nodes."""
+        """With one node renamed; with the name of an existing node, the two are connected."""
         names = {old: new}
         return dataclasses.replace(
             self,
@@ -139,7 +139,7 @@ class Network:
         )
 
     def with_capacitors(self, factor: float) -> Network:
-        """With every capacitance, those inside blocks too, `factor` times as large; blocks that shared a network still do."""
+        """With every capacitance, also inside blocks, `factor` times as large; blocks that share a network still do."""
         items: list[Item] = []
         changed: dict[int, Network] = {}
         for item in self.items:

@@ -1,8 +1,8 @@
-"""A CISPR 16-1-1 receiver in the time domain: fed with samples, block by block, it reads every frequency at once.
+"""A CISPR 16-1-1 receiver in the time domain, which processes samples block by block and measures all frequencies at once.
 
-Each stretch of samples under a Gaussian window is transformed; the window is the intermediate-frequency filter, and successive stretches
-give the envelope at each frequency, on which the detectors run as circuits step by step. Memory does not grow with the record.
-It shares nothing with the formulas of `motoremi.emission`.
+A short-time Fourier transform with a Gaussian window, which is the intermediate-frequency filter, gives the envelope at each frequency; the
+detectors process the envelopes step by step, as circuits. The memory does not depend on the length of the record.
+It has no code in common with the formulas of `motoremi.emission`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from motoremi.errors import BadInput
 
 # (bandwidth, charge, discharge, meter, averaging time of the RMS-average) of bands A and B of CISPR 16-1-1.
 BANDS: Final = {"A": (200.0, 45e-3, 500e-3, 160e-3, 100e-3), "B": (9e3, 1e-3, 160e-3, 160e-3, 10e-3)}
-# The window is cut where it is down to 2e-4 of its height.
+# The window is cut off where it has decreased to 2e-4 of its height.
 _HALF_WIDTH_SIGMAS = 4.1
-# Envelope samples per standard deviation of the envelope of an impulse: the highest is missed by at most 0.27 dB, 0.1 dB in the mean.
+# Envelope samples per standard deviation of the envelope of an impulse: the largest sample is at most 0.27 dB too low, 0.1 dB on average.
 _PER_SIGMA = 2.0
 _BATCH = 32
-# The meter is slow: it looks at the detector once in so many steps.
+# Number of steps of the detector for each step of the meter, which is slow.
 _METER_EVERY = 8
 
 
@@ -42,13 +42,13 @@ class Reading:
     rms_average: FloatArray
 
     def level(self, detector: str) -> FloatArray:
-        """By the detector's name."""
+        """Levels of a detector by its name."""
         found: FloatArray = getattr(self, detector.replace("-", "_"))
         return found
 
 
 class TimeDomainReceiver:
-    """Reads a sampled voltage at equally spaced frequencies.
+    """Measures a sampled voltage at equally spaced frequencies.
 
     Parameters
     ----------
@@ -59,16 +59,16 @@ class TimeDomainReceiver:
     noise_dbuv : float, optional
         Average reading of the receiver's own noise, added to every frequency.
     quasi_peak : bool
-        The quasi-peak detector runs sample by sample and costs as much as all else; without it its levels are those of the peak.
+        Whether to run the quasi-peak detector, which takes as long as everything else; without it the peak levels are returned for it.
     seed : int
-        Of the noise.
+        Seed of the noise.
     keep : bool
-        Keep all envelopes, so that `again` can run the quasi-peak detector over them once more.
+        Keep all envelopes, so that `repeat` can run the quasi-peak detector over them once more.
 
     Raises
     ------
     BadInput
-        For frequencies that are not equally spaced or that the sample rate cannot hold.
+        For frequencies that are not equally spaced, or not below half the sample rate.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class TimeDomainReceiver:
         half = math.ceil(_HALF_WIDTH_SIGMAS * sigma_s * sample_rate_hz)
         time_s = np.arange(-half, half + 1) / sample_rate_hz
         window = np.exp(-0.5 * (time_s / sigma_s) ** 2)
-        # A sine reads its effective value: the transform of a sine of amplitude a is a/2 times the sum of the window.
+        # A sine is indicated with its rms value: the transform of a sine of amplitude a is a/2 times the sum of the window.
         self._window: NDArray[np.float32] = (window * (math.sqrt(2) / window.sum())).astype(np.float32)
         self._hop = max(1, int(sigma_s * sample_rate_hz / _PER_SIGMA))
         self._step_s = self._hop / sample_rate_hz
@@ -100,7 +100,7 @@ class TimeDomainReceiver:
         self._turn: NDArray[np.complex64] | None = None if shift_hz == 0 else shift.astype(np.complex64)
         self._rest: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
         self._noise_v = None if noise_dbuv is None else 1e-6 * 10 ** (noise_dbuv / 20) * 2 / math.sqrt(math.pi)
-        # Samples of the noise behind the filter one hop apart.
+        # Correlation of two noise samples behind the filter, one hop apart.
         self._noise_memory = math.exp(-0.25 * (self._step_s / sigma_s) ** 2)
         self._rng = np.random.default_rng(seed)
         self._noise: NDArray[np.complex64] | None = None
@@ -118,10 +118,10 @@ class TimeDomainReceiver:
             raise BadInput(f"at {sample_rate_hz:g} samples a second only frequencies below {sample_rate_hz / 2:g} Hz can be read")
 
     def _bins(self, sample_rate_hz: float, bandwidth_hz: float) -> tuple[int, slice | NDArray[np.intp], float]:
-        """Length of the transform, which of its bins are read, and by how much the signal is shifted down first."""
+        """Length of the transform, indices of the bins that are used, and frequency by which the signal is shifted down first."""
         first, size = float(self.frequency_hz[0]), self.frequency_hz.size
         step = float(self.frequency_hz[1]) - first if size > 1 else bandwidth_hz / 2
-        # One transform a step, the signal shifted if need be; or bins of a part of the step, unshifted.
+        # Bins at the distance of the frequencies, with the signal shifted if necessary; or bins at a fraction of that distance, without shift.
         for parts in (1, 2, 3, 4):
             points = parts * sample_rate_hz / step
             offset = first * parts / step
@@ -135,7 +135,7 @@ class TimeDomainReceiver:
         return length, np.rint(self.frequency_hz * length / sample_rate_hz).astype(np.intp), 0.0
 
     def feed(self, samples: ArrayLike) -> None:
-        """Take the next samples, in volt."""
+        """Process the next samples, in volt."""
         data = np.concatenate([self._rest, np.asarray(samples, dtype=np.float32)])
         length = self._window.size
         count = max(0, (data.size - length) // self._hop + 1)
@@ -143,7 +143,7 @@ class TimeDomainReceiver:
             number = min(_BATCH, count - start)
             stretches = np.lib.stride_tricks.sliding_window_view(data, length)[start * self._hop :: self._hop][:number]
             envelope = np.abs(self._with_noise(self._filtered(stretches)))
-            self._detectors.take(envelope)
+            self._detectors.process(envelope)
             if self._keep:
                 self._kept.append(envelope)
         self._rest = data[count * self._hop :].copy()
@@ -179,10 +179,10 @@ class TimeDomainReceiver:
         """Length of the filter's window."""
         return int(self._window.size)
 
-    def again(self) -> None:
-        """Run the quasi-peak detector over the record so far once more; nothing happens unless envelopes are kept."""
+    def repeat(self) -> None:
+        """Run the quasi-peak detector over the record so far once more; without effect unless envelopes are kept."""
         for envelope in self._kept:
-            self._detectors.weigh(envelope)
+            self._detectors.run_quasi_peak(envelope)
 
     def read(self) -> Reading:
         """The readings so far.
@@ -199,7 +199,7 @@ class TimeDomainReceiver:
 
 
 class _Detectors:
-    """Peak, quasi-peak, average and RMS-average of envelopes that come in steps."""
+    """Peak, quasi-peak, average and RMS-average of envelopes, step by step."""
 
     def __init__(self, size: int, step_s: float, charge_s: float, discharge_s: float, meter_s: float, rms_s: float, quasi_peak: bool) -> None:
         self.steps, self._weighed = 0, 0
@@ -214,17 +214,17 @@ class _Detectors:
         self._needle, self._speed, self._shown = (np.zeros(size) for _ in range(3))
         self._quasi_peak = quasi_peak
 
-    def take(self, envelope: NDArray[np.float32]) -> None:
-        """Envelopes, shape (steps, frequencies)."""
+    def process(self, envelope: NDArray[np.float32]) -> None:
+        """Process envelopes, shape (steps, frequencies)."""
         np.maximum(self._highest, envelope.max(axis=0), out=self._highest)
         self._sum += envelope.sum(axis=0)
         self._blockwise(envelope)
         if self._quasi_peak:
-            self.weigh(envelope)
+            self.run_quasi_peak(envelope)
         self.steps += len(envelope)
 
-    def weigh(self, envelope: NDArray[np.float32]) -> None:
-        """Quasi-peak detector and meter."""
+    def run_quasi_peak(self, envelope: NDArray[np.float32]) -> None:
+        """Run the quasi-peak detector and its meter."""
         for row in envelope:
             self._charge(row)
             self._weighed += 1
@@ -232,7 +232,7 @@ class _Detectors:
                 self._move()
 
     def _blockwise(self, envelope: NDArray[np.float32]) -> None:
-        """Effective values over blocks of one averaging time."""
+        """Rms values over blocks of one averaging time."""
         start = 0
         while start < len(envelope):
             part = envelope[start : start + self._rms_steps - self._in_block]
@@ -260,14 +260,14 @@ class _Detectors:
         voltage += flow
 
     def _move(self) -> None:
-        """The meter: two equal poles."""
+        """One step of the meter, which has two equal poles."""
         step = _METER_EVERY * self._step_s
         self._speed += step * ((self._voltage - self._needle) / self._meter_s - 2 * self._speed) / self._meter_s
         self._needle += step * self._speed
         np.maximum(self._shown, self._needle, out=self._shown)
 
     def read(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Effective values of the sines of equal reading."""
+        """Rms values of the sines that give the same readings."""
         quasi: FloatArray = self._shown / self._sine if self._quasi_peak else self._highest.astype(np.float64)
         rms: FloatArray = self._rms_sum / self._blocks if self._blocks else np.sqrt(self._power / max(1, self._in_block))
         return self._highest.astype(np.float64), quasi, self._sum / self.steps, rms
@@ -275,7 +275,7 @@ class _Detectors:
 
 @lru_cache(maxsize=2)
 def _sine_response(charge_s: float, discharge_s: float) -> tuple[float, float]:
-    """Charge constant of the circuit and its final voltage for a sine of amplitude 1, by running it: 63 % must be reached in `charge_s`."""
+    """Charge constant with which the circuit reaches 63 % in `charge_s`, and its final voltage for a sine of amplitude 1, by simulation."""
 
     def run(constant: float) -> tuple[float, float]:
         step, voltage = charge_s / 200, 0.0
@@ -303,7 +303,7 @@ def read_waveform(
     repeats: int = 1,
     seed: int = 0,
 ) -> Reading:
-    """Readings of a whole record, or of one that comes in blocks.
+    """Readings of a record, given as a whole or in blocks.
 
     Parameters
     ----------
@@ -314,11 +314,11 @@ def read_waveform(
         Equally spaced.
     band : {"A", "B"}
     quasi_peak : bool
-        Whether the quasi-peak detector runs too.
+        Whether to run the quasi-peak detector.
     noise_dbuv : float, optional
-        Of the receiver, on the average detector.
+        Noise of the receiver with the average detector.
     repeats : int
-        The quasi-peak detector sees the record so often, as if it went on like this; its envelopes are kept in memory for that.
+        Number of times that the quasi-peak detector processes the record, as if it were periodic; the envelopes are kept in memory for that.
     seed : int
     """
     receiver = TimeDomainReceiver(sample_rate_hz, frequency_hz, band, noise_dbuv, quasi_peak, seed, keep=repeats > 1 and quasi_peak)
@@ -326,7 +326,7 @@ def read_waveform(
     for part in _blocks(samples, block):
         receiver.feed(part)
     for _ in range(repeats - 1):
-        receiver.again()
+        receiver.repeat()
     return receiver.read()
 
 

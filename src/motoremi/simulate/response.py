@@ -1,7 +1,7 @@
-"""How the parts of a simulated motor answer to what an operator does: warm it, bias it, turn its shaft, dry it.
+"""Responses of the parts of a simulated motor to a condition: temperature, bias, turned shaft, drying and others.
 
-Typical sizes are textbook values (unconfirmed for any one motor). Each motor answers by a size of its own: within a factor of two of the typical
-one, and one effect in ten does not answer at all. Only copper answers as the tables say.
+Typical sizes are textbook values (unconfirmed for any one motor). Each motor has its own response within a factor of two of the typical one,
+and one effect in ten does not respond at all. Only copper always follows the tables.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from motoremi.simulate.motor import SimulatedMotor
 from motoremi.simulate.stand import AMBIENT_DEGC
 
 COPPER_PER_KELVIN = 0.00393
-# One effect in so many does not answer to a change; the others by a size within this factor of the typical one.
+# Share of the effects that do not respond to a condition; the others respond within this factor of the typical size.
 SILENT, FACTOR = 0.1, 2.0
 USUAL_RISE_KELVIN, USUAL_BIAS_AMPERE = 30.0, 1.0
 _BOLTZMANN_EV = 8.617e-5
 _ICE_KELVIN = 273.15
-# Iron's part of a winding's inductance, and the current at which half of the squared permeability is gone.
+# Share of iron in a winding's inductance, and current at which the squared permeability has decreased to a half.
 _IRON_SHARE, _KNEE_AMPERE = (0.3, 0.8), (0.7, 3.0)
 _ROD_KNEE_AMPERE = (1.0, 8.0)
-# A coupled loop or a layer of iron cannot hold more of a coil than this.
+# Largest share of a coil's flux in a coupled loop or in iron.
 _LARGEST_SHARE = 0.9
 
-# (kelvin of rise, strength of the answer, random stream) -> factor
+# (temperature rise in kelvin, strength of the response, random stream) -> factor
 Law: TypeAlias = Callable[[float, float, np.random.Generator], float]
 
 
@@ -46,7 +46,7 @@ def _linear(per_kelvin: float) -> Law:
 
 
 def _activated(electron_volt: float) -> Law:
-    """Arrhenius: what ions and dipoles do in an insulation; above 0 where it grows with temperature."""
+    """Arrhenius's law, as of ions and dipoles in an insulation; a positive energy for a quantity that grows with temperature."""
 
     def law(rise: float, strength: float, rng: np.random.Generator) -> float:
         cold = AMBIENT_DEGC + _ICE_KELVIN
@@ -60,7 +60,7 @@ def _times(factor: float) -> Law:
 
 
 def _scatter(relative: float) -> Law:
-    """Something else each time: a contact or film that was moved."""
+    """A random change each time: a contact or film that was moved."""
     return lambda rise, strength, rng: math.exp(strength * relative * rng.standard_normal())
 
 
@@ -73,7 +73,7 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
         "Rr": {"": _linear(1e-3)},
         "Cr": {"": _linear(3e-4)},
         "Cf": {"": _linear(6e-4)},
-        # Copper that is warm is to a field what thinner copper is, and to a layer what a layer with less copper in it is.
+        # For a field, warmer copper is equivalent to thinner wire, or to a layer with less copper.
         "skin-effect": {"radius_m": _copper(-0.5)},
         "proximity-effect": {"porosity": _copper(-1.0)},
         "eddy-laminations": {"corner_hz": _linear(1.5e-3)},
@@ -122,11 +122,11 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
         "field-coupling": {"field_capacitance_f": _times(1.05)},
         "winding-modes": {f"{mode}_resonance_hz": _times(0.98) for mode in ("first", "second", "third")},
     },
-    # Terminals that were open are shorted: beside that, the capacitance of the field winding is nothing.
+    # The open terminals of the field winding are shorted: its capacitance is then negligible.
     "field-winding": {"field-coupling": {"field_capacitance_f": _times(1e6)}},
     "longer-strap": {"ground-strap-inductance": {"inductance_h": _times(2.0), "resistance_ohm": _times(2.0)}},
     "terminal-block": {"terminal-capacitance": {"capacitance_f": _times(0.05)}},
-    # Brushes span several bars; a lead is clipped to one.
+    # The leads are connected to single commutator bars, while brushes cover several.
     "brushes-lifted": {"Ra": {"": _scatter(0.02)}, "La": {"": _scatter(0.02)}, "Ca": {"": _scatter(0.02)}, "Cf": {"": _times(0.99)}},
     "rotor-out": {
         "La": {"": _times(0.6)},
@@ -137,19 +137,19 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
         "outside-rotor-coupling": {"coupling": _times(0.05)},
     },
 }
-# An air gap or a sheet of metal is what it is: these answer always, and by their typical size.
+# Conditions under which every part responds, with the typical size.
 _CERTAIN = {"rotor-out"}
 _BOUNDED = {"share": _LARGEST_SHARE, "cage_share": _LARGEST_SHARE, "coupling": _LARGEST_SHARE, "tan_delta": 0.9, "porosity": 1.0}
 
 
 @dataclass(frozen=True)
 class Responses:
-    """The answers of one motor, drawn once: asked twice, it answers the same.
+    """The responses of one motor; the same condition always gives the same response.
 
     Parameters
     ----------
     motor : SimulatedMotor
-        As it is before anything is done to it.
+        The motor without a condition.
     seed : int
     """
 
@@ -157,7 +157,7 @@ class Responses:
     seed: int
 
     def strength(self, condition: str, name: str) -> float:
-        """How strongly an element or effect answers, in units of the typical answer; 0 for one that does not."""
+        """Strength of the response of an element or effect, in units of the typical response; 0 if it does not respond."""
         if condition in _CERTAIN:
             return 1.0
         rng = self._rng(condition, name)
@@ -169,11 +169,11 @@ class Responses:
         Parameters
         ----------
         condition : str
-            Identifier; one that does nothing to the motor itself leaves it as it is.
+            Identifier; a condition that does not change the motor itself returns it unchanged.
         value : float, optional
             Temperature in degree Celsius, bias in ampere.
         turn : int
-            How often this was done before: a shaft that is turned again is somewhere else.
+            Number of earlier times: a shaft that is turned again is in another position.
         """
         if condition == "dc-bias":
             return self._biased(USUAL_BIAS_AMPERE if value is None else abs(value))
@@ -194,13 +194,13 @@ class Responses:
         return dataclasses.replace(effect, sizes=sizes)
 
     def permeability(self, ampere: float) -> float:
-        """What a bias leaves of the iron's differential permeability: 1 / sqrt(1 + (I / knee)^2), the knee drawn."""
+        """Factor of a bias on the iron's differential permeability: 1 / sqrt(1 + (I / knee)^2), with a random knee current."""
         rng = self._rng("dc-bias", "iron")
         knee = log_uniform(rng, *_KNEE_AMPERE)
         return 1 / math.hypot(1.0, self.strength("dc-bias", "iron") * ampere / knee)
 
     def _biased(self, ampere: float) -> SimulatedMotor:
-        """Iron saturates, the film under a brush conducts better."""
+        """The motor under a bias: iron saturates, and the film under a brush conducts better."""
         left, shares = self.permeability(ampere), self._iron_shares()
         iron = max(shares.values(), default=uniform(self._rng("dc-bias", "share"), *_IRON_SHARE))
         rest = 1 - iron * (1 - left)
@@ -208,7 +208,7 @@ class Responses:
         return dataclasses.replace(self.motor, La=self.motor.La * rest, effects=tuple(effects))
 
     def _iron_shares(self) -> dict[str, float]:
-        """What the hidden effects themselves say of the iron's part of La."""
+        """The iron's share of La according to the hidden effects."""
         sizes = {effect.name: effect.sizes for effect in self.motor.effects}
         found: dict[str, float] = {name: sizes[name]["share"] for name in ("eddy-laminations", "permeability-relaxation") if name in sizes}
         if "machine-winding" in sizes:

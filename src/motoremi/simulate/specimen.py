@@ -1,4 +1,4 @@
-"""A simulated motor on somebody's bench: what there is to be measured under each condition, without any error of measurement."""
+"""A simulated motor under each condition: the true values of everything that can be measured."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from motoremi.simulate.suppressor import SUPPRESSOR_EFFECTS
 FAR_END_GROUNDED = "far-end-grounded"
 OPEN_OHM, SHORT_OHM = 1e12, 1e-6
 USUAL_LEAD_H, USUAL_CAPACITOR_F, USUAL_LOAD_OHM = 50e-9, 100e-12, 50.0
-# A strap's length is worth so much even where nobody thought of it.
+# Inductance added by a longer strap if the motor hides none.
 _STRAP_H = (15e-9, 60e-9)
-# A known part is what is written on it within these.
+# Tolerances of known parts.
 _LEAD_TOLERANCE, _CAPACITOR_TOLERANCE, _LOAD_TOLERANCE = 0.05, 0.01, 2e-3
-# Low enough that nothing but resistance is left: of the winding, and of the insulation.
+# Frequencies that are low enough for pure resistance of the winding and of the insulation, and the frequency of a bridge.
 _DIRECT_HZ, _INSULATION_HZ, _BRIDGE_HZ = 1e-3, 1e-7, 1e3
 _SOUND_INSULATION_OHM = (3e9, 1e11)
-# Inductance of a test lead by its length, and the lead of somebody who hides none.
+# Inductance of a test lead per metre, and length of the lead if none is hidden.
 _LEAD_H_PER_M, _SHORT_LEAD_M = (7e-7, 1.2e-6), (0.02, 0.1)
 _OWN_LEADS = {kind.name for kind in (*CONNECTION_EFFECTS, *DRIFT_EFFECTS)}
 
@@ -38,14 +38,14 @@ _AT_THE_TERMINALS = {"brush-contact", "terminal-capacitance", *(kind.name for ki
 
 @dataclass(frozen=True)
 class Specimen:
-    """A motor with its own way to answer to changes.
+    """A motor with its responses to conditions.
 
     Parameters
     ----------
     motor : SimulatedMotor
-        As it is before anything is done to it.
+        The motor without a condition.
     seed : int
-        Of its answers, and of what known parts truly are.
+        Seed of its responses, and of the true values of known parts.
     """
 
     motor: SimulatedMotor
@@ -53,29 +53,29 @@ class Specimen:
 
     @cached_property
     def responses(self) -> Responses:
-        """How its parts answer."""
+        """Responses of its parts."""
         return Responses(self.motor, self.seed)
 
     def network(self, termination: Termination, condition: str = "", value: float | None = None, turn: int = 0) -> Network:
-        """What is between X and G.
+        """The network between X and G.
 
         Parameters
         ----------
         termination : {"short", "open"}
         condition : str
-            Identifier; empty, or one that changes nothing that a network shows: the motor as it is.
+            Identifier; empty for the motor as it is.
         value : float, optional
             SI unit; a temperature in degree Celsius.
         turn : int
-            How often this was done before.
+            Number of earlier times.
         """
         motor = self.responses.under(condition, value, turn)
         if condition == "brushes-lifted":
-            # At the bars, what the brushes and the terminals had is left behind.
+            # Measured at the bars, effects of the brushes and of the terminals are not in the circuit.
             motor = replace(motor, effects=tuple(effect for effect in motor.effects if effect.name not in _AT_THE_TERMINALS))
-        network = motor.apart(termination)
+        network = motor.with_free_end(termination)
         if condition == "repeat-first-sweep" and termination == "short" and (drift := motor.effect("temperature-drift")):
-            # By the time that the first sweep is repeated, the motor is as warm as it was in the last one.
+            # When the first sweep is repeated, the motor is as warm as during the last sweep.
             network = drift.apply(network, motor.elements, "open")
         if condition == FAR_END_GROUNDED:
             frame = "frame" if "frame" in _nodes(network) else GROUND
@@ -87,18 +87,18 @@ class Specimen:
     def impedance(
         self, termination: Termination, frequency_hz: FloatArray, condition: str = "", value: float | None = None, turn: int = 0
     ) -> ComplexArray:
-        """Impedance under a condition, in ohm; the arguments are those of `network`. Of a known part where the condition is one of `STANDARDS`."""
+        """Impedance under a condition, in ohm, of the standard if the condition is one of `STANDARDS`; the arguments are those of `network`."""
         if condition in STANDARDS:
             return self._standard(condition, value, frequency_hz)
         return impedance(self.network(termination, condition, value, turn), TERMINAL, GROUND, frequency_hz)
 
     def single_value(self, name: str) -> float:
-        """What a meter would show that made no error, SI unit.
+        """True value of what another meter measures, SI unit.
 
         Parameters
         ----------
         name : str
-            One of `data.conditions.VALUES`; between the motor's own terminals, without the leads of the sweeps.
+            One of `data.conditions.VALUES`; measured at the motor's terminals, without the leads of the sweeps.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class Specimen:
         raise BadInput(f"the simulation knows no single value {name!r}: use one of {', '.join(VALUES)}")
 
     def _outside(self, network: Network, termination: Termination, condition: str, value: float | None) -> Network:
-        """With what was connected between motor and analyser."""
+        """The network with the part that a condition adds between motor and analyser."""
         rng = self._rng(condition)
         if condition == "longer-lead":
             henry = (USUAL_LEAD_H if value is None else value) * (1 + _LEAD_TOLERANCE * float(rng.standard_normal()))

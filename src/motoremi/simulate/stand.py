@@ -1,4 +1,4 @@
-"""A DC motor under a supply, in time: current, speed and temperature by first-order physics."""
+"""A DC motor that is fed by a supply: current, speed and temperature over time, by first-order models."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ RESISTANCE_OHM = 0.8
 CONSTANT_VOLT_S = 0.035
 LOAD_NEWTON_M = 0.015
 INERTIA_KG_M2 = 1.5e-4
-# What part of the power taken up ends as heat in the motor, and how that leaves it.
+# Share of the electrical power that heats the motor, and its thermal resistance and time constant.
 HEAT_SHARE = 0.3
 THERMAL_KELVIN_PER_WATT = 15.0
 THERMAL_TIME_S = 300.0
-# The mechanics settle in seconds: they are stepped that long, what is left of a wait is one step.
+# The speed settles in seconds: it is integrated in this many short steps, and the rest of a wait is one step.
 STEP_S, STEPS = 0.02, 500
 RPM_PER_RADIAN_S = 60 / (2 * math.pi)
 
@@ -26,7 +26,7 @@ class MotorStand:
     Parameters
     ----------
     now : callable
-        Seconds on the clock of the stand.
+        Returns the time of the stand's clock in seconds.
     """
 
     def __init__(self, now: Callable[[], float]) -> None:
@@ -42,7 +42,7 @@ class MotorStand:
         self._source = (voltage_volt, limit_ampere)
 
     def release(self) -> None:
-        """Switch the supply off: the motor runs down and cools."""
+        """Switch the supply off: the motor coasts down and cools."""
         self._advance()
         self._source = None
 
@@ -101,7 +101,7 @@ class MotorStand:
         current = min(wanted, limit)
         power_watt = current * (CONSTANT_VOLT_S * self._speed + RESISTANCE_OHM * current)
         if _exceeds(wanted, limit) or self._source is None:
-            # The torque is constant: the shaft gains speed until the supply need not limit any more, or loses it.
+            # With limited current the torque is constant: the shaft accelerates until the supply leaves the current limit, or decelerates.
             gain = (CONSTANT_VOLT_S * current - LOAD_NEWTON_M) / INERTIA_KG_M2 * step_s
             free = max(0.0, (volt - RESISTANCE_OHM * limit) / CONSTANT_VOLT_S)
             self._speed = max(0.0, self._speed + gain if gain < 0 else min(self._speed + gain, max(free, self._speed)))
@@ -114,5 +114,5 @@ class MotorStand:
 
 
 def _exceeds(wanted_ampere: float, limit_ampere: float) -> bool:
-    """Whether a supply has to limit; the last digit does not count, or a motor that has reached its speed would stay in the limit."""
+    """Whether a supply limits the current; with a tolerance, since rounding would keep a motor at its final speed in the limit."""
     return wanted_ampere > limit_ampere * (1 + 1e-9)

@@ -1,4 +1,4 @@
-"""Hidden interference suppressors: capacitors at the brushes, a choke in the lead."""
+"""Hidden suppressors: capacitors at the brushes, a choke in the lead."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from motoremi.simulate.parts import IN, OUT, Network
 
 
 def _capacitor(name: str, low_farad: float, high_farad: float, ends: Sequence[tuple[str, str]]) -> EffectKind:
-    """A capacitor with its wires, the same between each of some pairs of nodes."""
+    """A capacitor with its wires between each of some pairs of nodes."""
 
     def draw(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
         return {
@@ -45,7 +45,7 @@ def _draw_choke(rng: np.random.Generator, elements: Elements) -> dict[str, float
 
 
 def _apply_choke(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """A rod's flux is partly in ferrite, whose loss is a resistor beside that part, and partly in air."""
+    """The flux of a rod is partly in ferrite, whose loss is a parallel resistor, and partly in air."""
     rod = sizes["share"] * sizes["inductance_h"]
     choke = (
         Network()
@@ -58,7 +58,7 @@ def _apply_choke(network: Network, elements: Elements, sizes: Sizes) -> Network:
     return network.with_node("X", "brush").block("choke", "X", "brush", choke)
 
 
-# From the brushes outwards.
+# In order from the brushes outwards.
 SUPPRESSOR_EFFECTS = (
     _capacitor("suppressor-capacitor", 5e-9, 2e-7, [("X", "Y")]),
     _capacitor("suppressor-capacitor@frame", 1e-9, 1e-8, [("X", "G")]),

@@ -1,8 +1,8 @@
-"""The simulated reflection measurement of a pocket network analyser.
+"""The simulated reflection measurement of a handheld network analyser.
 
-Three error terms, smooth in frequency and the same until the next calibration, and noise. Of one that is calibrated at its connector they are
-what cheap standards leave; of one that sends raw data they are those of its bridge. The sizes are estimates from what users publish, not
-from a data sheet.
+It has three error terms, smooth in frequency and constant until the next calibration, and noise. If it is calibrated at its connector, they are
+the residual errors of low-cost standards; if it sends raw data, they are those of its bridge. The sizes are estimates from publications of
+users, not from a data sheet.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _KNOTS = 5
 
 
 class SimulatedVna:
-    """One port with its residual errors.
+    """A one-port network analyser with its error terms.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ class SimulatedVna:
         self._noise = np.random.default_rng([seed, zlib.crc32(b"vna noise")])
 
     def reflection(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray, bandwidth_hz: float) -> ComplexArray:
-        """What is shown as S11.
+        """The measured S11.
 
         Parameters
         ----------
         frequency_hz : ndarray, shape (n,)
         impedance_ohm : ndarray of complex, shape (n,)
-            At the connector.
+            True impedance at the connector.
         bandwidth_hz : float
         """
         true = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)

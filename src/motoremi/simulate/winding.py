@@ -1,4 +1,4 @@
-"""Hidden effects of the winding, its core and its turns (physics notes A.1: 1-5, 11, 12, 15, 16)."""
+"""Hidden effects of the winding, its core and its turns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from motoremi.simulate.parts import IN, OUT, Network, Part
 
 
 def _draw_skin(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    # The internal inductance of the wire is part of La: with much resistance only a thin wire leaves room for the rest.
+    # The wire's internal inductance is a part of La: the radius is chosen so that it is only a share of it.
     share = uniform(rng, 0.15, 0.35)
     per_square_metre = ladders.wire_inductance(elements["Ra"], 1.0)
     return {"radius_m": max(1e-4, float(np.sqrt(share * elements["La"] / per_square_metre)))}
@@ -26,7 +26,7 @@ def _apply_skin(network: Network, elements: Elements, sizes: Sizes) -> Network:
 
 
 def _draw_proximity(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    # Flux between the layers is part of La as well. It sets the copper resistance, which here is all of Ra.
+    # The inductance of the flux between the layers is a share of La. This determines the copper resistance, which is all of Ra here.
     height, layers, porosity = uniform(rng, 2e-4, 5e-4), int(rng.integers(2, 7)), uniform(rng, 0.6, 0.95)
     share = uniform(rng, 0.2, 0.5)
     per_ohm = ladders.foil_inductance(1.0, height, layers, porosity * ladders.COPPER_S_PER_M)
@@ -133,10 +133,10 @@ def _draw_sections(rng: np.random.Generator, elements: Elements) -> dict[str, fl
 
 
 def _apply_sections(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """Coils in series, each with its share of copper and capacitance; the flux of one links the others the less the further they are."""
+    """Coils in series, each with its share of copper and capacitance; their coupling decreases with the distance."""
     count, coupling = int(sizes["sections"]), sizes["coupling"]
     order = range(count)
-    # Of all self and mutual inductances the sum is La.
+    # The sum of all self and mutual inductances is La.
     henry = elements["La"] / sum(coupling ** abs(i - j) for i in order for j in order)
     nodes = ["X", *(f"coil{number}" for number in range(1, count)), "Y"]
     rest = dataclasses.replace(network, items=tuple(item for item in network.items if item.name not in ("Ra", "La", "Ca")))
@@ -173,7 +173,7 @@ def _apply_second(network: Network, elements: Elements, sizes: Sizes) -> Network
     )
 
 
-# In the order in which they must be worked in: what changes an element first, what moves a node last.
+# In the order in which they must be added: effects that change an element first, effects that move a node last.
 MATERIAL_EFFECTS = (
     EffectKind("skin-effect", _draw_skin, _apply_skin),
     EffectKind("proximity-effect", _draw_proximity, _apply_proximity),
@@ -185,8 +185,8 @@ BESIDE_EFFECTS = (
     EffectKind("core-loss", _draw_core_loss, _apply_core_loss),
     EffectKind("brush-contact", _draw_brush, _apply_brush),
 )
-# Whatever makes an element of the winding another, or spreads it otherwise: sections are made of the plain ones.
-_OTHER_ACCOUNTS = (
+# Effects that change or distribute the elements of the winding in another way: sections are made of the plain elements.
+_INCOMPATIBLE = (
     "distributed-winding",
     "machine-winding",
     *(kind.name for kind in (*MATERIAL_EFFECTS, *BESIDE_EFFECTS)),
@@ -200,6 +200,6 @@ _OTHER_ACCOUNTS = (
 )
 TURN_EFFECTS = (
     EffectKind("distributed-winding", _draw_distributed, _apply_distributed),
-    EffectKind("winding-sections", _draw_sections, _apply_sections, excludes=_OTHER_ACCOUNTS),
+    EffectKind("winding-sections", _draw_sections, _apply_sections, excludes=_INCOMPATIBLE),
     EffectKind("second-resonance", _draw_second, _apply_second),
 )

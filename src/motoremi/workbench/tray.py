@@ -21,7 +21,7 @@ from motoremi.data.text import clean_text
 from motoremi.data.touchstone import FIXTURES
 from motoremi.errors import BadInput
 from motoremi.quantities import show_band
-from motoremi.workflow_import import Import, Told, prepared
+from motoremi.workflow_import import Import, ImportOptions, prepared
 
 MOST_FILES = 60
 MOST_BYTES = 256 * 1024**2
@@ -208,7 +208,7 @@ class Tray:
             if not chosen:
                 raise BadInput("choose at least one file as short, open or spectrum")
             found = [one.found for one in chosen if one.found is not None]
-            told = Told(analyser=analyser, corrections=self._corrections(), **{key: text.strip() for key, text in texts.items()})
+            told = ImportOptions(analyser=analyser, corrections=self._corrections(), **{key: text.strip() for key, text in texts.items()})
         sweeps = [one.sweep for one in found if one.sweep is not None]
         return prepared(sweeps, [item for one in found for item in one.spectra], told, [one.name for one in chosen])
 

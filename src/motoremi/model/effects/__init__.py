@@ -1,4 +1,4 @@
-"""The catalogue of effects: one file for each family; third parties add theirs through an entry point."""
+"""The catalogue of effects: one file for each group; other packages add theirs through an entry point."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["AddedEffect", "Effect", "add_effects", "catalogue", "catalogue_sha25
 
 @lru_cache(maxsize=1)
 def catalogue() -> tuple[Effect, ...]:
-    """All known effects: those of the contract in its order, then those of installed packages, then the user's own files."""
+    """All known effects: the built-in ones, then those of installed packages, then those of the user's own files."""
     known = [
         *winding.EFFECTS,
         *machine.EFFECTS,
@@ -47,7 +47,7 @@ def catalogue() -> tuple[Effect, ...]:
 
 def _join(known: list[Effect], effect: Effect, origin: str) -> None:
     if any(effect.name == other.name for other in known):
-        raise BadInput(f"{origin} wants the name {effect.name}, which is taken")
+        raise BadInput(f"{origin}: the name {effect.name} is already used by another effect")
     try:
         check_effect(effect, known)
     except BadInput as error:
@@ -56,17 +56,17 @@ def _join(known: list[Effect], effect: Effect, origin: str) -> None:
 
 
 def effects_from(*paths: str | os.PathLike[str]) -> tuple[Effect, ...]:
-    """Take the effects of Python files into the catalogue, for this process and those that it starts. This runs their code.
+    """Add the effects of Python files to the catalogue, for this process and those that it starts. This runs their code.
 
     Returns
     -------
     tuple of Effect
-        What the files define.
+        The effects that the files define.
 
     Raises
     ------
     BadInput
-        If a file defines no effect, its code fails, or a name is taken.
+        If a file defines no effect, its code fails, or a name is already used.
     """
     before = os.environ.get(own.VARIABLE)
     files = dict.fromkeys(Path(path).resolve() for path in (*own.named_files(), *paths))
@@ -85,14 +85,14 @@ def effects_from(*paths: str | os.PathLike[str]) -> tuple[Effect, ...]:
 
 
 def catalogue_sha256() -> str:
-    """Changes with the catalogue: results are comparable only where it is the same."""
+    """Digest of the catalogue: results are comparable only if it is the same."""
     known: list[object] = ["what several laws change of one element adds up"]
     known += [(effect.identifiers, effect.formula, [(p.name, p.low, p.high) for p in effect.parameters]) for effect in catalogue()]
     return hashlib.sha256(repr(known).encode()).hexdigest()
 
 
 def identifiers() -> tuple[str, ...]:
-    """All identifiers that can be added."""
+    """Identifiers of all effects."""
     return tuple(identifier for effect in catalogue() for identifier in effect.identifiers)
 
 
@@ -102,7 +102,7 @@ def find_effect(text: str) -> AddedEffect:
     Raises
     ------
     BadInput
-        If there is none, naming the closest.
+        If there is none; the message suggests the closest name.
     """
     name, place = split_identifier(text)
     for effect in catalogue():

@@ -1,4 +1,4 @@
-"""Leads, terminals and the frame strap: between the motor and the fixture."""
+"""Effects of the connection between motor and fixture: leads, terminals, frame strap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An effect: a function from motor to motor, plus what a person needs to know about it."""
+"""An effect: a function from motor to motor, with its description, parameters and start values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
-from motoremi.model.effects.readings import Reader
+from motoremi.model.effects.rational_starts import Reader
 from motoremi.model.effects.start import Start
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
@@ -28,53 +28,53 @@ class Effect:
     Parameters
     ----------
     name : str
-        Identifier of the contract, without place.
+        Identifier without the place, such as `dielectric-loss`.
     group : str
-        Part of the set-up it lives in.
+        Part of the set-up that it belongs to.
     title : str
-        What it is, in a few words.
+        Short description.
     places : tuple of str
-        Elements it may attach to (`dielectric-loss@Cf`); empty where there is only one place. An empty name is the usual place, which
+        Elements it may attach to (`dielectric-loss@Cf`); empty if there is only one place. An empty name is the usual place, which
         need not be written.
     formula : str
-        The law as text, in the parameters' short names and `s`; a test holds it against the code.
+        The law as text, in the parameters' short names and `s`; a test compares it with the code.
     parameters : tuple of Parameter
         With ranges; `name` is the short name here.
     limit : str
-        Where the effect vanishes.
+        Limit in which the effect vanishes.
     limit_values : mapping
-        Parameter values deep in that limit.
+        Parameter values close to that limit.
     signature, look_alikes, deciding, source : str
-        How it shows, what it is mistaken for, the measurement that decides, where the formula and the ranges come from.
+        How it changes the sweeps, which effects look similar, which measurement decides, and the source of formula and ranges.
     change : callable
         Adds the effect to a motor.
     starts : tuple of mapping
-        Start values worth trying, by short name; `Scale("La")` multiplies the element La that the search starts from,
-        `Subtract("Ca")` is taken off Ca, most of it at most.
+        Start values by short name; `Scale("La")` multiplies the element La that the search starts from, `Subtract("Ca")` is subtracted from Ca
+        (at most most of it).
     reader : callable, optional
-        Further start values that the sweeps themselves give away; `Set("La")` sets the element La.
+        Computes further start values from the sweeps; `Set("La")` sets the element La.
     responds : mapping
-        Measurement of the menu -> parameter -> factor: what a change of conditions does to it.
+        Measurement of the menu -> parameter -> factor by which that measurement's condition changes the parameter.
     copper : mapping
-        Parameter -> power of the resistivity of copper (or aluminium) that it follows: at another temperature that is known, not estimated.
+        Parameter -> power of the resistivity of copper (or aluminium) that it is proportional to; its change with temperature is then known.
     seen_as : tuple of str
-        Which laws of `diagnosis.dispersion` an element may show that has this effect.
+        Laws of `diagnosis.dispersion` that an element with this effect may follow.
     repeatable : bool
-        Whether a motor may have several.
+        Whether it can be added several times.
     describes : bool
-        True for what tells how a motor behaves and not why: the search names it no cause, a person can add it.
+        True for an effect that describes a behaviour without a physical cause: a diagnosis never names it, a person can add it.
     below_hz : float
-        The search looks for it only where the sweeps begin below this: elsewhere nothing of it shows.
+        The search tries it only if the sweeps begin below this frequency, because it is not visible elsewhere.
     of_ranges : bool
-        Only an analyser that switches ranges by impedance has it: the search looks for it in no reflection measurement.
+        Only analysers that switch ranges by impedance have it: the search does not try it for network analysers.
     tried : mapping
-        Of a parameter that does not vary: the values among which the search chooses; none for a frequency, which is scanned.
+        For a parameter that is not varied: the values among which the search chooses; none for a frequency, which is scanned.
     hides : tuple of str
-        Parameters that may be too small to show beside it: where the data do not determine them, they are held at the low end of their range.
+        Parameters that this effect can mask: if the data do not determine them, they are held at the low end of their range.
     excludes : tuple of str
-        Effects beside which it has no meaning.
+        Effects that cannot be combined with it.
     kin : str
-        Finer grouping than `group`, for tables; which effects the *data* cannot tell apart is computed, never read from here.
+        Finer grouping than `group`, for tables. Which effects the *data* cannot distinguish is computed and does not depend on it.
     """
 
     name: str
@@ -106,7 +106,7 @@ class Effect:
 
     @property
     def family(self) -> str:
-        """Grouping for tables."""
+        """Grouping for tables: `kin`, or `group` without one."""
         return self.kin or self.group
 
     @property
@@ -115,7 +115,7 @@ class Effect:
         return tuple(f"{self.name}@{place}" if place else self.name for place in self.places) or (self.name,)
 
     def to_dict(self) -> JsonDict:
-        """What a person or a program may want to know."""
+        """Plain data of the description."""
         plain = {key: getattr(self, key) for key in ("name", "group", "title", "formula", "limit", "signature", "deciding", "source", "repeatable")}
         plain["identifiers"] = list(self.identifiers)
         plain["look_alikes"] = list(self.look_alikes)
@@ -141,7 +141,7 @@ class AddedEffect:
         Raises
         ------
         BadInput
-            If the motor has it already and it cannot occur twice, or has one beside which it has no meaning.
+            If the motor has it already and it is not repeatable, or has an effect that excludes it.
         """
         if obstacle := self._obstacle(motor):
             raise BadInput(obstacle)
@@ -164,7 +164,7 @@ class AddedEffect:
         return ""
 
     def label_in(self, motor: Motor) -> str:
-        """Prefix of its parameters once it has been added to `motor`."""
+        """Prefix of its parameters after it has been added to `motor`."""
         count = motor.effects.count(self.identifier)
         return self.identifier if not count else f"{self.identifier}#{count + 1}"
 

@@ -1,4 +1,4 @@
-"""Errors of analyser and fixture beyond their specification; what the specification allows is in `data.analyser`."""
+"""Errors of analyser and fixture beyond their specification; errors within the specification are in `data.analyser`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motoremi.model.circuit import Leaf, Scaled, Series, Shunted, ThroughCable
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.effects.start import Subtract
 from motoremi.model.laws import Law
-from motoremi.model.motor import BOTH, Apart, Motor, Terminations
+from motoremi.model.motor import BOTH, Motor, OpenSweepFactor, Terminations
 from motoremi.model.parameter import Parameter
 
 
@@ -35,7 +35,8 @@ def _contact(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> M
 
 
 def _drift(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    return dataclasses.replace(motor, apart=(*motor.apart, Apart("Ca", laws.drift_factor, (parameters["capacitance_change"],))))
+    drift = OpenSweepFactor("Ca", laws.drift_factor, (parameters["capacitance_change"],))
+    return dataclasses.replace(motor, open_factors=(*motor.open_factors, drift))
 
 
 EFFECTS = (
@@ -61,7 +62,7 @@ EFFECTS = (
         signature="worst at the parallel resonance, where |Z| is high",
         look_alikes=("terminal-capacitance", "temperature-drift", "cable-delay"),
         deciding="repeat the open compensation and measure the open fixture",
-        source="physics notes A.2; fixture handbook values",
+        source="residual admittance of fixtures: Keysight, Impedance Measurement Handbook; the range is an estimate",
         change=_wrapped(Shunted, laws.conductance_and_capacitance),
         starts=({"conductance_s": 0.0, "capacitance_f": 0.0},),
         responds={"repeat-compensation": {"conductance_s": 0.0, "capacitance_f": 0.0}},
@@ -80,7 +81,7 @@ EFFECTS = (
         signature="worst at the series resonance, where |Z| is low",
         look_alikes=("lead-inductance",),
         deciding="repeat the short compensation and measure a short bar",
-        source="physics notes A.2; fixture handbook values",
+        source="residual impedance of fixtures: Keysight, Impedance Measurement Handbook; the range is an estimate",
         change=_short_residual,
         starts=({"resistance_ohm": 0.0, "inductance_h": 0.0},),
         responds={"repeat-compensation": {"resistance_ohm": 0.0, "inductance_h": 0.0}},
@@ -96,7 +97,7 @@ EFFECTS = (
         signature="smooth, the same in both sweeps whatever |Z|",
         look_alikes=("lead-inductance",),
         deciding="50 Ohm and 100 pF standards on the fixture",
-        source="physics notes A.2; fixture handbook: 0.5 % (f / 10 MHz)^2",
+        source="Keysight, Impedance Measurement Handbook: 0.5 % (f / 10 MHz)^2 for a four-terminal-pair fixture",
         change=_wrapped(Scaled, laws.square_law_gain),
         starts=({"error": 0.0},),
         responds={"repeat-compensation": {"error": 0.0}},
@@ -112,7 +113,7 @@ EFFECTS = (
         signature="phase error as f whose sign turns where |Z| passes 50 Ohm",
         look_alikes=("lead-inductance", "terminal-capacitance", "open-residual"),
         deciding="open and short standards at the motor's end of the cable",
-        source="physics notes A.2",
+        source="lossless line (textbook); the range is an estimate",
         change=_wrapped(ThroughCable, laws.line_tangent),
         starts=({"delay_s": 1e-10, Subtract("Ca"): 2e-12},),
         responds={"repeat-compensation": {"delay_s": 0.0}},
@@ -138,8 +139,8 @@ EFFECTS = (
         signature="offset of R in one sweep, seen where |Z| is low",
         look_alikes=("brush-contact",),
         deciding="clean the contacts and repeat both sweeps",
-        source="physics notes A.2",
-        # One signed parameter serves both sweeps: a contact that is bad in both at once is a lead's resistance.
+        source="resistance of a contact in series; the values are estimates without a source",
+        # One signed parameter for both sweeps: a contact resistance in both sweeps at once cannot be distinguished from that of the leads.
         change=_contact,
         starts=({"resistance_ohm": 0.3}, {"resistance_ohm": -0.3}),
         responds={"contacts-cleaned": {"resistance_ohm": 0.0}},
@@ -159,7 +160,7 @@ EFFECTS = (
         signature="a jump between two neighbouring points, in all that follows",
         look_alikes=("dielectric-relaxation",),
         deciding="sweep downwards, or at another level: the step moves",
-        source="physics notes A.2; seen in a real motor file at 1.42 kHz and 5.22 MHz",
+        source="steps in the specification of the 4294A at 1 and 15 MHz; seen in a measured motor file at 1.42 kHz and 5.22 MHz",
         change=_wrapped(Scaled, laws.gain_step),
         starts=({"real_step": 0.0, "imaginary_step": 0.0, "frequency_hz": 5e6},),
         repeatable=True,
@@ -177,7 +178,7 @@ EFFECTS = (
         signature="each sweep fits alone but not both together; residuals of opposite sign at the resonance",
         look_alikes=("terminal-capacitance", "open-residual"),
         deciding="repeat the first sweep after the last one; log the temperature",
-        source="physics notes A.1 effect 17",
+        source="change of a capacitance with temperature; the range is an estimate without a source",
         change=_drift,
         starts=({"capacitance_change": 0.0},),
         responds={"repeat-first-sweep": {"capacitance_change": 0.0}},

@@ -1,4 +1,4 @@
-"""What insulation does beyond a constant capacitance; each of these can sit at Ca, Cr or Cf."""
+"""Effects of the insulation, which a constant capacitance does not describe; each can be at Ca, Cr or Cf."""
 
 from __future__ import annotations
 

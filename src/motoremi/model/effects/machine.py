@@ -1,4 +1,4 @@
-"""What larger machines show beyond the winding of a small motor: rotor, frame, flux paths, turns, and the winding as a whole."""
+"""Effects of larger machines: rotor, frame, flux paths, shorted turns, and the winding as a whole."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Series, find, with_law
-from motoremi.model.effects import readings
+from motoremi.model.effects import rational_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Scale
 from motoremi.model.effects.winding import scale
-from motoremi.model.motor import Apart, Motor
+from motoremi.model.motor import Motor, OpenSweepFactor
 from motoremi.model.parameter import Parameter
 
-# Above this a cage, or a turn of thick copper, is a constant loss beside a smaller La: it has no shape of its own.
+# Above this a cage, or a turn of thick copper, is only a constant loss and a smaller La, without a shape by which it could be recognised.
 CAGE_SEEN_BELOW_HZ = 20e3
-# A closed loop of solid metal on part of the flux, in the rotor or in the winding.
+# A closed loop of solid metal that encloses a part of the flux, in the rotor or in the winding.
 LOOP = "s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))"
 
 
 def _common_mode(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    path = Apart("La", laws.share_factor, (parameters["share"],))
-    return dataclasses.replace(motor, apart=(*motor.apart, path))
+    path = OpenSweepFactor("La", laws.share_factor, (parameters["share"],))
+    return dataclasses.replace(motor, open_factors=(*motor.open_factors, path))
 
 
 def _machine(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -66,7 +66,7 @@ EFFECTS = (
         source="modal description of a network (Foster 1924), one damping for all modes; no published model of machines is followed",
         change=_mode,
         starts=tuple({"capacitance_f": 1e-11, "resonance_hz": f, "quality": 5.0} for f in np.geomspace(3e5, 30e6, 8)),
-        reader=readings.winding_modes,
+        reader=rational_starts.winding_modes,
         repeatable=True,
         describes=True,
         hides=("Ra", "lead-inductance.resistance_ohm"),
@@ -98,7 +98,7 @@ EFFECTS = (
         starts=tuple(
             {"slots_f": c, "path_ohm": 100.0, "iron_hz": 5e4, "exponent": 0.7, "cage_share": 0.3, "cage_hz": 500.0} for c in (1e-11, 1e-10, 1e-9)
         ),
-        reader=readings.machine_winding,
+        reader=rational_starts.machine_winding,
         responds={"dc-bias": {"cage_share": 1.1, "iron_hz": 1.25}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1}},
         copper={"cage_hz": 1.0},
         below_hz=CAGE_SEEN_BELOW_HZ,

@@ -22,7 +22,7 @@ def named_files() -> tuple[Path, ...]:
 
 
 def effects_in(path: Path) -> tuple[Effect, ...]:
-    """Run a Python file and take the effects that it defines.
+    """Run a Python file and return the effects that it defines.
 
     Raises
     ------

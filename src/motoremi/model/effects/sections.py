@@ -1,22 +1,22 @@
-"""A winding in sections that are linked by their flux: the family whose ends are the lumped circuit and the line."""
+"""A winding in sections that are coupled by their flux; its limits are the lumped circuit and the uniform line."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 
-from motoremi.model.effects import readings
+from motoremi.model.effects import rational_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Scale
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
-# In the band of conducted emission alone La's value at low frequency, against which linked flux shows, is not seen.
+# Coupling shows as a change of the inductance from its value at low frequency, which sweeps that begin at 150 kHz do not contain.
 SECTIONS_SEEN_BELOW_HZ = 20e3
 
 
 def _sections(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    # What is spread already is cut into sections; else a share of Cf is.
+    # A capacitance that is already distributed is divided into the sections; otherwise a share of Cf is.
     share = None if motor.spread is not None else motor.distribution or parameters["share"]
     return dataclasses.replace(motor, distribution=share, coupled=(parameters["sections"], parameters["coupling"]))
 
@@ -56,7 +56,7 @@ EFFECTS = (
             for c in (0.02, 0.5)
         ),
         tried={"sections": (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 16.0, 24.0)},
-        reader=readings.winding_sections,
+        reader=rational_starts.winding_sections,
         below_hz=SECTIONS_SEEN_BELOW_HZ,
         hides=("Ra",),
     ),

@@ -1,4 +1,4 @@
-"""What a reader of start values sees of the sweeps."""
+"""The data from which start values of an effect are computed."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from motoremi.model.rational import Rational, rational_fit
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The sweeps, mean of their repeats, and what the model at hand makes of them.
+    """The mean sweeps, and the model without the effect.
 
     Parameters
     ----------
     frequency_hz, short_ohm : ndarray, shape (n,), optional
         The short-circuit sweep.
     frame_hz, open_ohm, through_ohm : ndarray, shape (m,), optional
-        The open-circuit sweep, and the winding's share of it.
+        The open-circuit sweep, and the impedance of the winding in it.
     model_ohm : ndarray, shape (n,), optional
-        What the model gives in the short-circuit sweep.
+        The model's impedance in the short-circuit sweep.
     parameters : mapping
-        The model's, SI units.
+        The model's parameters, SI units.
     place : str
-        Where the effect that is started attaches.
+        Place of the effect for which start values are computed.
     """
 
     frequency_hz: FloatArray | None = None
@@ -41,7 +41,7 @@ class Seen:
 
     @property
     def lowest_inductance_h(self) -> float | None:
-        """The inductance that the short-circuit sweep shows at its low end; None where it shows none."""
+        """The inductance at the low end of the short-circuit sweep; None if it is not inductive there."""
         if self.frequency_hz is None or self.short_ohm is None:
             return None
         henry = float(self.short_ohm.imag[0] / (2 * np.pi * self.frequency_hz[0]))
@@ -49,22 +49,22 @@ class Seen:
 
     @cached_property
     def resonating(self) -> Rational | None:
-        """The short-circuit sweep of a winding with two resonances."""
+        """Rational fit of the short-circuit sweep with the degrees of a winding with two resonances."""
         return self.short_rational((3, 4))
 
     @cached_property
     def relaxing(self) -> Rational | None:
-        """That of a winding with a resonance and a corner."""
+        """The same for a winding with one resonance and one relaxation."""
         return self.short_rational((2, 3))
 
     @cached_property
     def choked(self) -> Rational | None:
-        """That of a winding with a resonance, and an inductance with a corner in series."""
+        """The same for a winding with one resonance, in series with an inductance with one relaxation."""
         return self.short_rational((4, 3))
 
     @cached_property
     def frame(self) -> Rational | None:
-        """s times the difference of the sweeps, for a frame with one more time constant."""
+        """Rational fit of s times the difference of the sweeps, with the degrees of a frame with one more time constant."""
         if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:
             return None
         omega = 2 * np.pi * self.frame_hz

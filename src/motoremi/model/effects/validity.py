@@ -1,7 +1,7 @@
-"""What no effect may do: give energy away, or be another one under a new name.
+"""Checks of an effect: it must be passive, and different from every effect of the catalogue.
 
-The impedance of whatever stores and dissipates has a real part of at least zero in the whole right half-plane of s, not on the frequency
-axis alone (positive real; Brune, J. Math. Phys. 10 (1931) 191): a permeability below zero is a negative inductance, which has no resistance.
+The impedance of a passive part has a non-negative real part in the whole right half-plane of s (positive real; Brune, J. Math. Phys. 10
+(1931) 191). The frequency axis alone is not enough: a negative permeability is a negative inductance, whose resistance is zero there.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from motoremi.model.effects.effect import AddedEffect, Effect
 from motoremi.model.motor import BOTH, Motor, dc_motor
 from motoremi.model.parameter import Parameter
 
-# The paper's motor (table 1) with little copper, so that its own resistance covers nothing.
+# The paper's motor (table 1) with small resistances, which would otherwise hide a small negative resistance.
 MOTOR: Mapping[str, float] = {"Ra": 1e-3, "La": 12.1e-6, "Ca": 22e-12, "Rr": 0.04, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
 SIZES = 2 * np.pi * np.geomspace(40.0, 1e9, 60)
 AXIS = np.asarray(1j * SIZES, dtype=np.complex128)
 # From the frequency axis to the axis of real s.
 ANGLES = np.pi * np.array([0.5, 0.4, 0.25, 0.0])
-# Of |Z|: what rounding may leave of a loss-free part.
+# Rounding error of the real part of a loss-free part, relative to |Z|.
 ROUNDING = 1e-7
-# Ends of ranges that are combined; of an effect with more parameters, so many of its combinations.
+# Largest number of combinations of the ends of the ranges that are checked.
 MOST_COMBINATIONS = 64
-# Two laws are the same if they agree so well.
+# Relative difference below which two laws are the same.
 SAME = 1e-9
 
 
 def check_effect(effect: Effect, known: Iterable[Effect]) -> None:
-    """Refuse an effect of the user's own that is not passive somewhere in its ranges, or that the catalogue has already.
+    """Refuse a user's effect that is not passive somewhere in its ranges, or that is already in the catalogue.
 
-    The analyser's errors are no part of a motor and need not be passive.
+    Errors of the analyser are not a part of the motor and need not be passive.
 
     Raises
     ------
     BadInput
-        Naming where, or which one it is.
+        With the values at which it is not passive, or the name of the same effect.
     """
     alike = [other for other in known if (other.group == "instrument") == (effect.group == "instrument")]
     for identifier, place in zip(effect.identifiers, effect.places or ("",), strict=True):
@@ -63,18 +63,18 @@ def _check_passive(effect: Effect, identifier: str, motor: Motor) -> None:
         values, where = found
         units = {p.name: p.unit for p in effect.parameters}
         short = {name.rpartition(".")[2]: value for name, value in values.items()}
-        told = ", ".join(f"{name} = {value:.3g} {units[name]}".rstrip() for name, value in short.items())
-        raise BadInput(f"{identifier} is not passive with {told}: {where}; mend its law or its ranges")
+        settings = ", ".join(f"{name} = {value:.3g} {units[name]}".rstrip() for name, value in short.items())
+        raise BadInput(f"{identifier} is not passive with {settings}: {where}; correct its law or its ranges")
 
 
 def active_at(motor: Motor, settings: Sequence[Mapping[str, float]]) -> tuple[Mapping[str, float], str] | None:
-    """The first setting with which a motor would deliver energy, and how that shows; None if there is none.
+    """The first setting with which a motor would not be passive, and the reason in words; None if there is none.
 
     Parameters
     ----------
     motor : Motor
     settings : sequence of mapping
-        Values of parameters in SI units; what is not given is that of a small motor, or the middle of its range.
+        Values of parameters in SI units; the others are those of a small motor, or the middle of their range.
     """
     names = [p.name for p in motor.parameters]
     rows = np.array([[setting.get(p.name, MOTOR.get(p.name, p.middle)) for p in motor.parameters] for setting in settings])
@@ -103,9 +103,9 @@ def _combined(effect: Effect) -> list[dict[str, float]]:
 
 
 def _same_as(effect: Effect, motor: Motor, known: Iterable[Effect]) -> str | None:
-    """The effect of the catalogue that does the same with the same values, in whatever order."""
+    """The effect of the catalogue that gives the same impedance with the same parameter values in some order."""
     units = [p.unit for p in effect.parameters]
-    mine = _seen(motor, effect.parameters, [p.middle for p in effect.parameters])
+    mine = _both_sweeps(motor, effect.parameters, [p.middle for p in effect.parameters])
     for other in known:
         if sorted(p.unit for p in other.parameters) != sorted(units):
             continue
@@ -113,14 +113,14 @@ def _same_as(effect: Effect, motor: Motor, known: Iterable[Effect]) -> str | Non
             its = AddedEffect(other, identifier, place).added_to(dc_motor())
             for order in itertools.permutations(range(len(units))):
                 if all(p.unit == units[i] for p, i in zip(other.parameters, order, strict=True)):
-                    theirs = _seen(its, other.parameters, [effect.parameters[i].middle for i in order])
+                    theirs = _both_sweeps(its, other.parameters, [effect.parameters[i].middle for i in order])
                     if np.allclose(mine, theirs, rtol=SAME, atol=0.0):
                         return identifier
     return None
 
 
-def _seen(motor: Motor, parameters: Sequence[Parameter], values: Sequence[float]) -> ComplexArray:
-    """What both sweeps show of a motor whose effect has these values."""
+def _both_sweeps(motor: Motor, parameters: Sequence[Parameter], values: Sequence[float]) -> ComplexArray:
+    """Impedance in both sweeps of a motor whose effect has these values."""
     own = dict(zip((p.name for p in parameters), values, strict=True))
     row = np.array([[MOTOR.get(p.name, own.get(p.short_name, 0.0)) for p in motor.parameters]])
     names = [p.name for p in motor.parameters]

@@ -1,4 +1,4 @@
-"""What a winding does beyond Ra, La and Ca, and the rotor's bearing film."""
+"""Effects of the winding beyond Ra, La and Ca, and the rotor's bearing film."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Parallel, Series, with_law
-from motoremi.model.effects import readings
+from motoremi.model.effects import rational_starts
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.effects.start import Scale
 from motoremi.model.laws import Law
@@ -18,7 +18,7 @@ from motoremi.model.parameter import Parameter
 
 
 def scale(element: str, law: Law) -> Change:
-    """A change by a law of one element's material, which scales its impedance."""
+    """The change that a law of one element's material makes: it scales the element's impedance."""
 
     def change(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
         return motor.replaced(element or place, lambda whole: with_law(whole, law, tuple(parameters.values())))
@@ -117,8 +117,8 @@ EFFECTS = (
         deciding="a sweep from 40 Hz (knee at the corner frequency), DC bias, rotor in and out",
         source="one-dimensional diffusion in a sheet (Lammeraner and Stafl, Eddy Currents, 1966)",
         change=scale("La", materials.lamination_factor),
-        # A thin, high-cornered share is a false valley next to the true one, so the grid covers both.
-        # Above the corner only (1 - share) of La is left, so La has to start as much higher.
+        # A small share with a high corner frequency is a false minimum next to the true one, so the grid covers both.
+        # Above the corner frequency only (1 - share) of La is left, so La starts higher by that factor.
         starts=tuple({"share": k, "corner_hz": f, Scale("La"): 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
         responds={"dc-bias": {"corner_hz": 1.25, "share": 0.85}, "second-temperature": {"corner_hz": 1.1}},
         seen_as=("inductance-diffusion",),
@@ -160,10 +160,10 @@ EFFECTS = (
         ),
         change=scale("La", materials.permeability_factor),
         starts=(
-            *({"share": 0.03, "corner_hz": f, **readings.ONE_TIME_CONSTANT} for f in (3e5, 1e6, 4e6, 12e6)),
-            *({"share": 0.3, "corner_hz": f, **readings.ONE_TIME_CONSTANT} for f in (1e6, 8e6, 6e7)),
+            *({"share": 0.03, "corner_hz": f, **rational_starts.ONE_TIME_CONSTANT} for f in (3e5, 1e6, 4e6, 12e6)),
+            *({"share": 0.3, "corner_hz": f, **rational_starts.ONE_TIME_CONSTANT} for f in (1e6, 8e6, 6e7)),
         ),
-        reader=readings.relaxing_core,
+        reader=rational_starts.relaxing_core,
         repeatable=True,
         responds={"dc-bias": {"share": 0.8, "corner_hz": 1.25}},
         seen_as=("inductance-relaxation",),
@@ -208,13 +208,13 @@ EFFECTS = (
         deciding="touch or tape an end turn: the bump moves; several regular bumps mean a distributed winding",
         source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 43 (2007) 1233 (first turns)",
         change=_second_resonance,
-        # Weak cells on a fine grid (each step is narrower than a bump), and strong ones on a coarse one.
+        # Weak cells on a fine grid (its step is narrower than the resonance), strong ones on a coarse grid.
         starts=(
             *({"inductance_h": 2e-8, "resonance_hz": f, "resistance_ohm": 1e-6 * f} for f in np.geomspace(4e5, 29e6, 30)),
             *({"inductance_h": 3e-7, "resonance_hz": f, "resistance_ohm": 200.0} for f in (3e6, 6e6, 11e6, 18e6)),
         ),
         repeatable=True,
-        reader=readings.second_cell,
+        reader=rational_starts.second_cell,
         responds={"end-turn-touched": {"resonance_hz": 0.97}},
         seen_as=("inductance-resonance", "cell"),
     ),
@@ -236,11 +236,11 @@ EFFECTS = (
         source="uniform line (textbook); on motors: Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142",
         excludes=("machine-winding",),
         change=_distributed,
-        # Without the effect, what is spread across the winding was taken for a part of Ca.
+        # Without the effect, the fit counted the distributed capacitance as a part of Ca.
         starts=tuple(
             {"share": k, Scale("Ca"): c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))
         ),
-        reader=readings.uniform_line,
+        reader=rational_starts.uniform_line,
     ),
     Effect(
         name="field-coupling",
@@ -264,7 +264,7 @@ EFFECTS = (
             *({"coupling": 0.04, "resonance_hz": f, "quality": 10.0} for f in np.geomspace(2e5, 25e6, 24)),
             *({"coupling": 0.2, "resonance_hz": f, "quality": q} for f in (1e5, 5e5, 2e6, 6e6, 15e6) for q in (0.5, 10.0)),
         ),
-        reader=readings.coupled_winding,
+        reader=rational_starts.coupled_winding,
         responds={"field-winding": {"coupling": 0.1}},
         seen_as=("inductance-resonance",),
     ),
@@ -310,7 +310,7 @@ EFFECTS = (
         source="Busse et al., IEEE Ind. Appl. Mag. 3 (1997) no. 6, 21",
         change=_film("Rr"),
         starts=tuple({"resistance_ohm": r, "capacitance_f": c} for r in (5.0, 300.0, 5e3) for c in (1e-10, 1e-9)),
-        reader=readings.film,
+        reader=rational_starts.film,
         responds={"shaft-turned": {"resistance_ohm": 5.0, "capacitance_f": 0.6}, "second-temperature": {"resistance_ohm": 0.5}},
         seen_as=("film",),
     ),

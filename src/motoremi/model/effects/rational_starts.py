@@ -1,7 +1,7 @@
-"""Readers of start values: what the sweeps give away of effects that add a resonance or a time constant.
+"""Start values from the sweeps, mostly by rational fits, for effects that add a resonance or a time constant.
 
-With one such effect, a sweep is a quotient of polynomials of known degree; its elements are in the partial fractions or in the continued
-fraction of a rational fit. Steps from a grid of start values would have to hit a resonance within its width.
+With one such effect a sweep is a rational function of known degree, and the elements follow from the partial fractions or from the
+continued fraction of a rational fit. A grid of start values would have to hit a resonance within its width.
 """
 
 from __future__ import annotations
@@ -17,37 +17,38 @@ from motoremi.model.effects.start import Set, Start, Subtract
 from motoremi.model.frames import frames
 from motoremi.model.rational import Rational
 
-# Sets of start values of an effect; none where these data allow for none.
+# Sets of start values of an effect by short name, those of elements as `Set("La")`; empty if the data do not allow any.
 Reader: TypeAlias = Callable[[Seen], Sequence[Start]]
 
-# Where the rational fit finds a resistance below zero, such a share of the effect's own is tried.
+# If the rational fit finds a negative resistance, this share of the effect's own resistance is used instead.
 LEAST_SHARE = 0.01
-# Resonances of a mode that are looked at, how far beyond the sweep, and how many of them are tried.
-MODES_SOUGHT, MODES_BEYOND, MODES_TRIED = 90, 1.5, 10
-# Of the first mode, as machines have it; all others share what is found.
+# Modes: number of resonances that are examined, factor by which they go beyond the sweep, and number that are tried.
+MODES_EXAMINED, MODES_BEYOND, MODES_TRIED = 90, 1.5, 10
+# Qualities tried for the first mode, as found in machines; all modes share one quality.
 MODE_QUALITIES = (2.0, 5.0, 15.0)
-# Where a search for a rotor's cage starts: a measured machine has 0.3 to 0.4.
+# Start value of a cage's share: a measured machine has 0.3 to 0.4.
 CAGE_SHARE = 0.3
-# Of a line that is there already, sections need no start; of one that is not: how much of the capacitance at the first resonance is to the frame,
-# how much of that acts there (a quarter of a wave), how much of Cf it is at most, and how the sections are linked.
+# Winding sections get no start values here if one of these parameters (a distributed winding) is in the model already.
 LINES = frozenset({"machine-winding.slots_f", "distributed-winding.share"})
-SPREAD_PARTS, ACTING, MOST_SPREAD, LINKS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02, 0.3, 0.6, 0.85)
-# How much of all capacitance is the suppressor's, and what a small motor's way to its frame is.
+# Winding sections: shares of the capacitance at the first resonance that are to the frame, part of the distributed capacitance that acts
+# there (a quarter wave), largest share of Cf, and couplings that are tried.
+SPREAD_PARTS, ACTING, MOST_SPREAD, COUPLINGS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02, 0.3, 0.6, 0.85)
+# Suppressor: its shares of the whole capacitance that are tried, and typical elements of the path to the frame of a small motor.
 SUPPRESSOR_SHARES = (0.6, 0.9, 0.99)
 SMALL_FRAME = {"Rr": 40.0, "Lr": 2e-6, "Cr": 5e-10, "Cf": 5e-10}
-# A bare line: at least so many resonances, their distances alike within this share; points of the mean; next to nothing between its turns.
+# Uniform line: fewest resonances, largest relative difference of their distances, points of the mean, and the turns' share of the capacitance.
 LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
-# Points of the open-circuit sweep from which a frame is read beside a capacitor, of which so many at least must tell of it: those where what
-# is taken off leaves a thirtieth. Below this no resistance shows.
+# Frame beside a capacitor: points of the open-circuit sweep that are used, fewest of them that must determine the frame, largest ratio of the
+# subtracted to the remaining impedance at such a point, and smallest resistance.
 FRAME_POINTS, LEAST_POINTS, MOST_LOST, LEAST_OHM = 80, 10, 30.0, 1e-3
-# Of a choke, what shows least: its turns' capacitance and its wire.
+# Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
 CHOKE_REST = {"capacitance_f": 2e-12, "resistance_ohm": 0.02}
-# Nearly the law of Debye: at its very end a law's slope for its exponent would be one-sided.
+# Nearly Debye's law; exactly at the end of its range the exponent could only be varied in one direction.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
 
 def _from(rational: Rational | None, read: Callable[[Rational], dict[Any, float]]) -> list[dict[Any, float]]:
-    """What a rational fit says, if it says something possible."""
+    """The start values that `read` finds in a rational fit, if all are positive and finite."""
     if rational is None:
         return []
     with np.errstate(all="ignore"):
@@ -66,7 +67,7 @@ def coupled_winding(seen: Seen) -> list[dict[Any, float]]:
 
 
 def relaxing_core(seen: Seen) -> list[dict[Any, float]]:
-    """A share of La that relaxes with one time constant, or resonates and is damped."""
+    """A share of La that relaxes with one time constant, or has a damped resonance."""
     return _from(seen.relaxing, _relaxing_core) + _from(seen.resonating, _damped_core)
 
 
@@ -76,7 +77,7 @@ def film(seen: Seen) -> list[dict[Any, float]]:
 
 
 def _second_cell(short: Rational) -> dict[Any, float]:
-    """The winding and a cell in series, from the partial fractions: the cell is the one of less inductance."""
+    """The winding and a cell in series, from the partial fractions: the cell is the one with less inductance."""
     denominator = short.denominator[::-1]
     poles = np.roots(denominator)
     poles = poles[poles.imag > 0]
@@ -97,7 +98,7 @@ def _second_cell(short: Rational) -> dict[Any, float]:
 
 
 def _coupled_winding(short: Rational) -> dict[Any, float]:
-    """Ra + s La (1 - k^2 s^2 / (s^2 + s w/Q + w^2)) beside Ca."""
+    """Ra + s La (1 - k^2 s^2 / (s^2 + s w/Q + w^2)) in parallel with Ca."""
     elements, missing, (a2, a1, a0) = _beside_ca(short)
     resonance = np.sqrt(a0 / a2)
     return {
@@ -109,13 +110,13 @@ def _coupled_winding(short: Rational) -> dict[Any, float]:
 
 
 def _relaxing_core(short: Rational) -> dict[Any, float]:
-    """Ra + s La (1 - k s / (s + w)) beside Ca."""
+    """Ra + s La (1 - k s / (s + w)) in parallel with Ca."""
     elements, missing, (a1, a0) = _beside_ca(short)
     return {**elements, "share": float(missing), "corner_hz": float(a0 / a1 * short.middle / (2 * np.pi)), **ONE_TIME_CONSTANT}
 
 
 def _damped_core(short: Rational) -> dict[Any, float]:
-    """Ra + s La (1 - k + k / (1 + x + (Q x)^2)) beside Ca, x = s/w."""
+    """Ra + s La (1 - k + k / (1 + x + (Q x)^2)) in parallel with Ca, x = s/w."""
     elements, missing, (a2, a1, a0) = _beside_ca(short)
     corner_hz = float(a0 / a1 * short.middle / (2 * np.pi))
     return {
@@ -128,7 +129,7 @@ def _damped_core(short: Rational) -> dict[Any, float]:
 
 
 def _beside_ca(short: Rational) -> tuple[dict[Any, float], float, np.ndarray]:
-    """From the continued fraction: elements, the share of La that is missing at high frequencies, and what the branch beside Ca has below."""
+    """From the continued fraction: elements, the share of La that is missing at high frequencies, and the denominator of the branch beside Ca."""
     numerator = short.numerator[::-1]
     shunt, rest = np.polydiv(short.denominator[::-1], numerator)
     below = _last(rest, numerator.size - 1)
@@ -140,16 +141,16 @@ def _beside_ca(short: Rational) -> tuple[dict[Any, float], float, np.ndarray]:
 
 
 def _film(frame: Rational) -> dict[Any, float]:
-    """Cf beside Rr + s Lr + 1 / (s Cr) + R / (1 + s R C), from the continued fraction of s times the frame's impedance."""
+    """Cf in parallel with Rr + s Lr + 1 / (s Cr) + R / (1 + s R C), from the continued fraction of s times the frame's impedance."""
     numerator = frame.numerator[::-1] / frame.middle
     shunt, rest = np.polydiv(np.append(frame.denominator[::-1], 0.0), numerator)
-    # The branch is the numerator over s (a1 + a2 s): no direct current flows through Cr.
+    # The branch is the numerator divided by s (a1 + a2 s): no direct current flows through Cr.
     a2, a1, _ = _last(rest, 3)
     series, rest = np.polydiv(numerator, [a2, a1, 0.0])
     both, corner = _last(rest, 2)[0] / a2, a1 / a2
     through_cr = numerator[-1] / a1
     if not (corner > frame.lowest and 0 < through_cr < both):
-        # The film's time constant is too long for this band, which sees little more than both capacitances in series.
+        # The film's time constant is too long for this band, in which both capacitances appear in series.
         corner, through_cr = frame.lowest, both / 2
     film = both - through_cr
     resistance = film / corner
@@ -164,18 +165,18 @@ def _film(frame: Rational) -> dict[Any, float]:
 
 
 def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
-    """The coefficients of the lowest powers, however many the division left."""
+    """The `count` coefficients of the lowest powers, padded with zeros if the division left fewer."""
     padded: np.ndarray = np.concatenate([np.zeros(count), polynomial])[-count:]
     return padded
 
 
 def winding_modes(seen: Seen) -> list[dict[Any, float]]:
-    """Where one more series branch across the terminals would take most off the relative error, the strongest first."""
+    """One more series branch across the terminals at the resonances where it reduces the relative error most, the best first."""
     if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None:
         return []
-    # To first order, an admittance Y beside the model changes its impedance Z by -Z Y.
+    # To first order, an admittance Y in parallel with the model changes its impedance Z by the factor 1 - Z Y.
     s, left = 2j * np.pi * seen.frequency_hz, 1 - seen.model_ohm / seen.short_ohm
-    resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_SOUGHT)
+    resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_EXAMINED)
     x = s / (2 * np.pi * resonances[:, None])
     found: list[tuple[float, dict[str, float]]] = []
     known = seen.parameters.get("winding-modes.quality")
@@ -192,7 +193,7 @@ def winding_modes(seen: Seen) -> list[dict[Any, float]]:
 
 
 def machine_winding(seen: Seen) -> list[dict[Any, float]]:
-    """From the inductance at the lowest frequencies and the first parallel resonance, for cages and irons of several corners."""
+    """From the inductance at the lowest frequencies and the first parallel resonance, for several corner frequencies of cage and iron."""
     lowest = seen.lowest_inductance_h
     if lowest is None or seen.frequency_hz is None or seen.short_ohm is None:
         return []
@@ -201,13 +202,13 @@ def machine_winding(seen: Seen) -> list[dict[Any, float]]:
     if not falling.size:
         return []
     resonance = float(frequency[falling[0] + 1])
-    # Iron and cage have begun to act at the low end already: a tenth of La, and half of the resistance there.
+    # Iron and cage already have an effect at the low end: assumed are a tenth of La, and half of the resistance.
     base: dict[Any, float] = {Set("Ra"): max(0.5 * float(impedance.real[0]), 1e-3), Set("La"): 1.1 * lowest}
     starts = []
     for iron in (0.5 * resonance, 2 * resonance):
         for exponent in (0.5, 0.8):
             remaining = (1 - CAGE_SHARE) * lowest / abs(1 + (1j * resonance / iron) ** exponent)
-            # A line with a shorted far end resonates where it is a quarter of a wave long.
+            # A line with a shorted far end resonates at the frequency at which it is a quarter wave long.
             slots = (np.pi / 2) ** 2 / ((2 * np.pi * resonance) ** 2 * remaining)
             for cage in (3 * frequency[0], 0.03 * resonance):
                 own = {"slots_f": slots, "path_ohm": 300.0, "iron_hz": iron, "exponent": exponent, "cage_share": CAGE_SHARE, "cage_hz": float(cage)}
@@ -216,16 +217,16 @@ def machine_winding(seen: Seen) -> list[dict[Any, float]]:
 
 
 def uniform_line(seen: Seen) -> list[dict[Any, float]]:
-    """A line whose far end is shorted, from resonances at equal distances: Zc tanh(theta), of which |Z| is Zc in the geometric mean."""
+    """A line with a shorted far end, from equidistant resonances: Z = Zc tanh(theta), and the geometric mean of |Z| is Zc."""
     if seen.frequency_hz is None or seen.short_ohm is None:
         return []
     frequency, reactance = seen.frequency_hz, seen.short_ohm.imag
     crossings = frequency[:-1][np.diff(np.sign(reactance)) != 0]
-    apart = np.diff(crossings)
-    if apart.size < LINE_RESONANCES - 1 or np.ptp(apart) > LINE_UNEVEN * float(np.median(apart)):
+    distances = np.diff(crossings)
+    if distances.size < LINE_RESONANCES - 1 or np.ptp(distances) > LINE_UNEVEN * float(np.median(distances)):
         return []
-    # From one resonance to the next the line grows by a quarter of a wave; beyond the last one the mean would be of a part of a wave.
-    delay_s = 1 / (4 * float(np.median(apart)))
+    # From one resonance to the next the electrical length grows by a quarter wave. The mean is taken over whole half waves.
+    delay_s = 1 / (4 * float(np.median(distances)))
     whole = (frequency >= crossings[0]) & (frequency <= crossings[2 * ((crossings.size - 1) // 2)])
     places = np.linspace(crossings[0], crossings[2 * ((crossings.size - 1) // 2)], LINE_POINTS)
     wave_ohm = float(np.exp(np.mean(np.interp(places, frequency[whole], np.log(np.abs(seen.short_ohm[whole]))))))
@@ -235,7 +236,7 @@ def uniform_line(seen: Seen) -> list[dict[Any, float]]:
 
 
 def winding_sections(seen: Seen) -> list[dict[Any, float]]:
-    """From the inductance at the lowest frequencies and the first parallel resonance, its capacitance shared in several ways."""
+    """From the inductance at the lowest frequencies and the first parallel resonance, with several distributions of its capacitance."""
     lowest = seen.lowest_inductance_h
     if lowest is None or seen.frequency_hz is None or seen.short_ohm is None or seen.parameters.keys() & LINES:
         return []
@@ -250,24 +251,25 @@ def winding_sections(seen: Seen) -> list[dict[Any, float]]:
         slots = part * whole / ACTING
         farad = max(seen.parameters.get("Cf", 2 * slots), slots / MOST_SPREAD)
         base = {Set("Ra"): ohm, Set("La"): lowest, Set("Ca"): (1 - part) * whole, Set("Cf"): farad, "share": slots / farad, "sections": 8.0}
-        starts += [{**base, "coupling": coupling} for coupling in LINKS]
+        starts += [{**base, "coupling": coupling} for coupling in COUPLINGS]
     return starts
 
 
 def suppressor_capacitor(seen: Seen) -> list[dict[Any, float]]:
-    """The capacitor and the winding off the short-circuit sweep, and the frame off what they leave of the open one.
+    """Capacitor and winding from the short-circuit sweep, and the frame from the rest of the open-circuit sweep.
 
-    Without the capacitor a fit takes it for the frame, so all elements start anew. Where noise or another effect hides some of that: from
-    the capacitance of the open-circuit sweep at its low end and the dip of its impedance, with a small motor's frame.
+    A fit without the capacitor attributes it to the frame, so all elements get new start values. In case noise or another effect hides a part
+    of that, further start values come from the capacitance at the low end of the open-circuit sweep and the dip of its impedance, with the
+    frame of a small motor.
     """
     read = _from(seen.resonating, _suppressed)
     return [{**start, **frame} for start in read for frame in _unsuppressed(seen, start)] + _shares(seen)
 
 
 def _fractions(numerator: FloatArray, denominator: FloatArray) -> tuple[float, float, float, complex, complex] | None:
-    """Partial fractions of a quotient of polynomials: the slope of its straight part, its real pole and one of its pair, each with its residue.
+    """Partial fractions: the slope of the linear part, the real pole and one of the complex pair, each with its residue.
 
-    None where it has other poles or no such straight part.
+    None if the function has other poles or no linear part.
     """
     straight, rest = np.polydiv(numerator, denominator)
     poles = np.roots(denominator)
@@ -279,7 +281,7 @@ def _fractions(numerator: FloatArray, denominator: FloatArray) -> tuple[float, f
 
 
 def _suppressed(short: Rational) -> dict[Any, float]:
-    """The winding, and the capacitor with its wires across it, from the partial fractions of their admittance."""
+    """The winding and the parallel capacitor with its wires, from the partial fractions of their admittance."""
     middle = short.middle
     parts = _fractions(short.denominator[::-1], short.numerator[::-1])
     if parts is None:
@@ -291,7 +293,7 @@ def _suppressed(short: Rational) -> dict[Any, float]:
     return {
         Set("Ra"): float(max(-real * middle * inductance, LEAST_OHM)),
         Set("La"): float(inductance),
-        # A winding's own capacitance is next to nothing beside it.
+        # The winding's own capacitance is very small beside it.
         Set("Ca"): float(max(slope / middle, LEAST_SHARE * capacitance)),
         "capacitance_f": float(capacitance),
         "esr_ohm": float(max(-2 * pair.real * middle * esl, LEAST_OHM)),
@@ -300,7 +302,7 @@ def _suppressed(short: Rational) -> dict[Any, float]:
 
 
 def _unsuppressed(seen: Seen, start: Start) -> list[dict[Any, float]]:
-    """The way to the frame from what winding and capacitor leave of the open-circuit sweep; a small motor's, since that may be little."""
+    """The path to the frame from the open-circuit sweep without winding and capacitor; also that of a small motor, if little remains."""
     if seen.frame_hz is None or seen.open_ohm is None:
         return [{}]
     step = max(1, seen.frame_hz.size // FRAME_POINTS)
@@ -320,13 +322,13 @@ def _unsuppressed(seen: Seen, start: Start) -> list[dict[Any, float]]:
             frame, error = _less(frame, error, branch)
             known &= error <= MOST_LOST * np.abs(frame)
     found = frames(frequency[known], frame[known], error[known]) if np.count_nonzero(known) >= LEAST_POINTS else []
-    # A fit without the second of a pair takes its capacitance for the frame's.
+    # A fit without the second capacitor of a pair attributes its capacitance to the frame.
     taken = [{Subtract("Cf"): start["capacitance_f"]}] if seen.place == "pair" else []
     return [{Set(name): value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
 
 
 def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """An impedance without an admittance beside it, and its error; admittance and impedance are known equally well."""
+    """An impedance without an admittance in parallel with it, and its error; both are assumed to have the same relative error."""
     alone = 1 / (1 / impedance - branch)
     return alone, np.abs(alone) ** 2 * np.hypot(error / np.abs(impedance) ** 2, np.abs(branch))
 
@@ -344,7 +346,7 @@ def _shares(seen: Seen) -> list[dict[Any, float]]:
         capacitance = share * whole
         esl = 1 / ((2 * np.pi * seen.frame_hz[dip]) ** 2 * capacitance)
         half = min(0.5 * (1 - share) * whole, SMALL_FRAME["Cf"])
-        # The capacitor raises the inductance that a sweep shows below their resonance.
+        # Below the resonance with La the capacitor increases the measured inductance.
         own = henry / (1 + (2 * np.pi * seen.frequency_hz[0]) ** 2 * henry * capacitance)
         frame = {Set("Cf"): half, Set("Cr"): half, Set("Lr"): SMALL_FRAME["Lr"], Set("Rr"): SMALL_FRAME["Rr"]}
         part = {"capacitance_f": capacitance, "esr_ohm": max(0.5 * abs(seen.open_ohm[dip].real), 2e-3), "esl_h": float(np.clip(esl, 1e-9, 1e-7))}
@@ -353,7 +355,7 @@ def _shares(seen: Seen) -> list[dict[Any, float]]:
 
 
 def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
-    """A rod in series with the winding; and the inductance at the low end of the sweep, shared in several ways between the two."""
+    """A choke in series with the winding from a rational fit; and the inductance at the low end of the sweep, divided between the two."""
     henry = seen.lowest_inductance_h
     if henry is None or seen.short_ohm is None:
         return []
@@ -374,7 +376,7 @@ def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
 
 
 def _choke(short: Rational) -> dict[Any, float]:
-    """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: of the poles, the real one is the rod's."""
+    """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: the real pole belongs to the choke."""
     parts = _fractions(short.numerator[::-1], short.denominator[::-1])
     if parts is None:
         return {Set("La"): np.nan}

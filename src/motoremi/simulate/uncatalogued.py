@@ -1,4 +1,4 @@
-"""More effects that are in nobody's catalogue, for the hard blind board; motors that have them hide nothing else."""
+"""More effects that are not in the catalogue, for the hard blind board; a motor with one of them has no other hidden effect."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _draw_tertiary(rng: np.random.Generator, elements: Elements) -> dict[str, fl
 
 
 def _apply_tertiary(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """A closed resonant loop, earthed on one side, that takes flux from the winding and from the rotor."""
+    """A closed resonant loop, earthed on one side, that is coupled to the winding and to the rotor."""
     return (
         network.inductor("Lx", "G", "loop", sizes["inductance_h"])
         .resistor("Rx", "loop", "turn", sizes["resistance_ohm"])
@@ -59,7 +59,7 @@ def _draw_level(rng: np.random.Generator, elements: Elements) -> dict[str, float
 
 
 def _apply_level(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """A core that is magnetised less, and loses less, where less current flows: in the open sweep."""
+    """A core with less inductance and less loss at less current: in the open-circuit sweep."""
     less = network.item("La").scaled(1 - sizes["inductance_drop"])
     return network.with_item("La", less).with_item("Ra", network.item("Ra").scaled(1 - sizes["resistance_drop"]))
 
@@ -74,7 +74,7 @@ def _draw_stray(rng: np.random.Generator, elements: Elements) -> dict[str, float
 
 
 def _apply_stray(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """Lead and frame strap run side by side, and the flux of the lead goes through the rotor as well."""
+    """Lead and frame strap run in parallel and are coupled, and the lead is also coupled to the rotor."""
     return (
         network.with_node("X", "winding")
         .with_node("G", "frame")
@@ -94,20 +94,20 @@ _KINDS = {
         EffectKind("outside-stray-coupling", _draw_stray, _apply_stray),
     )
 }
-STRANGE_EFFECTS: tuple[str, ...] = tuple(_KINDS)
+UNCATALOGUED_EFFECTS: tuple[str, ...] = tuple(_KINDS)
 
 
 @dataclass(frozen=True)
-class StrangeMotor:
-    """A motor with one effect of `STRANGE_EFFECTS`.
+class UncataloguedMotor:
+    """A motor with one effect of `UNCATALOGUED_EFFECTS`.
 
     Parameters
     ----------
     motor : SimulatedMotor
-        What it would be without.
+        The motor without the effect.
     effect : str
     seed : int
-        Of the sizes of the effect.
+        Seed of the sizes of the effect.
     """
 
     motor: SimulatedMotor
@@ -116,7 +116,7 @@ class StrangeMotor:
 
     def __post_init__(self) -> None:
         if self.effect not in _KINDS:
-            raise BadInput(f"unknown effect {self.effect!r}; the strange ones are {', '.join(_KINDS)}")
+            raise BadInput(f"unknown effect {self.effect!r}; use one of {', '.join(_KINDS)}")
 
     @cached_property
     def sizes(self) -> dict[str, float]:
@@ -137,5 +137,5 @@ class StrangeMotor:
         return network.with_node("Y", GROUND) if termination == "short" else network
 
     def impedance(self, termination: Termination, frequency_hz: FloatArray) -> ComplexArray:
-        """Impedance of one sweep without any error of measurement, in ohm."""
+        """True impedance in one sweep, in ohm."""
         return impedance(self.network(termination), TERMINAL, GROUND, frequency_hz)
