@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import SweepSettings
 from motoremi.bench.driver import Identity, Setting, choice, count, number
+from motoremi.bench.impedance_analyser import SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser
 from motoremi.bench.transport import Transport
 from motoremi.errors import InstrumentError

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, SweepSettings
 from motoremi.bench.driver import Setting
+from motoremi.bench.impedance_analyser import Spacing, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, pieces
 from motoremi.bench.shell import ShellDriver, sweep_edges
 from motoremi.bench.transport import Transport

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard, SweepSettings
+from motoremi.bench.impedance_analyser import Spacing, Standard, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces
 from motoremi.bench.registers import RegisterDriver, register
 from motoremi.bench.transport import Transport

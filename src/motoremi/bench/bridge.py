@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser, Standard
 from motoremi.bench.driver import Setting
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser, Standard
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.bench.transport import Transport
 from motoremi.data.sweep import ImpedanceSweep

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser, Spacing, Standard
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser, Spacing, Standard
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show

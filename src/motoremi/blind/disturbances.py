@@ -11,9 +11,9 @@ from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import Termination
-from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden import uniform
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 Generator: TypeAlias = np.random.Generator
 

@@ -11,9 +11,9 @@ from scipy.optimize import brentq, least_squares
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput
-from motoremi.simulate.analyser import noise_sd_ohm
+from motoremi.simulate.analyser_errors import noise_sd_ohm
 from motoremi.simulate.hidden import ELEMENTS
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.strange import StrangeMotor
 
 # Which sizes make an effect weak, each as the power of its strength that it goes with.

@@ -17,10 +17,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.correction_tables import read_decibels, read_two_port
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.errors import BadInput
 from motoremi.quantities import parse, show_band
 

@@ -14,8 +14,8 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.effects.seen import Seen
 from motoremi.model.effects.start import Set, Start, Subtract
-from motoremi.model.frames import frames
 from motoremi.model.rational import Rational
+from motoremi.model.way_to_frame import frames
 
 # Sets of start values of an effect; none where these data allow for none.
 Reader: TypeAlias = Callable[[Seen], Sequence[Start]]

@@ -14,13 +14,13 @@ from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.compare import bands_over, compare
 from motoremi.errors import BadInput
 from motoremi.quantities import error_bar, show, show_band
-from motoremi.report.data import render_json
+from motoremi.report.contents import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import Line, boxes
 from motoremi.report.html import render_html
+from motoremi.report.machine_readable import render_json
 from motoremi.report.model import session_hash
 from motoremi.report.overlay import LOOKS, Change, spectra_overlay, sweeps_overlay
-from motoremi.report.parts import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.pdf import can_render_pdf, render_pdf
 from motoremi.report.svg import picture
 from motoremi.report.words import SIMULATED, findings_of, in_words, serious_of

@@ -18,8 +18,8 @@ from scipy.interpolate import PchipInterpolator
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import ANALYSER_FAULTS
 from motoremi.simulate.hidden import log_uniform, uniform
+from motoremi.simulate.hidden_effects import ANALYSER_FAULTS
 
 # The E4990A is the 4294A's successor and is simulated as the same instrument.
 MODELS = ("4294a", "e4990a")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.spectrum import Spectrum
-from motoremi.emission.effects import changed, find_source_effect
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Ambient, MotorImpedance, Setup
+from motoremi.emission.source_effects import changed, find_source_effect
 from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
