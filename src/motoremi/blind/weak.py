@@ -84,8 +84,7 @@ def misfit(motor: SimulatedMotor | StrangeMotor, frequency_hz: FloatArray, bandw
 
 def _response(logarithms: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
     plain = SimulatedMotor(**dict(zip(ELEMENTS, np.exp(logarithms).tolist(), strict=True)))
-    response: ComplexArray = np.log(np.concatenate([plain.impedance(termination, frequency_hz) for termination in TERMINATIONS]))
-    return response
+    return np.log(np.concatenate([plain.impedance(termination, frequency_hz) for termination in TERMINATIONS]))
 
 
 def strength_for(motor: SimulatedMotor, floors: float, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:

@@ -159,8 +159,7 @@ class Correction(BaseModel):
         s11, s21, s12, s22 = (parts[2 * k] + 1j * parts[2 * k + 1] for k in range(4))
         front = (impedance_ohm - 50) / (impedance_ohm + 50)
         behind = (front - s11) / (s12 * s21 + s22 * (front - s11))
-        found: ComplexArray = 50 * (1 + behind) / (1 - behind)
-        return found
+        return 50 * (1 + behind) / (1 - behind)
 
     def describe(self) -> str:
         """One line for a person."""

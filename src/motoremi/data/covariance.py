@@ -152,8 +152,7 @@ class Apart:
     def shares(self, discrepancy: FloatArray) -> FloatArray:
         """What each direction of the discrepancy takes up, shape (..., q)."""
         variance = discrepancy[..., None] ** 2 * self.strengths
-        shares: FloatArray = variance / (1 + variance)
-        return shares
+        return variance / (1 + variance)
 
     def products(self, weighted: ComplexArray, discrepancies: FloatArray) -> ComplexArray:
         """Inner products of weighted residuals, shape (m, n), and the analyser's columns after them; shape (sizes, m + r, m + r)."""
@@ -161,8 +160,7 @@ class Apart:
         noise, along = rows @ self.fixed.conj(), rows @ self.spread.conj()
         quiet = rows.conj() @ rows.T - (noise.conj() * self.fixed_shares) @ noise.T
         shares = self.shares(discrepancies)[:, None, :]
-        result: ComplexArray = quiet - (along.conj() * shares) @ along.T
-        return result
+        return quiet - (along.conj() * shares) @ along.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +205,7 @@ class Whitening:
         """ln det of the covariance at each size of the discrepancy, without what the analyser adds to it."""
         apart = self.apart
         fixed = -np.sum(np.log1p(-apart.fixed_shares)) + 2 * np.sum(np.log(apart.sigma))
-        extra: FloatArray = fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * apart.strengths), axis=1)
-        return extra
+        return fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * apart.strengths), axis=1)
 
 
 def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:

@@ -125,12 +125,10 @@ def _measurement(materials: Materials) -> Measurement:
 def _uncertainty(materials: Materials, termination: str) -> FloatArray:
     """Expanded, relative: noise and the analyser's specification; noise alone before the first fit."""
     if materials.steps:
-        found: FloatArray = compare(materials.steps[-1]).curves[termination].uncertainty_percent / 100
-        return found
+        return compare(materials.steps[-1]).curves[termination].uncertainty_percent / 100
     measurement = _measurement(materials)
     noise = measurement.noise[measurement.terminations.index(termination)]
-    alone: FloatArray = CLEAR * np.sqrt(2 * noise.variance)
-    return alone
+    return CLEAR * np.sqrt(2 * noise.variance)
 
 
 def _changes(first: Materials, other: Materials, before: Mapping[str, RepeatedSweep], after: Mapping[str, RepeatedSweep]) -> dict[str, Change]:

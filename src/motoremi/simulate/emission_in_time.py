@@ -209,8 +209,7 @@ def waveform(motor: SimulatedMotor, stand: Stand, seed: int) -> FloatArray:
     passed = CubicSpline(grid, transfer(motor, stand, grid))(frequency)
     passed[frequency < 40e3] = 0
     arriving = slope / omega * passed + _ambient(stand, frequency, rng)
-    voltage: FloatArray = fft.irfft(arriving, size)
-    return voltage
+    return fft.irfft(arriving, size)
 
 
 def _impulses(moments: FloatArray, heights: FloatArray, size: int) -> FloatArray:

@@ -165,8 +165,7 @@ def _film(frame: Rational) -> dict[Any, float]:
 
 def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
     """The coefficients of the lowest powers, however many the division left."""
-    padded: np.ndarray = np.concatenate([np.zeros(count), polynomial])[-count:]
-    return padded
+    return np.concatenate([np.zeros(count), polynomial])[-count:]
 
 
 def winding_modes(seen: Seen) -> list[dict[Any, float]]:
