@@ -19,9 +19,9 @@ from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Arc, Chopper, Source
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
-from motoremi.simulate.emission import Stand, measure
-from motoremi.simulate.motor import SimulatedMotor
-from motoremi.simulate.receiver import read_waveform
+from motoremi.simulate.emission_in_time import Stand, measure
+from motoremi.simulate.receiver_in_time import read_waveform
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 MOTOR = {"Ra": 10.0, "La": 12.1e-6, "Ca": 22e-12, "Rr": 39.8, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
 

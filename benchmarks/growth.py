@@ -15,9 +15,9 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.fitting import colony, paper
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.search import SEARCH_POINTS
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.effects import ANALYSER_FAULTS, HIDDEN_EFFECTS, OUTSIDE_EFFECTS, split_effects
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.hidden_effects import ANALYSER_FAULTS, HIDDEN_EFFECTS, OUTSIDE_EFFECTS, split_effects
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 POINTS = (201, 801, 3201, 12801)
 COUNTS = (30, 60, 120, 240)

@@ -24,9 +24,9 @@ from motoremi.data.session import SessionWriter
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.emission.setup import scan_frequencies
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.emission import Stand, measure
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.emission_in_time import Stand, measure
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.workbench.desk import Desk
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]

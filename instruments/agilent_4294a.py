@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Standard, SweepSettings
 from motoremi.bench.bridge import BridgeAnalyser
 from motoremi.bench.driver import choice, count, number, switch
+from motoremi.bench.impedance_analyser import Standard, SweepSettings
 from motoremi.bench.sweep_options import Bias, Segment
 from motoremi.bench.transport import Transport
 from motoremi.bench.values import block_values, text_values

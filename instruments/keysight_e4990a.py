@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.bench.analyser import Standard, SweepSettings
 from motoremi.bench.bridge import BridgeAnalyser
 from motoremi.bench.driver import choice, count, number, switch
+from motoremi.bench.impedance_analyser import Standard, SweepSettings
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.bench.values import block_values
 from motoremi.data.sweep import ImpedanceSweep

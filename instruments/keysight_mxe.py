@@ -97,8 +97,7 @@ class KeysightMXE(EmiReceiver):
         self.check_errors(query)
         if len(block) % 4:
             raise InstrumentError(f"{self}: the block in answer to {query!r} has {len(block)} bytes, not 4 for each level")
-        levels: FloatArray = np.frombuffer(block, dtype="<i4") * self.DB_OF_ONE + self.DBUV_OF_0_DBM
-        return levels
+        return np.frombuffer(block, dtype="<i4") * self.DB_OF_ONE + self.DBUV_OF_0_DBM
 
     def _was_overloaded(self) -> bool:
         """Whether the input was overloaded during the scan (event) or still is (condition)."""

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import SweepSettings
 from motoremi.bench.driver import Identity, Setting, choice, count, number
+from motoremi.bench.impedance_analyser import SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser
 from motoremi.bench.transport import Transport
 from motoremi.errors import InstrumentError
@@ -139,8 +139,7 @@ class LibreVna(ReflectionAnalyser):
         # One hertz of rounding, and six digits in old versions.
         if rows.shape != (axis.size, 3) or not np.all(np.isfinite(rows)) or not np.allclose(rows[:, 0], axis, rtol=1e-5, atol=2.0):
             raise InstrumentError(f"{self}: the trace S11 is no sweep of the frequencies asked for; do not touch the LibreVNA-GUI during a sweep")
-        reflection: ComplexArray = rows[:, 1] + 1j * rows[:, 2]
-        return reflection
+        return rows[:, 1] + 1j * rows[:, 2]
 
     def _is_true(self, query: str) -> bool:
         answer = self.ask(query)

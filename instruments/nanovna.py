@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, SweepSettings
 from motoremi.bench.driver import Setting
+from motoremi.bench.impedance_analyser import Spacing, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, pieces
 from motoremi.bench.shell import ShellDriver, sweep_edges
 from motoremi.bench.transport import Transport
@@ -96,8 +96,7 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
     def scan(self) -> ComplexArray:
         """S11 of one sweep."""
         rows = np.concatenate([self._rows(piece, self.AXIS_AND_S11, 3) for piece in self._pieces])
-        reflection: ComplexArray = rows[:, 1] + 1j * rows[:, 2]
-        return reflection
+        return rows[:, 1] + 1j * rows[:, 2]
 
     def _rows(self, piece: tuple[int, int, int], mask: int, columns: int) -> FloatArray:
         start, stop, points = piece

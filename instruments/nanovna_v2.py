@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import Spacing, Standard, SweepSettings
+from motoremi.bench.impedance_analyser import Spacing, Standard, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces
 from motoremi.bench.registers import RegisterDriver, register
 from motoremi.bench.transport import Transport
@@ -131,8 +131,7 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         # Read after the data, because an instrument that has restarted meanwhile has measured other frequencies.
         if (held := (self.first_hz, self.step_hz, self.scan_points)) != piece:
             raise InstrumentError(f"{self}: start, step and points were set to {piece}, but the registers hold {held}; did it restart?")
-        mean: ComplexArray = np.mean(raw[self.SETTLING_SWEEPS :], axis=0)
-        return mean
+        return np.mean(raw[self.SETTLING_SWEEPS :], axis=0)
 
     def _read_queue(self, points: int, sweeps: int) -> ComplexArray:
         """Raw S11 of several sweeps, shape (sweeps, points)."""
@@ -145,5 +144,4 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         forward, back, _ = (records["waves"].astype(np.float64) @ np.array([1.0, 1j])).T
         if not np.array_equal(records["point"], (first + np.arange(values)) % points) or not forward.all():
             raise InstrumentError(f"{self}: a scan of {points} points is incomplete; values were lost on the link, measure again")
-        reflection: ComplexArray = np.roll((back / forward).reshape(sweeps, points), first, axis=1)
-        return reflection
+        return np.roll((back / forward).reshape(sweeps, points), first, axis=1)

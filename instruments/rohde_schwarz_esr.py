@@ -106,8 +106,7 @@ class RohdeSchwarzESR(EmiReceiver):
         """The receiver sends levels only; the frequencies follow from the scan table as it reports it."""
         start, stop, step = settings["start_hz"], settings["stop_hz"], settings["step_hz"]
         # The small addition keeps a last step that rounding would lose.
-        axis: FloatArray = start + step * np.arange(int((stop - start) / step + 1e-6) + 1)
-        return axis
+        return start + step * np.arange(int((stop - start) / step + 1e-6) + 1)
 
     def _levels(self, query: str) -> FloatArray:
         answer = self.ask(query)

@@ -23,9 +23,9 @@ if threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.effects import split_effects
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.hidden_effects import split_effects
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
 

@@ -31,7 +31,7 @@ from motoremi.run.rerun import MEASURED, rerun
 from motoremi.run.runner import resumable, run, start_document
 from motoremi.schema.procedure import Procedure, parse_procedure
 from motoremi.virtual.simulated_bench import SimulatedBench
-from motoremi.workflow import analyse
+from motoremi.workflow_steps import analyse
 
 STOPPED = 130
 # A run takes a fraction of a second; one that hangs is ended by an alarm, and told as a problem.

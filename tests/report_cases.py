@@ -12,10 +12,10 @@ from pathlib import Path
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
 from motoremi.emission.setup import scan_frequencies
-from motoremi.report.files import render_all
 from motoremi.report.model import Materials, build_report
-from motoremi.simulate.emission import Stand
-from motoremi.simulate.emission import measure as measure_spectra
+from motoremi.report.renderings import render_all
+from motoremi.simulate.emission_in_time import Stand
+from motoremi.simulate.emission_in_time import measure as measure_spectra
 from motoremi.workflow import add_to_session, compare_session, diagnose_session, fit_session, ladder_of, opened
 from motoremi.workflow_emission import diagnose_emission_session, predict_session
 

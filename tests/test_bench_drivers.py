@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from motoremi.bench.analyser import ImpedanceAnalyser, SweepSettings
 from motoremi.bench.connect import BUILT_IN, DRIVER_GROUP, driver_class, driver_names, open_transport
 from motoremi.bench.driver import Driver, Setting
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser, SweepSettings
 from motoremi.bench.meter import Meter
 from motoremi.bench.receiver import EmiReceiver, ScanSettings
 from motoremi.bench.registers import RegisterDriver

@@ -11,7 +11,7 @@ import pyvisa
 from motoremi.bench.connect import open_transport
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.rohde_schwarz_esr import RohdeSchwarzESR
-from motoremi.simulate import emission
+from motoremi.simulate import emission_in_time
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.simulated_receiver import settling_db
 
@@ -57,7 +57,7 @@ def test_a_scan_finds_the_emission(bench: SimulatedBench, receiver: RohdeSchwarz
     assert spectrum.frequency_hz[[0, 1]].tolist() == [150e3, 195e3]
     assert spectrum.resolution_bandwidth_hz == 9e3
     assert not spectrum.overload.any()
-    expected = emission.spectrum(bench.motor, spectrum.frequency_hz, detector, 7)
+    expected = emission_in_time.spectrum(bench.motor, spectrum.frequency_hz, detector, 7)
     # Meters have not settled after 20 ms.
     np.testing.assert_allclose(spectrum.level_dbuv, expected + settling_db(detector, 0.02), atol=1e-3)
     assert bench.clock.now() - before > 664 * 0.02

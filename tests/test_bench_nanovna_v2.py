@@ -13,7 +13,7 @@ from fault_matrix import small
 from skrf.calibration import OnePort
 
 import motoremi as me
-from motoremi.bench.analyser import ImpedanceAnalyser
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser
 from motoremi.bench.motor_connections import STANDARDS
 from motoremi.bench.reflection import calibrated, impedance_from_reflection
 from motoremi.bench.registers import encoded

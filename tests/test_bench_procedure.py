@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from motoremi.cli.session import compare_
+from motoremi.cli.session_commands import compare_
 from motoremi.diagnosis.compare import PAPER_TOLERANCE
 from motoremi.errors import BadInput
 from motoremi.quantities import parse

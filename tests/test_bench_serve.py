@@ -17,9 +17,9 @@ import pyvisa
 from fault_matrix import SEED, small
 from serving import SPEED, served, started
 
-from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import driver_class, open_manager, open_transport
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser
 from motoremi.bench.motor_connections import INSTRUCTIONS, STANDARDS
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.data.session import SessionWriter, load, reopen, verify

@@ -13,9 +13,9 @@ from fault_matrix import BENCH_FILE, SEED, small
 from pyvisa.constants import EventMechanism, EventType, StatusCode
 from serving import SPEED, served
 
-from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.clock import FastClock, WallClock
 from motoremi.bench.connect import attach, open_manager, open_transport
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.replay import ReplayBench, ReplayTransport
 from motoremi.bench.transport import Transport

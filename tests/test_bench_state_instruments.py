@@ -24,7 +24,7 @@ from motoremi.data.session import SessionWriter, load
 from motoremi.data.state import marks_of, state_line
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.report.gaps import _of_the_run
-from motoremi.report.motor_state import state_section
+from motoremi.report.motor_state_section import state_section
 from motoremi.run.runner import run, start_document
 from motoremi.schema.text_lines import Lines
 from motoremi.simulate.stand import AMBIENT_DEGC, MotorStand

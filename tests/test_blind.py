@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from motoremi.blind.cases import Case, catalogue_kinds, draw, draw_many
 from motoremi.blind.challenge import SEALED, make_challenge, reveal
 from motoremi.blind.scoreboard import Played, play_all, summary
+from motoremi.blind.scoreboard_text import markdown, write_all
 from motoremi.blind.scoring import Answer, hit, named_exactly, outcome
-from motoremi.blind.table import markdown, write_all
 from motoremi.cli.app import app
 from motoremi.data.session import load, verify
 from motoremi.diagnosis.diagnosis import diagnose
@@ -22,7 +22,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.model.effects import identifiers
 from motoremi.model.motor import dc_motor
-from motoremi.simulate.effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS
+from motoremi.simulate.hidden_effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS
 
 
 def answer(verdict: str = "missing-effect", *effects: str, families: tuple[tuple[str, ...], ...] = (), confidence: float = 0.9) -> Answer:

@@ -12,8 +12,8 @@ import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.causal import CausalCheck, check_causality
 from motoremi.diagnosis.together import check_together
-from motoremi.simulate.analyser import noise_sd_ohm
-from motoremi.simulate.effects import MOTOR_EFFECTS
+from motoremi.simulate.analyser_errors import noise_sd_ohm
+from motoremi.simulate.hidden_effects import MOTOR_EFFECTS
 
 
 def checked(sweeps: list[me.ImpedanceSweep]) -> CausalCheck:

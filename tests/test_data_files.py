@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from motoremi.data.csvfiles import write_impedance_csv, write_spectrum_csv
 from motoremi.data.files import read_impedance, read_spectrum
-from motoremi.data.source import MAXIMUM_BYTES
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import MAXIMUM_BYTES
 from motoremi.errors import BadInput
 
 DATA = Path(__file__).parent / "data"

@@ -17,7 +17,7 @@ from motoremi.diagnosis.candidates import candidate as weighed
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.diagnosis.diagnosis import _closeness
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import DEMO_EFFECTS
+from motoremi.simulate.hidden_effects import DEMO_EFFECTS
 
 VERDICTS = {"adequate", "missing-effect", "family", "instrument", "data", "unexplained"}
 FIGURES = {"effects", "chi2_reduced", "rms_error_percent", "rms_error_db", "corrected_error_percent", "analyser_sigma"}

@@ -20,18 +20,18 @@ from motoremi.emission.background import ambient_of
 from motoremi.emission.band import BAND_B
 from motoremi.emission.board import Candidate
 from motoremi.emission.diagnose import _answer, _paying, add_effect, diagnose_emission, fit_base
-from motoremi.emission.effects import changed, find_source_effect, is_source_effect, source_effects
-from motoremi.emission.fit import EmissionFit, restored
 from motoremi.emission.observe import find_comb, observations, repetition_from
-from motoremi.emission.problem import Problem
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Source
-from motoremi.emission.starts import chopper_starts
+from motoremi.emission.source_effects import changed, find_source_effect, is_source_effect, source_effects
+from motoremi.emission.source_starts import chopper_starts
+from motoremi.emission.spectrum_fit import EmissionFit, restored
+from motoremi.emission.spectrum_problem import Problem
 from motoremi.emission.stations import find_stations
 from motoremi.errors import BadInput
-from motoremi.simulate.emission import OFFSET_DB, RIPPLE_DB, SOURCE_EFFECTS, Stand, measure, motor_off
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.emission_in_time import OFFSET_DB, RIPPLE_DB, SOURCE_EFFECTS, Stand, measure, motor_off
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 DATA = Path(__file__).parent / "data"
 SCAN_HZ = scan_frequencies()

@@ -19,8 +19,8 @@ from motoremi.emission.path import LISN_5UH, Cable
 from motoremi.emission.setup import Setup, read_setup, scan_frequencies
 from motoremi.emission.source import Arc, Source
 from motoremi.errors import BadInput
-from motoremi.simulate.emission import Stand, measure
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.emission_in_time import Stand, measure
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 DATA = Path(__file__).parent / "data"
 SEED = 8

@@ -9,11 +9,11 @@ import pytest
 
 from motoremi.emission.band import BAND_A, BAND_B, PULSE_TABLE_DB, REFERENCE_PULSE_VS, band_of
 from motoremi.emission.reading import noise_unit, pulses_on_noise, read_comb, read_events, rician_mean
-from motoremi.emission.receiver import Receiver
+from motoremi.emission.receiver_formula import Receiver
 from motoremi.emission.source import Arc, Chopper, HighPass, Source
 from motoremi.emission.weighting import pulse_weight
 from motoremi.errors import BadInput
-from motoremi.simulate.receiver import TimeDomainReceiver, read_waveform
+from motoremi.simulate.receiver_in_time import TimeDomainReceiver, read_waveform
 
 DATA = Path(__file__).parent / "data"
 DETECTORS = ("peak", "quasi_peak", "average", "rms_average")

@@ -18,7 +18,7 @@ from motoremi.data.session import SessionWriter
 from motoremi.errors import BadInput
 from motoremi.export.extras import needs
 from motoremi.export.tables import csv_bytes, parquet_bytes
-from motoremi.export.touchstone import touchstone_text
+from motoremi.export.touchstone_file import touchstone_text
 from motoremi.workflow import fit_session, opened
 
 

@@ -10,7 +10,7 @@ import pytest
 from ngspice import needs_ngspice
 
 from motoremi.errors import BadInput
-from motoremi.export.ladders import ladder_of
+from motoremi.export.law_ladders import ladder_of
 from motoremi.export.realise import deviation, impedance_of, realise
 from motoremi.export.spice import spice_model, subcircuit
 from motoremi.fitting.fit import fit

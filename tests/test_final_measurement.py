@@ -25,8 +25,9 @@ from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.virtual.simulated_bench import OTHER_LINE_DB, SimulatedBench
 from motoremi.virtual.simulated_receiver import settling_db
-from motoremi.workflow import analyse, opened, report_session
+from motoremi.workflow import opened, report_session
 from motoremi.workflow_emission import predict_session
+from motoremi.workflow_steps import analyse
 
 LIMIT = find_limit("cispr32-b")
 AXIS = 150e3 + 4.5e3 * np.arange(6634)

@@ -18,7 +18,7 @@ from motoremi.fitting.race import LOOK, Best, race
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import rough
 from motoremi.model.motor import dc_motor
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 # A motor whose proximity effect was lost in the race behind 30 nH of fixture.
 MOTOR_SEED = 20261123

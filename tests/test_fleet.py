@@ -21,7 +21,7 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.fleet import run as fleet_run
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcesses, run_fleet, sessions_in, settled, stored_results
-from motoremi.fleet.together import together, tolerance_factor
+from motoremi.fleet.statistics import together, tolerance_factor
 from motoremi.fleet.work import Job, serial_of, work
 
 

@@ -12,9 +12,9 @@ import motoremi as me
 from motoremi.blind import hard, scoreboard
 from motoremi.blind.cases import Case
 from motoremi.data.plain import plain
-from motoremi.fleet.frames import frames_of
+from motoremi.fleet.fleet_frames import frames_of
 from motoremi.fleet.run import RESULTS
-from motoremi.fleet.together import together
+from motoremi.fleet.statistics import together
 
 FREQUENCY = np.geomspace(150e3, 30e6, 41)
 IMPEDANCE = 0.3 + 2j * np.pi * FREQUENCY * 12e-6 + 1 / 3

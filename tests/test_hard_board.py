@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from typer.testing import CliRunner
 
 from motoremi.blind import hard, hard_table
-from motoremi.blind.calibration import by_kind_of_verdict, kind_of, worst_kind
+from motoremi.blind.confidence import by_kind_of_verdict, kind_of, worst_kind
 from motoremi.blind.departures import DEPARTURES, HardCase, draw_hard, draw_hard_many
 from motoremi.blind.disturbances import DoubledAnalyser, behind_fixture, changed, flicker_noise, smooth_error
 from motoremi.blind.hard import PlayedHard, play_hard, summary
@@ -24,9 +24,9 @@ from motoremi.cli.app import app
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.model.effects import identifiers
-from motoremi.simulate.analyser import SimulatedAnalyser, noise_sd_ohm
-from motoremi.simulate.effects import MOTOR_EFFECTS, OUTSIDE_EFFECTS
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser, noise_sd_ohm
+from motoremi.simulate.hidden_effects import MOTOR_EFFECTS, OUTSIDE_EFFECTS
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
 PROTOCOL_HZ = np.geomspace(150e3, 30e6, 401)

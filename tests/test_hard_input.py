@@ -18,8 +18,8 @@ from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 BAND_HZ = (150e3, 30e6)
 SURE = 0.8

@@ -13,7 +13,7 @@ from motoremi.blind.disturbances import warming
 from motoremi.diagnosis.findings import of_the_amount
 from motoremi.fitting.exchange import ELEMENTS, exchanged
 from motoremi.fitting.warming import displacements
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 GRID_HZ = np.geomspace(150e3, 100e6, 201)
 NOISE = 2e-4

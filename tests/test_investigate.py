@@ -20,7 +20,7 @@ from motoremi.data.conditions import SingleValue, parse_value
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
-from motoremi.report.conditions import asked_table
+from motoremi.report.conditions_section import asked_table
 from motoremi.run.answer import Answer, NotDone
 from motoremi.run.hidden_bench import SEALED, keep_bench, kept_bench
 from motoremi.run.requested import MeasurementRequest, RequestedMeasurements, procedure_for, requested_value

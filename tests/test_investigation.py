@@ -361,7 +361,7 @@ class _Scored:
 def test_report_and_workbench_list_conditions_values_and_the_path(session: Path) -> None:
     from motoremi.data.session import reopen
     from motoremi.report.cause import diagnosis_section
-    from motoremi.report.conditions import beside_tables
+    from motoremi.report.conditions_section import beside_tables
     from motoremi.report.identity import identity_section
     from motoremi.report.model import session_hash
     from motoremi.workbench.desk import Desk

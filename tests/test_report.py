@@ -21,10 +21,10 @@ import motoremi as me
 from motoremi.data.session import SessionWriter, load
 from motoremi.data.text import clean_text
 from motoremi.report import plots
-from motoremi.report.data import render_csv
-from motoremi.report.files import render_all
 from motoremi.report.junit import render_junit
+from motoremi.report.machine_readable import render_csv
 from motoremi.report.model import Materials, build_report
+from motoremi.report.renderings import render_all
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
 
@@ -248,5 +248,5 @@ def test_fit_that_did_not_converge_is_not_shown_as_a_result(session):
 
 
 def test_importing_motoremi_does_not_load_matplotlib():
-    code = "import sys, motoremi, motoremi.report.files, motoremi.report.model; motoremi.fit; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, motoremi, motoremi.report.renderings, motoremi.report.model; motoremi.fit; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -26,11 +26,11 @@ from motoremi.cli.app import app
 from motoremi.data.laboratory import laboratory_of
 from motoremi.data.session import load
 from motoremi.data.text import clean_text
-from motoremi.report.files import render_all
+from motoremi.report.contents import Choice
 from motoremi.report.headline import boxes
 from motoremi.report.model import Materials, build_report
-from motoremi.report.parts import Choice
 from motoremi.report.pdf import _BREAK, _in_font, _shown
+from motoremi.report.renderings import render_all
 from motoremi.report.words import SIMULATED
 from motoremi.workflow import ladder_of, opened, report_session
 from motoremi.workflow_emission import predict_session

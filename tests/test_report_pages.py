@@ -10,7 +10,7 @@ import pytest
 from laboratory_cases import PROFILE, pages_of, profile
 from report_cases import diagnosed_session, whole_session
 
-from motoremi.report.parts import Choice
+from motoremi.report.contents import Choice
 from motoremi.workflow import opened, report_session
 
 # A4 in points; between header and footer.

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.session import load
+from motoremi.report.contents import Box, Letterhead, Section, Table
 from motoremi.report.model import Materials, Report, build_report
-from motoremi.report.parts import Box, Letterhead, Section, Table
 from motoremi.report.pdf import NOT_INSTALLED, render_pdf
 from motoremi.report.words import in_symbols
 from motoremi.workflow import ladder_of
@@ -85,7 +85,7 @@ def test_text_is_shown_not_obeyed(text):
 def test_without_typst_the_rest_is_written_and_one_line_says_so(tmp_path, measure, monkeypatch):
     path = diagnosed_session(tmp_path / "session", measure)
     monkeypatch.setattr("motoremi.report.pdf.can_render_pdf", lambda: False)
-    monkeypatch.setattr("motoremi.report.files.can_render_pdf", lambda: False)
+    monkeypatch.setattr("motoremi.report.renderings.can_render_pdf", lambda: False)
     result = CliRunner().invoke(app, ["report", str(path)])
     assert result.exit_code == 0
     assert NOT_INSTALLED in result.output

@@ -18,11 +18,11 @@ from scipy.signal import find_peaks
 from motoremi.cli import main
 from motoremi.data.session import Session, load
 from motoremi.errors import BadInput, MotoremiError
-from motoremi.report import cause, emission, files, plots, sections
-from motoremi.report.files import render_session
+from motoremi.report import all_sections, cause, emission_section, plots, renderings
+from motoremi.report.contents import Picture
 from motoremi.report.gaps import STORED
-from motoremi.report.parts import Picture
 from motoremi.report.peaks import clear_maxima
+from motoremi.report.renderings import render_session
 from motoremi.workflow import _materials_of, fit_session, ladder_of, opened
 from motoremi.workflow_plots import figure_of
 
@@ -37,12 +37,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory, measure: Any) -> Path:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures of stored things are made but not drawn, those of fits and files not even made: a test makes a hundred reports."""
-    monkeypatch.setattr(files, "can_render_pdf", lambda: False)
-    for module in (sections, emission, cause):
+    monkeypatch.setattr(renderings, "can_render_pdf", lambda: False)
+    for module in (all_sections, emission_section, cause):
         monkeypatch.setattr(module, "picture", lambda name, figure, caption: Picture("<svg></svg>", caption))
     for name in UNTOUCHED:
         monkeypatch.setattr(plots, name, lambda *_: None)
-    monkeypatch.setattr(emission, "spectrum_figure", lambda *_: None)
+    monkeypatch.setattr(emission_section, "spectrum_figure", lambda *_: None)
 
 
 def lacking(document: Any, depth: int = 2) -> Iterator[tuple[str, Any]]:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter, load
-from motoremi.report.together import _change, _level
+from motoremi.report.several_sessions import _change, _level
 from motoremi.workflow import compare_session, fit_session, ladder_of, opened, report_together
 
 

@@ -21,7 +21,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.fleet.page import fleet_html
-from motoremi.fleet.together import together
+from motoremi.fleet.statistics import together
 from motoremi.report.plots import SPECTRUM_LOOKS
 from motoremi.report.steps import UNITS, planned_steps
 from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of

@@ -9,8 +9,8 @@ import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis.findings import the_same_twice
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 

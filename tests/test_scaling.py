@@ -10,7 +10,7 @@ import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.scaling import bands, scaled_ranges, scaled_starts
 from motoremi.model.effects import catalogue, find_effect
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 
 def scaled(sweeps: list[me.ImpedanceSweep], frequency: float, impedance: float) -> list[me.ImpedanceSweep]:

@@ -12,7 +12,7 @@ from motoremi.errors import BadInput
 from motoremi.export.realise import impedance_of, realise
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import dc_motor
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 FREQUENCY_HZ = np.geomspace(100, 100e6, 121)
 S = 2j * np.pi * FREQUENCY_HZ

@@ -8,9 +8,9 @@ import pytest
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.analyser import SimulatedAnalyser, behind_line, noise_sd_ohm, tolerance_percent
-from motoremi.simulate.effects import ANALYSER_FAULTS
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser, behind_line, noise_sd_ohm, tolerance_percent
+from motoremi.simulate.hidden_effects import ANALYSER_FAULTS
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 BAND = np.geomspace(150e3, 30e6, 401)
 TRUE = SimulatedMotor.random(1).impedance("short", BAND)

@@ -11,12 +11,12 @@ from motoremi.arrays import ComplexArray
 from motoremi.data.conditions import CONDITIONS, STANDARDS, VALUES, condition
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.arrangement import Arrangement
-from motoremi.simulate.effects import MOTOR_EFFECTS
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import MOTOR_EFFECTS
 from motoremi.simulate.operator import MISTAKEN, Mistake, Operator
 from motoremi.simulate.response import COPPER_PER_KELVIN, SILENT, Responses
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.specimen import Specimen
 from motoremi.simulate.stand import AMBIENT_DEGC
 

@@ -10,16 +10,16 @@ import pytest
 from ngspice import needs_ngspice, solve
 
 from motoremi.errors import BadInput
-from motoremi.simulate import emission
-from motoremi.simulate.emission import SAMPLE_RATE_HZ, SOURCE_EFFECTS, Stand, background, measure, motor_off, spectrum, transfer, waveform
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate import emission_in_time
+from motoremi.simulate.emission_in_time import SAMPLE_RATE_HZ, SOURCE_EFFECTS, Stand, background, measure, motor_off, spectrum, transfer, waveform
 from motoremi.simulate.network import to_spice
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 SCAN_HZ = 150e3 + 45e3 * np.arange(664)
 
 
 def test_it_shares_nothing_with_the_formulas():
-    folder = Path(emission.__file__).parent
+    folder = Path(emission_in_time.__file__).parent
     for file in folder.glob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.ImportFrom):

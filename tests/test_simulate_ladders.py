@@ -11,9 +11,9 @@ from scipy.special import ive
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.simulate import ladders
-from motoremi.simulate.effects import HiddenEffect
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import HiddenEffect
 from motoremi.simulate.network import Network, impedance
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 BAND = np.geomspace(150e3, 30e6, 201)
 WIDE = np.geomspace(40.0, 110e6, 201)

@@ -17,10 +17,10 @@ from motoremi.export.realise import impedance_of
 from motoremi.model.effects import add_effects, find_effect, identifiers
 from motoremi.model.motor import dc_motor
 from motoremi.schema.procedure import load_procedure
-from motoremi.simulate import ladders, machine
-from motoremi.simulate.effects import ANALYSER_FAULTS, HIDDEN_EFFECTS
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate import hidden_machine, ladders
+from motoremi.simulate.hidden_effects import ANALYSER_FAULTS, HIDDEN_EFFECTS
 from motoremi.simulate.network import Network, impedance
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.virtual.simulated_bench import SimulatedBench
 
 WIDE = np.geomspace(100.0, 30e6, 201)
@@ -110,7 +110,7 @@ def test_iron_with_no_spread_is_refused() -> None:
 def test_a_machine_of_four_times_the_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     motors = [SimulatedMotor.random(seed, ["machine-winding"]) for seed in range(5)]
     before = [motor.impedance("open", WIDE) for motor in motors]
-    monkeypatch.setattr(machine, "MACHINE_CELLS", 4 * machine.MACHINE_CELLS)
+    monkeypatch.setattr(hidden_machine, "MACHINE_CELLS", 4 * hidden_machine.MACHINE_CELLS)
     for motor, value in zip(motors, before, strict=True):
         assert worst(value, motor.impedance("open", WIDE)) < 1e-4
 

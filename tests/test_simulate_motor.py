@@ -16,8 +16,8 @@ import motoremi.simulate
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate import ladders, machine
-from motoremi.simulate.effects import (
+from motoremi.simulate import hidden_machine, ladders
+from motoremi.simulate.hidden_effects import (
     ANALYSER_FAULTS,
     DEMO_EFFECTS,
     HIDDEN_EFFECTS,
@@ -25,7 +25,7 @@ from motoremi.simulate.effects import (
     OUTSIDE_EFFECTS,
     split_effects,
 )
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 BAND = np.geomspace(150e3, 30e6, 401)
 
@@ -60,7 +60,7 @@ def test_every_motor_is_passive(effect: str, termination: Termination) -> None:
 @pytest.mark.parametrize("effect", MOTOR_EFFECTS)
 def test_ngspice_agrees(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # Hundreds of cells of iron with resistors of nano-ohms cost ngspice its digits: fewer cells, and none of those far below the band.
-    monkeypatch.setattr(machine, "MACHINE_CELLS", 5)
+    monkeypatch.setattr(hidden_machine, "MACHINE_CELLS", 5)
     monkeypatch.setattr(ladders, "LOWEST_HZ", 10e3)
     frequency = [150e3, 1.3e6, 9.1e6, 30e6]
     for seed, termination in zip((3, 4), TERMINATIONS, strict=True):

@@ -8,7 +8,7 @@ import pytest
 from motoremi.data.noise import estimate_noise
 from motoremi.data.spikes import MOST, spikes
 from motoremi.data.sweep import ImpedanceSweep, group_repeats
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 SIGMA = 1e-4
 

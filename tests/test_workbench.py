@@ -19,8 +19,8 @@ from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.text import clean_value
-from motoremi.workbench.app import Workbench
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.routes import Workbench
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded

@@ -18,7 +18,7 @@ from starlette.testclient import TestClient
 from workbench_tools import HOST, TOKEN, bench_of, listening, make_session, served, until
 
 from motoremi.workbench import body, doorway, guard, server
-from motoremi.workbench.app import make_app
+from motoremi.workbench.routes import make_app
 
 MOTOREMI = Path(sys.executable).with_name("motoremi")
 DEADLINE_S = 60.0

@@ -15,7 +15,7 @@ from motoremi.data.recognise import recognise
 from motoremi.data.session import load, verify
 from motoremi.errors import BadInput
 from motoremi.workbench import guard, tray
-from motoremi.workbench.app import make_app
+from motoremi.workbench.routes import make_app
 
 SWEEPS = simulated_sweeps(7, repeats=1)[0]
 SHORT, OPEN = (impedance_csv(sweep).encode() for sweep in SWEEPS)

@@ -6,7 +6,7 @@ import pytest
 from starlette.testclient import TestClient
 from workbench_tools import HOST, TOKEN, bench_of, client_of, make_session
 
-from motoremi.workbench.app import make_app
+from motoremi.workbench.routes import make_app
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from laboratory_cases import PROFILE, SVG, measured_session, pages_of, png, spec
 from workbench_tools import ATTACKS, client_of
 
 from motoremi.data.laboratory import read_laboratory
-from motoremi.workbench.app import STATIC, Workbench
+from motoremi.workbench.routes import STATIC, Workbench
 from motoremi.workbench.shelf import Shelf
 
 ADDRESS = "/api/laboratory"

@@ -20,7 +20,7 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.emission import board
 from motoremi.emission.setup import scan_frequencies
 from motoremi.interrupts import Cancelled
-from motoremi.simulate.emission import Stand, measure
+from motoremi.simulate.emission_in_time import Stand, measure
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.jobs import Jobs

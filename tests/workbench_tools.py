@@ -20,8 +20,8 @@ from starlette.testclient import TestClient
 
 from motoremi.data.session import SessionWriter
 from motoremi.data.spectrum import Spectrum
-from motoremi.workbench.app import Workbench, make_app
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.routes import Workbench, make_app
 from motoremi.workbench.server import Server
 from motoremi.workbench.shelf import Shelf
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from motoremi import drawing
 
 if TYPE_CHECKING:
-    from motoremi.blind.frames import scoreboard_frames
+    from motoremi.blind.scoreboard_frames import scoreboard_frames
     from motoremi.data.files import read_impedance, read_spectra
     from motoremi.data.session import Session, load, verify
     from motoremi.data.spectrum import Spectrum
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from motoremi.export.tables import sweep_table, to_xarray
     from motoremi.fitting.fit import fit
     from motoremi.fitting.result import Fit
-    from motoremi.fleet.frames import fleet_frames
+    from motoremi.fleet.fleet_frames import fleet_frames
     from motoremi.model.effects import effects_from
     from motoremi.model.motor import Motor, dc_motor
 
@@ -59,13 +59,13 @@ _HOMES = {
     "Setup": "motoremi.emission.setup",
     "Fit": "motoremi.fitting.result",
     "fit": "motoremi.fitting.fit",
-    "fleet_frames": "motoremi.fleet.frames",
+    "fleet_frames": "motoremi.fleet.fleet_frames",
     "Motor": "motoremi.model.motor",
     "dc_motor": "motoremi.model.motor",
     "effects_from": "motoremi.model.effects",
     "read_impedance": "motoremi.data.files",
     "read_spectra": "motoremi.data.files",
-    "scoreboard_frames": "motoremi.blind.frames",
+    "scoreboard_frames": "motoremi.blind.scoreboard_frames",
     "spice_model": "motoremi.export.spice",
     "sweep_table": "motoremi.export.tables",
     "to_xarray": "motoremi.export.tables",

@@ -30,7 +30,7 @@ from motoremi.progress import part
 from motoremi.quantities import parse
 
 if TYPE_CHECKING:
-    from motoremi.report.parts import Choice, Materials
+    from motoremi.report.contents import Choice, Materials
 
 
 # A first fit's share of a diagnosis that begins with it.
@@ -205,7 +205,7 @@ def drop_from_session(store: Store) -> tuple[Fit, Fit]:
 
 def _materials_of(session: Session) -> Materials:
     """What a report of the session is made of."""
-    from motoremi.report.parts import Materials
+    from motoremi.report.contents import Materials
 
     steps = ladder_of(session)
     comparison = compare(steps[-1], stored_tolerance(session)) if steps else None
@@ -224,8 +224,8 @@ def report_session(store: Store, profile: Path | None = None, choice: Choice | N
         Which form, and which sections; the long form with all of them without it.
     progress : callable, optional
     """
-    from motoremi.report.files import render_session
     from motoremi.report.model import WHOLE
+    from motoremi.report.renderings import render_session
     from motoremi.workflow_issue import ISSUE, LABORATORY, issue_for, stored_laboratory
 
     session = load(store.path)
@@ -245,8 +245,8 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     BadInput
         For one session alone, too many, or two of one name.
     """
-    from motoremi.report.files import told_as_unreadable
-    from motoremi.report.together import build_together, render_together
+    from motoremi.report.renderings import told_as_unreadable
+    from motoremi.report.several_sessions import build_together, render_together
 
     # The folder's own name, also for `.` or a path that ends in a slash.
     named = {path.resolve().name: path for path in paths}

@@ -9,8 +9,8 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session, load
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.diagnosis.asking import NOTHING_ASKED, NOTHING_BITS
 from motoremi.diagnosis.menu import BY_NAME
 from motoremi.errors import BadInput

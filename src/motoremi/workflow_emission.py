@@ -14,15 +14,15 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.emission.background import ambient_of, split
 from motoremi.emission.band import band_of
 from motoremi.emission.diagnose import EmissionDiagnosis, add_effect, diagnose_emission, fit_base
-from motoremi.emission.effects import find_source_effect
 from motoremi.emission.finals import Rules, choose_maxima
-from motoremi.emission.fit import EmissionFit, restored
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import repetition_from
 from motoremi.emission.predict import DEFAULT_LIMIT, Prediction, motor_function, predict
-from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup, read_setup
+from motoremi.emission.source_effects import find_source_effect
+from motoremi.emission.spectrum_fit import EmissionFit, restored
+from motoremi.emission.spectrum_problem import Problem
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.progress import part

@@ -11,7 +11,7 @@ from motoremi.export.emission_deck import emission_deck
 from motoremi.export.hdf5 import hdf5_bytes
 from motoremi.export.spice import SpiceModel, spice_model
 from motoremi.export.tables import csv_bytes, parquet_bytes
-from motoremi.export.touchstone import session_touchstone
+from motoremi.export.touchstone_file import session_touchstone
 from motoremi.fitting.result import Fit
 from motoremi.workflow_emission import setup_of
 

@@ -14,8 +14,8 @@ from motoremi.diagnosis.signature import signature
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.report import plots
-from motoremi.report.emission import emission_fit_figure, prediction_figure
-from motoremi.report.files import told_as_unreadable
+from motoremi.report.emission_section import emission_fit_figure, prediction_figure
+from motoremi.report.renderings import told_as_unreadable
 from motoremi.workflow import diagnosis_in, ladder_of, measurement_of, opened, stored_tolerance
 from motoremi.workflow_emission import DIAGNOSIS, PREDICTION, emission_steps
 

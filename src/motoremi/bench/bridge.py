@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser, Standard
 from motoremi.bench.driver import Setting
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser, Standard
 from motoremi.bench.sweep_options import Bias, Segment, SweepOptions
 from motoremi.bench.transport import Transport
 from motoremi.data.sweep import ImpedanceSweep
@@ -144,8 +144,7 @@ class BridgeAnalyser(ImpedanceAnalyser):
             parts.append(pairs[::2])
         if parts[0].size != parts[1].size:
             raise InstrumentError(f"{self}: {self.PARTS[0]} has {parts[0].size} points, {self.PARTS[1]} {parts[1].size}")
-        impedance: ComplexArray = parts[0] + 1j * parts[1]
-        return impedance
+        return parts[0] + 1j * parts[1]
 
     @contextmanager
     def stimulus(self) -> Iterator[None]:

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from motoremi.arrays import ComplexArray, JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser, Spacing, Standard
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser, Spacing, Standard
 from motoremi.bench.transport import Transport
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.quantities import show
@@ -44,8 +44,7 @@ class ReflectionAnalyser(ImpedanceAnalyser):
     def scan_mean(self, scans: int) -> ComplexArray:
         """Mean of S11 over a number of sweeps."""
         # S11 is averaged rather than impedance, because the impedance of an open fixture is mostly noise.
-        mean: ComplexArray = np.mean([self.scan() for _ in range(scans)], axis=0)
-        return mean
+        return np.mean([self.scan() for _ in range(scans)], axis=0)
 
     def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
         """Impedance in ohm, from the measured S11."""
@@ -126,16 +125,14 @@ def pieces(start_hz: int, stop_hz: int, points: int, spacing: Spacing, most: int
 def impedance_from_reflection(gamma: ComplexArray, reference_ohm: float) -> ComplexArray:
     """Z = Z0 (1 + S11)/(1 - S11), in ohm."""
     # With nothing connected S11 may be exactly 1. Half of the ninth decimal, the last one that is printed, keeps the impedance finite.
-    impedance: ComplexArray = reference_ohm * (1 + gamma) / np.where(gamma == 1, 5e-10, 1 - gamma)
-    return impedance
+    return reference_ohm * (1 + gamma) / np.where(gamma == 1, 5e-10, 1 - gamma)
 
 
 def without_fixture(impedance: ComplexArray, open_ohm: ComplexArray | None, short_ohm: ComplexArray | None) -> ComplexArray:
     """Remove the fixture, a series impedance followed by a parallel admittance, by what was measured with it open and shorted."""
     series = short_ohm if short_ohm is not None else np.zeros_like(impedance)
     behind = impedance - series
-    result: ComplexArray = behind if open_ohm is None else behind / (1 - behind / (open_ohm - series))
-    return result
+    return behind if open_ohm is None else behind / (1 - behind / (open_ohm - series))
 
 
 def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], known: Mapping[Standard, complex | ComplexArray]) -> ComplexArray:
@@ -166,5 +163,4 @@ def calibrated(raw: ComplexArray, standards: Mapping[Standard, ComplexArray], kn
     true = np.stack([np.broadcast_to(known[name], raw.shape) for name in known], axis=1)
     matrix = np.stack([np.ones_like(measured), true, true * measured], axis=2)
     a, b, c = np.linalg.solve(matrix, measured[:, :, None])[:, :, 0].T
-    corrected: ComplexArray = (raw - a) / (b + c * raw)
-    return corrected
+    return (raw - a) / (b + c * raw)

@@ -14,9 +14,9 @@ from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.model.motor import dc_motor
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS, split_effects
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.hidden_effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS, split_effects
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 POINTS = 401
 SPAN_HZ = (150e3, 30e6)

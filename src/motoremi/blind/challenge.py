@@ -17,8 +17,8 @@ from motoremi.blind.scoring import Answer, Outcome, outcome
 from motoremi.data.plain import from_json, to_line
 from motoremi.data.session import SessionWriter, load
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import split_effects
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import split_effects
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 SEALED = "challenge/truth.sealed"
 

@@ -25,10 +25,10 @@ from motoremi.blind.disturbances import (
 from motoremi.blind.weak import strength_for, weakened
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.analyser import SimulatedAnalyser, noise_sd_ohm
-from motoremi.simulate.effects import OUTSIDE_EFFECTS
+from motoremi.simulate.analyser_errors import SimulatedAnalyser, noise_sd_ohm
 from motoremi.simulate.hidden import ELEMENTS, log_uniform, uniform
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import OUTSIDE_EFFECTS
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
 Generator: TypeAlias = np.random.Generator

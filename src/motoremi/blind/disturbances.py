@@ -11,9 +11,9 @@ from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import Termination
-from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden import uniform
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 Generator: TypeAlias = np.random.Generator
 
@@ -34,16 +34,14 @@ def flicker_noise(rng: Generator, points: int) -> FloatArray:
     count = points // 2 + 1
     amplitude = 1 / np.sqrt(np.maximum(np.arange(count), 1))
     series = np.fft.irfft(amplitude * (rng.standard_normal(count) + 1j * rng.standard_normal(count)), points)
-    noise: FloatArray = series / series.std()
-    return noise
+    return series / series.std()
 
 
 def smooth_error(rng: Generator, frequency_hz: FloatArray, size: float) -> ComplexArray:
     """A complex error, smooth in log frequency, whose magnitude is `size` rms on average."""
     knots = np.linspace(np.log(5e4), np.log(3e8), int(rng.integers(5, 9)))
     parts = PchipInterpolator(knots, rng.standard_normal((2, knots.size)), axis=1)(np.clip(np.log(frequency_hz), knots[0], knots[-1]))
-    error: ComplexArray = size / np.sqrt(2) * (parts[0] + 1j * parts[1])
-    return error
+    return size / np.sqrt(2) * (parts[0] + 1j * parts[1])
 
 
 class ReflectionAnalyser:
@@ -69,8 +67,7 @@ class ReflectionAnalyser:
         leak, match, tracking = (smooth_error(np.random.default_rng(seed), frequency_hz, self.level) for seed in self._seeds)
         noise = self._noise.standard_normal((2, frequency_hz.size))
         shown = leak + (1 + tracking) * true / (1 - match * true) + REFLECTION_NOISE * (noise[0] + 1j * noise[1])
-        seen: ComplexArray = LINE_OHM * (1 + shown) / (1 - shown)
-        return seen
+        return LINE_OHM * (1 + shown) / (1 - shown)
 
 
 class DoubledAnalyser(SimulatedAnalyser):
@@ -106,8 +103,7 @@ def warming(motor: SimulatedMotor, termination: Termination, frequency_hz: Float
     curves = np.array([np.log(warmer.impedance(termination, frequency_hz)) for warmer in motors])
     curves = curves.real + 1j * np.unwrap(curves.imag, axis=0)
     weights = np.asarray(BarycentricInterpolator(states, np.eye(_STATES))(warmth))
-    seen: ComplexArray = np.exp(np.sum(weights.T * curves, axis=0))
-    return seen
+    return np.exp(np.sum(weights.T * curves, axis=0))
 
 
 def changed(motor: SimulatedMotor, factors: dict[str, float]) -> SimulatedMotor:

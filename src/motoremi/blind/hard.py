@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.blind.calibration import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.cases import visible
+from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.departures import DEPARTURES, HardCase, draw_hard_many
 from motoremi.blind.hard_scoring import GOOD, Element, attached, of_the_motor, statement_is_true, strict, sure_and_wrong
 from motoremi.blind.rounds import play_each

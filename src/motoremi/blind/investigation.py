@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.blind.calibration import by_kind_of_verdict, calibration_error, goal, goal_of, reliability
+from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability
 from motoremi.blind.policies import POLICIES, PRODUCT, Look, Offer, Standing
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from motoremi.arrays import JsonDict
-from motoremi.blind.table import calibration_lines, goal_lines, reliability_figure, wrong_line
+from motoremi.blind.scoreboard_text import calibration_lines, goal_lines, reliability_figure, wrong_line
 from motoremi.data.plain import plain
 from motoremi.data.storage import write_whole
 

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.blind.calibration import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.cases import Case, draw_many
+from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, named_exactly, outcome
 from motoremi.diagnosis.diagnosis import diagnose

@@ -21,12 +21,12 @@ from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.model.motor import dc_motor
-from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.arrangement import Analyser, Arrangement
-from motoremi.simulate.effects import OUTSIDE_EFFECTS, split_effects
 from motoremi.simulate.hidden import log_uniform, uniform
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import OUTSIDE_EFFECTS, split_effects
 from motoremi.simulate.operator import MISTAKEN, Mistake, Operator
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.specimen import Specimen
 
 Start: TypeAlias = Literal["one short sweep", "uncompensated NanoVNA", "two effects"]

@@ -1,7 +1,7 @@
 """The scoreboard for spectra: effects of source or path, simulated in the time domain and diagnosed by formulas.
 
 The spectra are simulated with single events, a sampled waveform, nodal analysis of the network, and a receiver that processes the samples
-(`motoremi.simulate.emission`). The diagnosis has impedance sweeps, a peak and an average spectrum, and the stated speed.
+(`motoremi.simulate.emission_in_time`). The diagnosis has impedance sweeps, a peak and an average spectrum, and the stated speed.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from motoremi.data.storage import write_whole
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.emission.diagnose import diagnose_emission
 from motoremi.emission.predict import motor_function
-from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Source
+from motoremi.emission.spectrum_problem import Problem
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
 from motoremi.model.motor import dc_motor
-from motoremi.simulate import emission
-from motoremi.simulate.analyser import SimulatedAnalyser
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate import emission_in_time
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 POINTS = 201
 REPEATS = 3
@@ -41,7 +41,7 @@ SHARE_OF_NONE = 0.25
 # Relative error of the stated speed, as of a tachometer.
 SPEED_ERROR = 0.01
 # An effect that changes the readings by less than the receiver's own error cannot be detected.
-LEAST_CHANGE_DB = float(np.hypot(emission.OFFSET_DB, emission.RIPPLE_DB))
+LEAST_CHANGE_DB = float(np.hypot(emission_in_time.OFFSET_DB, emission_in_time.RIPPLE_DB))
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ class SpectrumCase:
                 measured.append(ImpedanceSweep(termination, frequency, seen, metadata={"analyser": "4294a"}))
         return measured
 
-    def stand(self) -> emission.Stand:
+    def stand(self) -> emission_in_time.Stand:
         """True source, path and receiver."""
-        return emission.Stand.random(self.motor_seed, self.hidden)
+        return emission_in_time.Stand.random(self.motor_seed, self.hidden)
 
     def spectra(self) -> list[Spectrum]:
         """Peak and average of one scan, 150 kHz to 30 MHz in 4.5 kHz."""
@@ -102,8 +102,8 @@ class SpectrumCase:
 
 @lru_cache(maxsize=4)
 def _scanned(motor_seed: int, hidden: tuple[str, ...]) -> list[Spectrum]:
-    stand = emission.Stand.random(motor_seed, hidden)
-    read = emission.measure(SimulatedMotor.random(motor_seed), stand, scan_frequencies(), motor_seed, quasi_peak=False)
+    stand = emission_in_time.Stand.random(motor_seed, hidden)
+    read = emission_in_time.measure(SimulatedMotor.random(motor_seed), stand, scan_frequencies(), motor_seed, quasi_peak=False)
     return [Spectrum(detector, read.frequency_hz, read.level(detector)) for detector in ("peak", "average")]
 
 
@@ -121,7 +121,7 @@ def largest_change_db(one: Sequence[Spectrum], other: Sequence[Spectrum]) -> flo
 def draw(seed: int, index: int) -> SpectrumCase:
     """The case with this number."""
     rng = np.random.default_rng([seed, index, 1])
-    hidden = () if rng.random() < SHARE_OF_NONE else (str(rng.choice(list(emission.SOURCE_EFFECTS))),)
+    hidden = () if rng.random() < SHARE_OF_NONE else (str(rng.choice(list(emission_in_time.SOURCE_EFFECTS))),)
     return SpectrumCase(seed, index, hidden, int(rng.integers(1, 2**31)))
 
 

@@ -11,9 +11,9 @@ from scipy.optimize import brentq, least_squares
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput
-from motoremi.simulate.analyser import noise_sd_ohm
+from motoremi.simulate.analyser_errors import noise_sd_ohm
 from motoremi.simulate.hidden import ELEMENTS
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.uncatalogued import UncataloguedMotor
 
 # The sizes that scale an effect, each with the power of the strength that it is proportional to.
@@ -84,8 +84,7 @@ def misfit(motor: SimulatedMotor | UncataloguedMotor, frequency_hz: FloatArray, 
 
 def _response(logarithms: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
     plain = SimulatedMotor(**dict(zip(ELEMENTS, np.exp(logarithms).tolist(), strict=True)))
-    response: ComplexArray = np.log(np.concatenate([plain.impedance(termination, frequency_hz) for termination in TERMINATIONS]))
-    return response
+    return np.log(np.concatenate([plain.impedance(termination, frequency_hz) for termination in TERMINATIONS]))
 
 
 def strength_for(motor: SimulatedMotor, floors: float, frequency_hz: FloatArray, bandwidth_factor: int, repeats: int) -> float:

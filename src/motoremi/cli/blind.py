@@ -103,10 +103,10 @@ class _Board:
 
 
 def _boards() -> dict[str, _Board]:
-    from motoremi.blind import hard, hard_table, investigation, investigation_table, scoreboard, spectra, table
+    from motoremi.blind import hard, hard_table, investigation, investigation_table, scoreboard, scoreboard_text, spectra
 
     return {
-        "usual": _Board("blind test", scoreboard.play_all, scoreboard.summary, table.markdown, table.write_all),
+        "usual": _Board("blind test", scoreboard.play_all, scoreboard.summary, scoreboard_text.markdown, scoreboard_text.write_all),
         "hard": _Board("blind test outside the protocol", hard.play_all, hard.summary, hard_table.markdown, hard_table.write_all),
         "investigate": _Board(
             "investigations", investigation.play_all, investigation.summary, investigation_table.markdown, investigation_table.write_all

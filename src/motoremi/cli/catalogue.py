@@ -11,7 +11,7 @@ from motoremi.cli.options import AsJson, command, plot_file
 
 if TYPE_CHECKING:
     from motoremi.diagnosis.signature import Signature
-    from motoremi.emission.effects import SourceEffect
+    from motoremi.emission.source_effects import SourceEffect
     from motoremi.model.effects import Effect
 
 
@@ -26,7 +26,7 @@ def effects_(
 ) -> None:
     """The catalogue of effects; one effect with formula, parameters, range, signature, look-alikes and source."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.emission.effects import source_effects
+    from motoremi.emission.source_effects import source_effects
     from motoremi.errors import BadInput
     from motoremi.model.effects import catalogue, find_effect
     from motoremi.quantities import show
@@ -73,7 +73,7 @@ def effects_(
 
 def _signature(session: Path, identifier: str, file: Path | None) -> Signature:
     """The effect on the session's motor; a name without a place means its first place."""
-    from motoremi.emission.effects import is_source_effect
+    from motoremi.emission.source_effects import is_source_effect
     from motoremi.errors import BadInput
     from motoremi.model.effects import catalogue
     from motoremi.workflow import opened, signature_on

@@ -35,7 +35,7 @@ def demo_(
     from motoremi.run.hidden_bench import keep_bench
     from motoremi.run.runner import run, start_document
     from motoremi.schema.bench_file import BenchFile
-    from motoremi.simulate.effects import DEMO_EFFECTS
+    from motoremi.simulate.hidden_effects import DEMO_EFFECTS
     from motoremi.virtual.simulated_bench import SimulatedBench
     from motoremi.workflow import add_to_session, compare_session, diagnosis_in, ladder_of, opened, report_session
     from motoremi.workflow_emission import emission_story

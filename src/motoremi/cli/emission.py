@@ -10,7 +10,7 @@ import typer
 from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file
 
 if TYPE_CHECKING:
-    from motoremi.emission.fit import EmissionFit
+    from motoremi.emission.spectrum_fit import EmissionFit
 
 
 def predict_(
@@ -106,7 +106,7 @@ def diagnose_spectra(path: Path, from_base: bool, as_json: bool) -> None:
 def show_emission_step(before: EmissionFit, after: EmissionFit, as_json: bool) -> None:
     """The error before and after a step of the emission's ladder."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.emission.effects import find_source_effect
+    from motoremi.emission.source_effects import find_source_effect
     from motoremi.quantities import show
 
     if as_json:

@@ -36,7 +36,7 @@ def fleet_(
     from motoremi.data.storage import write_whole
     from motoremi.fleet.page import fleet_html
     from motoremi.fleet.run import RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
-    from motoremi.fleet.together import together
+    from motoremi.fleet.statistics import together
     from motoremi.fleet.work import Job
 
     root = folder.resolve()

@@ -10,9 +10,9 @@ from motoremi.cli.options import AsJson, Out, command
 def paper_(out: Out = None, as_json: AsJson = False) -> None:
     """Reproduce Fig. 6 - 8 of Liu, Wang and Nan (2011) on simulated data and show where its numbers disagree; --out draws the figures."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.paper.figures import prepare, write_figures
+    from motoremi.paper.paper_figures import prepare, write_figures
     from motoremi.paper.reproduction import reproduce
-    from motoremi.paper.table import markdown
+    from motoremi.paper.reproduction_text import markdown
 
     if out is not None:
         prepare(out)

@@ -10,8 +10,8 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.analyser import specification
 from motoremi.data.numbers import parse_number
-from motoremi.data.source import split_lines
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 # The words after MEASURE PARAMETER when the traces are R and X.

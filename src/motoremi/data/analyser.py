@@ -100,8 +100,7 @@ class Analyser:
         series = np.hypot(self.resistance_sigma_ohm, omega * self.inductance_sigma_h) / magnitude
         shunt = np.hypot(self.conductance_sigma_s(frequency_hz), omega * self.capacitance_sigma_f) * magnitude
         gain = np.sqrt(np.sum(np.abs(self.smooth_errors(frequency_hz, impedance_ohm)) ** 2, axis=0))
-        total: FloatArray = np.sqrt(2 * gain**2 + series**2 + shunt**2)
-        return total
+        return np.sqrt(2 * gain**2 + series**2 + shunt**2)
 
     def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
         """Standard deviations of the relative errors that are smooth along frequency, shape (m, n): each row scales one smooth process.
@@ -309,5 +308,4 @@ def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: Com
 
 def reflection_of(impedance_ohm: ComplexArray) -> ComplexArray:
     """Reflection coefficient against 50 ohm."""
-    reflection: ComplexArray = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
-    return reflection
+    return (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)

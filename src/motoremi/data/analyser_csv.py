@@ -9,8 +9,8 @@ import re
 
 from motoremi.arrays import JsonDict
 from motoremi.data.numbers import looks_numeric, parse_number
-from motoremi.data.source import split_lines
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 _MAKER = re.compile(r"!\s*(?:CSV\b|Agilent|Keysight|\"?Agilent|\"?Keysight)", re.IGNORECASE)

@@ -48,8 +48,7 @@ def make_document(seq: int, time: str, kind: str, previous_sha256: str, content:
     if taken:
         raise BadInput(f"a document's content cannot use the key {taken[0]!r}")
     head = {"seq": seq, "time": time, "kind": kind, "previous_sha256": previous_sha256}
-    document: JsonDict = plain({**head, **content})
-    return document
+    return plain({**head, **content})
 
 
 def document_line(document: Mapping[str, Any]) -> str:

@@ -35,8 +35,7 @@ def bins_of(sweep: RepeatedSweep, steps_hz: Sequence[float]) -> np.ndarray:
     at = np.minimum((COARSE_POINTS * length / length[-1]).astype(np.intp), COARSE_POINTS - 1)
     ranges = np.searchsorted(np.sort(steps_hz), sweep.frequency_hz)
     # Bins without points are left out.
-    bins: np.ndarray = np.unique(at + ranges * COARSE_POINTS, return_inverse=True)[1]
-    return bins
+    return np.unique(at + ranges * COARSE_POINTS, return_inverse=True)[1]
 
 
 def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tuple[RepeatedSweep, Noise]:
@@ -57,8 +56,7 @@ def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tup
     total = _sums(bins, weight)
 
     def mean(values: np.ndarray) -> np.ndarray:
-        averages: np.ndarray = _sums(bins, values * weight) / total
-        return averages
+        return _sums(bins, values * weight) / total
 
     place = np.log(sweep.frequency_hz)
     middle = mean(place)
@@ -97,8 +95,7 @@ def scatter_in_bins(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float
 
 def _sums(bins: np.ndarray, values: np.ndarray) -> np.ndarray:
     edges = np.flatnonzero(np.diff(bins, prepend=-1))
-    sums: np.ndarray = np.add.reduceat(values, edges)
-    return sums
+    return np.add.reduceat(values, edges)
 
 
 def _all_of(bins: np.ndarray, chosen: BoolArray) -> BoolArray | None:
@@ -111,5 +108,4 @@ def _second_derivative(x: FloatArray, y: ComplexArray) -> ComplexArray:
     """Second derivative at each place from the places two further on either side, to keep its noise small; at the ends the nearest value."""
     low, here, high = x[:-4], x[2:-2], x[4:]
     below, above = (y[2:-2] - y[:-4]) / (here - low), (y[4:] - y[2:-2]) / (high - here)
-    result: ComplexArray = np.pad(2 * (above - below) / (high - low), 2, mode="edge")
-    return result
+    return np.pad(2 * (above - below) / (high - low), 2, mode="edge")

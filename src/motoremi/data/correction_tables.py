@@ -9,10 +9,10 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import columns_found, find_columns
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.sweep import checked_frequency
 from motoremi.data.table import parse_table
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.touchstone import is_touchstone, parse_two_port
 from motoremi.errors import BadInput
 

@@ -18,10 +18,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.correction_tables import read_decibels, read_two_port
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.errors import BadInput
 from motoremi.quantities import parse, show_band
 
@@ -160,8 +160,7 @@ class Correction(BaseModel):
         s11, s21, s12, s22 = (parts[2 * k] + 1j * parts[2 * k + 1] for k in range(4))
         front = (impedance_ohm - 50) / (impedance_ohm + 50)
         behind = (front - s11) / (s12 * s21 + s22 * (front - s11))
-        found: ComplexArray = 50 * (1 + behind) / (1 - behind)
-        return found
+        return 50 * (1 + behind) / (1 - behind)
 
     def describe(self) -> str:
         """One line for a person."""

@@ -153,8 +153,7 @@ class SweepBlocks:
     def shares(self, discrepancy: FloatArray) -> FloatArray:
         """Share of the variance along each direction that is discrepancy, shape (..., q)."""
         variance = discrepancy[..., None] ** 2 * self.strengths
-        shares: FloatArray = variance / (1 + variance)
-        return shares
+        return variance / (1 + variance)
 
     def products(self, weighted: ComplexArray, discrepancies: FloatArray) -> ComplexArray:
         """Inner products of weighted residuals, shape (m, n), and of the analyser's columns after them; shape (sizes, m + r, m + r)."""
@@ -162,8 +161,7 @@ class SweepBlocks:
         noise, along = rows @ self.fixed.conj(), rows @ self.spread.conj()
         quiet = rows.conj() @ rows.T - (noise.conj() * self.fixed_shares) @ noise.T
         shares = self.shares(discrepancies)[:, None, :]
-        result: ComplexArray = quiet - (along.conj() * shares) @ along.T
-        return result
+        return quiet - (along.conj() * shares) @ along.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,8 +206,7 @@ class Whitening:
         """ln det of the covariance at each size of the discrepancy, without the analyser's addition to it."""
         blocks = self.blocks
         fixed = -np.sum(np.log1p(-blocks.fixed_shares)) + 2 * np.sum(np.log(blocks.sigma))
-        extra: FloatArray = fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * blocks.strengths), axis=1)
-        return extra
+        return fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * blocks.strengths), axis=1)
 
 
 def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:

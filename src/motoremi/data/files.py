@@ -19,12 +19,12 @@ from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, column_values, find_pair, impedance_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import Rows, merge_duplicates
-from motoremi.data.source import decode, file_name, read_bytes, show_name
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
 from motoremi.data.table import Table, parse_table
 from motoremi.data.text import clean_text
-from motoremi.data.tinysa import is_two_columns, parse_tinysa
+from motoremi.data.text_file import decode, file_name, read_bytes, show_name
+from motoremi.data.tinysa_csv import is_two_columns, parse_tinysa
 from motoremi.data.touchstone import is_touchstone, parse_touchstone
 from motoremi.errors import BadInput
 from motoremi.quantities import parse

@@ -28,8 +28,7 @@ SLOPE_ERROR = 0.3
 def matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
     """Correlation between positions, shape (n, m); positions and length in the same unit."""
     distance = np.sqrt(3) * np.abs(one[:, None] - other[None, :]) / length
-    correlation: FloatArray = (1 + distance) * np.exp(-distance)
-    return correlation
+    return (1 + distance) * np.exp(-distance)
 
 
 def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
@@ -53,14 +52,12 @@ def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
     step = span / (knots.size - 1)
     at = np.clip(((place - knots[0]) / step).astype(np.intp), 0, knots.size - 2)
     share = ((place - knots[at]) / step)[:, None]
-    columns: FloatArray = (1 - share) * modes[at] + share * modes[at + 1]
-    return columns
+    return (1 - share) * modes[at] + share * modes[at + 1]
 
 
 def logarithm(impedance_ohm: ComplexArray) -> ComplexArray:
     """ln Z along a sweep, with unwrapped phase."""
-    result: ComplexArray = np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
-    return result
+    return np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
 
 
 def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
@@ -68,15 +65,13 @@ def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
     if impedance_ohm.size < 2 * SMOOTHED_POINTS:
         return impedance_ohm
     values = logarithm(impedance_ohm)
-    result: ComplexArray = np.exp(_mean(values.real, SMOOTHED_POINTS) + 1j * _mean(values.imag, SMOOTHED_POINTS))
-    return result
+    return np.exp(_mean(values.real, SMOOTHED_POINTS) + 1j * _mean(values.imag, SMOOTHED_POINTS))
 
 
 def _mean(values: FloatArray, width: int) -> FloatArray:
     """Running mean of the deviation from the straight line between the ends, so that a slope does not shift the ends."""
     line = np.linspace(values[0], values[-1], values.size)
-    mean: FloatArray = line + uniform_filter1d(values - line, width, mode="nearest")
-    return mean
+    return line + uniform_filter1d(values - line, width, mode="nearest")
 
 
 def slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: float) -> ComplexArray:
@@ -94,5 +89,4 @@ def slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: float) -
     if width > 1:
         width = min(width | 1, SMOOTHED_POINTS, impedance_ohm.size // 2)
         values = _mean(values.real, width) + 1j * _mean(values.imag, width)
-    result: ComplexArray = np.gradient(values, np.log(frequency_hz))
-    return result
+    return np.gradient(values, np.log(frequency_hz))

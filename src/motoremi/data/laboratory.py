@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from motoremi.data.corrections import problems
 from motoremi.data.logo import MAXIMUM_BYTES, PNG_START, checked_png, png_logo, svg_logo
-from motoremi.data.source import decode, read_bytes, show_name
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
 

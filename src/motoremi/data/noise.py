@@ -74,8 +74,7 @@ class Noise:
         """Variance of all parts together, of the real and of the imaginary part each, shape (n,)."""
         drift = 0.0 if self.drift is None else 0.5 * np.abs(self.drift) ** 2
         within = 0.0 if self.within is None else np.abs(self.within) ** 2
-        total: FloatArray = self.sigma**2 + self.correlated**2 + drift + within
-        return total
+        return self.sigma**2 + self.correlated**2 + drift + within
 
 
 @dataclass(frozen=True)
@@ -158,8 +157,7 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
     if found is None:
         return None
     place = np.log(sweep.frequency_hz)
-    whole: ComplexArray = np.interp(place, place[inside], found.real) + 1j * np.interp(place, place[inside], found.imag)
-    return whole
+    return np.interp(place, place[inside], found.real) + 1j * np.interp(place, place[inside], found.imag)
 
 
 def _outliers(variance: FloatArray, magnitude: FloatArray) -> BoolArray:
@@ -167,13 +165,11 @@ def _outliers(variance: FloatArray, magnitude: FloatArray) -> BoolArray:
     beside = _median_of_neighbours(variance)
     law = _bridge_law(np.minimum(variance, OUTLIER * beside), magnitude)
     limit = OUTLIER**2
-    found: BoolArray = (variance > limit * beside) & (variance > limit * law)
-    return found
+    return (variance > limit * beside) & (variance > limit * law)
 
 
 def _median_of_neighbours(variance: FloatArray) -> FloatArray:
-    median: FloatArray = np.maximum(median_filter(variance, size=min(NEIGHBOURS, variance.size), mode="nearest"), SMALLEST_SIGMA**2)
-    return median
+    return np.maximum(median_filter(variance, size=min(NEIGHBOURS, variance.size), mode="nearest"), SMALLEST_SIGMA**2)
 
 
 def _white(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
@@ -182,8 +178,7 @@ def _white(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
     # The slow correction averages over so many points that its own scatter stays near 10 %.
     width = min(len(variance), max(25, len(variance) // 6))
     correction = uniform_filter1d(variance / law, width, mode="reflect")
-    sigma: FloatArray = np.maximum(np.sqrt(law * np.clip(correction, 0.25, 4.0)), SMALLEST_SIGMA)
-    return sigma
+    return np.maximum(np.sqrt(law * np.clip(correction, 0.25, 4.0)), SMALLEST_SIGMA)
 
 
 def _bridge_law(variance: FloatArray, magnitude: FloatArray) -> FloatArray:

@@ -11,9 +11,9 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
-from motoremi.data.source import split_lines
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 _SCAN = re.compile(r"scan (\d+)$")

@@ -19,11 +19,11 @@ from motoremi.data.csvfiles import impedance_csv, spectrum_csv
 from motoremi.data.manifest import Manifest, list_files, manifest_text, record_bytes, record_file
 from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
 from motoremi.data.plain import to_line, to_page
-from motoremi.data.source import show_name
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.storage import PENDING_SUFFIX, AppendFile, StorageError, as_storage_error, replacing, write_whole
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import show_name
 from motoremi.data.verify import inspect_session
 from motoremi.errors import BadInput
 from motoremi.interrupts import unbroken

@@ -8,8 +8,8 @@ import time
 from datetime import date
 from pathlib import Path
 
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.storage import AppendFile, StorageError
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.errors import BadInput
 
 ENDING = ".register.csv"

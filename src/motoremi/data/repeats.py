@@ -29,8 +29,7 @@ def contrasts(relative: ComplexArray) -> ComplexArray:
     order = np.vander(np.arange(repeats) - (repeats - 1) / 2, repeats, increasing=True)
     orthonormal = np.linalg.qr(order)[0][:, 1:]
     # The signs of the decomposition are arbitrary; here the last repeat counts positive.
-    result: ComplexArray = (orthonormal * np.sign(orthonormal[-1])).T @ relative
-    return result
+    return (orthonormal * np.sign(orthonormal[-1])).T @ relative
 
 
 def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexArray) -> tuple[float, float]:
@@ -87,8 +86,7 @@ def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, fre
     root = np.sqrt(1 + strengths)
 
     def whitened(values: np.ndarray) -> np.ndarray:
-        white: np.ndarray = values - wander @ ((1 - 1 / root) * (wander.T @ values).T).T
-        return white
+        return values - wander @ ((1 - 1 / root) * (wander.T @ values).T).T
 
     vectors, variances = directions(whitened(shape))
     components = vectors.T @ whitened(weighted)
@@ -108,5 +106,4 @@ def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, fre
     repeats = len(free) + 1
     # The linear contrast of unit length, for one step from repeat to repeat.
     length = np.sqrt(repeats * (repeats**2 - 1) / 12)
-    direction: ComplexArray = fitted / length
-    return direction
+    return fitted / length

@@ -22,11 +22,11 @@ from motoremi.data.origin import is_simulated
 from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
 from motoremi.data.plain import object_from_json
 from motoremi.data.recording import SCHEMA, STATUSES, SessionWriter, reopen
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.state import marks_of, states_of
 from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.verify import verify, vouched_sha256
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput

@@ -56,16 +56,14 @@ def spikes(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: FloatAr
 def _peaks(ratio: FloatArray) -> BoolArray:
     """Points that deviate more than all their neighbours, whose predictions they distort."""
     windows = _windows(ratio.size)
-    found: BoolArray = ratio >= ratio[windows].max(axis=1)
-    return found
+    return ratio >= ratio[windows].max(axis=1)
 
 
 def _windows(count: int) -> IntArray:
     """Indices of the neighbours of each point, without the point itself; shape (count, NEIGHBOURS)."""
     first = np.clip(np.arange(count) - NEIGHBOURS // 2, 0, count - NEIGHBOURS - 1)
     inside = first[:, None] + np.arange(NEIGHBOURS + 1)
-    others: IntArray = inside[inside != np.arange(count)[:, None]].reshape(count, NEIGHBOURS)
-    return others
+    return inside[inside != np.arange(count)[:, None]].reshape(count, NEIGHBOURS)
 
 
 def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:

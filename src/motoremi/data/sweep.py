@@ -261,8 +261,7 @@ class RepeatedSweep:
     @property
     def mean_ohm(self) -> ComplexArray:
         """Mean of the repeats, in ohm."""
-        mean: ComplexArray = self.impedance_ohm.mean(axis=0)
-        return mean
+        return self.impedance_ohm.mean(axis=0)
 
 
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:

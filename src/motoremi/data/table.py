@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from motoremi.arrays import JsonDict
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
 from motoremi.data.plain import from_json
-from motoremi.data.source import split_lines
 from motoremi.data.text import clean_text, clean_value
+from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 _QUOTED_KEY = re.compile(r'"(?:[^"\\]|\\.)*"')

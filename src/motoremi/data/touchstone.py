@@ -13,9 +13,9 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.numbers import looks_cut, parse_number
-from motoremi.data.source import split_lines
 from motoremi.data.sweep import checked_frequency
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 _UNITS = {"HZ", "KHZ", "MHZ", "GHZ"}

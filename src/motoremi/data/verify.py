@@ -10,9 +10,9 @@ from pathlib import Path
 from motoremi.data.chain import Chain, read_chain
 from motoremi.data.manifest import FileRecord, Manifest, list_files, parse_manifest, record_bytes, record_file
 from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
-from motoremi.data.source import show_name
 from motoremi.data.storage import PENDING_SUFFIX
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import show_name
 from motoremi.errors import BadInput
 
 

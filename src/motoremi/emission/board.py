@@ -9,10 +9,10 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import prior_of_size
-from motoremi.emission.effects import EFFECTS, SourceEffect, find_source_effect
-from motoremi.emission.fit import EmissionFit, fit_spectra
-from motoremi.emission.problem import Problem
-from motoremi.emission.starts import chopper_starts
+from motoremi.emission.source_effects import EFFECTS, SourceEffect, find_source_effect
+from motoremi.emission.source_starts import chopper_starts
+from motoremi.emission.spectrum_fit import EmissionFit, fit_spectra
+from motoremi.emission.spectrum_problem import Problem
 
 # Penalty in log evidence for a model with a parameter at the bound of its range: odds of 20 to 1.
 BOUND_PENALTY = 3.0

@@ -87,20 +87,17 @@ class Commutation:
     def current(self, tau: ArrayLike) -> FloatArray:
         """Coil current is(t) in ampere at tau = t/Tk in 0 .. 1: from +ia to -ia (Fig. 10)."""
         x = _inside(tau)
-        result: FloatArray = self.current_a * (1 - 2 * x + x * (1 - x) * self._g(x))
-        return result
+        return self.current_a * (1 - 2 * x + x * (1 - x) * self._g(x))
 
     def trailing_voltage(self, tau: ArrayLike) -> FloatArray:
         """Rx ix at the segment that leaves the brush, in volt: the voltage that ignites an arc."""
         x = _inside(tau)
-        result: FloatArray = self.resistance_ohm * self.current_a * (2 + x * self._g(x))
-        return result
+        return self.resistance_ohm * self.current_a * (2 + x * self._g(x))
 
     def leading_voltage(self, tau: ArrayLike) -> FloatArray:
         """Ry iy at the segment that comes under the brush, in volt."""
         x = _inside(tau)
-        result: FloatArray = self.resistance_ohm * self.current_a * (2 - (1 - x) * self._g(x))
-        return result
+        return self.resistance_ohm * self.current_a * (2 - (1 - x) * self._g(x))
 
     def contact_voltage(self, tau: ArrayLike) -> FloatArray:
         """The paper's uc, eq. (15): the sum of both contact drops in volt (Fig. 11)."""
@@ -119,8 +116,7 @@ class Commutation:
         g = self._g(x)
         # g (A + 1)/2 = 2F1(1, 2; A + 2; tau) =: F, and F' = 2/(A + 2) 2F1(2, 3; A + 3; tau).
         slope = 4 / ((self.ratio + 1) * (self.ratio + 2)) * hyp2f1(2, 3, self.ratio + 3, x)
-        result: FloatArray = self.resistance_ohm * self.current_a * (2 * g - (1 - 2 * x) * slope) / self.time_s
-        return result
+        return self.resistance_ohm * self.current_a * (2 * g - (1 - 2 * x) * slope) / self.time_s
 
     def end_step_v(self) -> float:
         """Contact voltage uc that falls to zero when the segment leaves, in volt; infinite if it sparks."""
@@ -157,8 +153,7 @@ class Commutation:
         """g = 2/(A + 1) 2F1(1, 2; A + 2; tau): finite at the end for A > 1, proportional to (1 - tau)^(A - 1) for A < 1."""
         a = self.ratio
         end = 1.0 if a > 1 else 1 - CLOSEST_TO_END
-        g: FloatArray = 2 / (a + 1) * np.asarray(hyp2f1(1, 2, a + 2, np.minimum(tau, end)), dtype=np.float64)
-        return g
+        return 2 / (a + 1) * np.asarray(hyp2f1(1, 2, a + 2, np.minimum(tau, end)), dtype=np.float64)
 
     def to_dict(self) -> JsonDict:
         """Values with units, SI."""

@@ -15,10 +15,10 @@ from motoremi.diagnosis.belief import Belief, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.drawing import figure_of
 from motoremi.emission.board import Candidate, SpectrumBoard, add_effect, fit_base
-from motoremi.emission.effects import find_source_effect
-from motoremi.emission.fit import EmissionFit
 from motoremi.emission.observe import observations
-from motoremi.emission.problem import Problem
+from motoremi.emission.source_effects import find_source_effect
+from motoremi.emission.spectrum_fit import EmissionFit
+from motoremi.emission.spectrum_problem import Problem
 from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:

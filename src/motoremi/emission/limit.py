@@ -13,9 +13,9 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.corrections import UNITS
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import DETECTORS, Detector
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.errors import BadInput
 
 LEVEL_UNITS = tuple(dict.fromkeys(UNITS.values()))

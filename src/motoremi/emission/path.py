@@ -44,17 +44,14 @@ class Lisn:
 
     def impedance(self, s: ComplexArray) -> ComplexArray:
         """Impedance of the port against ground, in ohm."""
-        result: ComplexArray = 1 / (1 / (self.series_ohm + s * self.inductance_h) + 1 / self._branch(s))
-        return result
+        return 1 / (1 / (self.series_ohm + s * self.inductance_h) + 1 / self._branch(s))
 
     def reading(self, s: ComplexArray) -> ComplexArray:
         """Voltage at the receiver for one volt at the port."""
-        result: ComplexArray = self.receiver_ohm / self._branch(s)
-        return result
+        return self.receiver_ohm / self._branch(s)
 
     def _branch(self, s: ComplexArray) -> ComplexArray:
-        branch: ComplexArray = self.receiver_ohm + (0 * s if self.coupling_f is None else 1 / (s * self.coupling_f))
-        return branch
+        return self.receiver_ohm + (0 * s if self.coupling_f is None else 1 / (s * self.coupling_f))
 
     def deviating(self, inductance_factor: float) -> Lisn:
         """The LISN with another inductance: a saturated or shorted choke, or a deviation within its tolerance."""
@@ -160,8 +157,7 @@ class Path:
             seen, arriving = self.cable.through(s, seen)
         if self.stray_f:
             seen = seen / (1 + s * self.stray_f * seen)
-        result: ComplexArray = share * seen / (seen + np.asarray(motor_ohm)) * arriving * self.lisn.reading(s)
-        return result
+        return share * seen / (seen + np.asarray(motor_ohm)) * arriving * self.lisn.reading(s)
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units."""

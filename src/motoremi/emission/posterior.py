@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from motoremi.arrays import FloatArray, Progress
-from motoremi.emission.problem import Problem
+from motoremi.emission.spectrum_problem import Problem
 from motoremi.interrupts import checkpoint
 from motoremi.model.parameter import Parameter
 

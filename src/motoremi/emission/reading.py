@@ -108,13 +108,11 @@ def _separate_unit(coming_hz: float, band: Band, weigh: bool) -> Readings:
 def _between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
     """Bilinear interpolation at fractional rows and columns."""
     if table.shape[0] == 1:
-        first: FloatArray = np.interp(column, np.arange(table.shape[1]), table[0])
-        return first
+        return np.interp(column, np.arange(table.shape[1]), table[0])
     i = np.minimum(row.astype(np.intp), table.shape[0] - 2)
     j = np.minimum(column.astype(np.intp), table.shape[1] - 2)
     a, b = row - i, column - j
-    mixed: FloatArray = (1 - a) * ((1 - b) * table[i, j] + b * table[i, j + 1]) + a * ((1 - b) * table[i + 1, j] + b * table[i + 1, j + 1])
-    return mixed
+    return (1 - a) * ((1 - b) * table[i, j] + b * table[i, j + 1]) + a * ((1 - b) * table[i + 1, j] + b * table[i + 1, j + 1])
 
 
 @lru_cache(maxsize=32)
@@ -205,8 +203,7 @@ def pulses_on_noise(height: FloatArray, noise_average: FloatArray, coming_hz: fl
     ratios, areas = _added_areas()
     ratio = np.clip(height / noise_average, ratios[0], ratios[-1])
     area = np.exp(np.interp(np.log(ratio), np.log(ratios), np.log(areas)))
-    average: FloatArray = noise_average * (1 + coming_hz * band.pulse_sigma_s * area)
-    return average
+    return noise_average * (1 + coming_hz * band.pulse_sigma_s * area)
 
 
 @lru_cache(maxsize=1)

@@ -33,8 +33,7 @@ def scatter_db(level_dbuv: FloatArray) -> FloatArray:
     beside = np.abs(level_dbuv[1:-1] - 0.5 * (level_dbuv[:-2] + level_dbuv[2:])) / np.sqrt(1.5)
     # The median of the absolute values of a normal distribution is 0.6745 standard deviations.
     middle = median_filter(np.pad(beside, 1, mode="edge"), size=min(_WINDOW, level_dbuv.size), mode="reflect") / 0.6745
-    clipped: FloatArray = np.clip(middle, _LEAST_DB, _MOST_DB)
-    return clipped
+    return np.clip(middle, _LEAST_DB, _MOST_DB)
 
 
 def even_steps(frequency_hz: FloatArray) -> tuple[FloatArray, float]:

@@ -12,13 +12,13 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.corrections import Corrections
-from motoremi.data.source import decode, read_bytes, show_name
 from motoremi.data.spectrum import Detector
+from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.emission.band import BAND_B, BANDS, Band
 from motoremi.emission.commutation import Commutation, commutation_time
 from motoremi.emission.path import LISN_50UH, Cable, Path, find_lisn
 from motoremi.emission.reading import Readings
-from motoremi.emission.receiver import Receiver
+from motoremi.emission.receiver_formula import Receiver
 from motoremi.emission.source import Source, repetition_hz
 from motoremi.emission.stations import Station, read_stations
 from motoremi.errors import BadInput

@@ -47,15 +47,13 @@ def _checked(name: str, value: float, above: float | None = None, least: float |
 def step_density(frequency_hz: FloatArray, step_v: float, rise_s: float) -> ComplexArray:
     """Fourier integral of a step that settles exponentially, 10 to 90 % in `rise_s`, in V s; it begins at time zero."""
     omega: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
-    density: ComplexArray = step_v / (omega * (1 + omega * (rise_s / math.log(9))))
-    return density
+    return step_v / (omega * (1 + omega * (rise_s / math.log(9))))
 
 
 def ramp_density(frequency_hz: FloatArray, step_v: float, rise_s: float) -> ComplexArray:
     """Fourier integral of a step that rises linearly, in V s; the rise begins at time zero."""
     shape = np.sinc(frequency_hz * rise_s) * np.exp(-1j * np.pi * frequency_hz * rise_s)
-    density: ComplexArray = step_v * shape / (2j * np.pi * frequency_hz)
-    return density
+    return step_v * shape / (2j * np.pi * frequency_hz)
 
 
 @dataclass(frozen=True)
@@ -110,8 +108,7 @@ class Chopper:
         """Fourier integral of one period, in V s."""
         width_s = self.duty / self.frequency_hz
         both = 1 - np.exp(-2j * np.pi * frequency_hz * width_s)
-        density: ComplexArray = ramp_density(frequency_hz, self.amplitude_v, self.rise_s) * both
-        return density
+        return ramp_density(frequency_hz, self.amplitude_v, self.rise_s) * both
 
 
 @dataclass(frozen=True)
@@ -135,8 +132,7 @@ class HighPass:
     def voltage(self, frequency_hz: FloatArray) -> FloatArray:
         """Rms value in volt at each frequency."""
         ratio = frequency_hz / self.corner_hz
-        level: FloatArray = self.level_v * ratio / np.sqrt(1 + ratio**2)
-        return level
+        return self.level_v * ratio / np.sqrt(1 + ratio**2)
 
 
 @dataclass(frozen=True)

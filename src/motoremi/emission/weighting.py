@@ -98,8 +98,7 @@ def pulse_weight(band: Band, repetition_hz: float) -> float:
 def _meter(voltage: FloatArray, repetition_hz: float, meter_s: float) -> FloatArray:
     """Response of a critically damped meter to a periodic voltage."""
     harmonics = np.arange(voltage.size // 2 + 1)
-    shown: FloatArray = np.fft.irfft(np.fft.rfft(voltage) / (1 + 2j * np.pi * harmonics * repetition_hz * meter_s) ** 2, voltage.size)
-    return shown
+    return np.fft.irfft(np.fft.rfft(voltage) / (1 + 2j * np.pi * harmonics * repetition_hz * meter_s) ** 2, voltage.size)
 
 
 def envelope_weight(band: Band, envelope: FloatArray) -> FloatArray:
@@ -123,12 +122,10 @@ def envelope_weight(band: Band, envelope: FloatArray) -> FloatArray:
         charge = np.mean(envelope * _fast_current(middle[..., None] / safe), axis=-1) / circuit.charge_s
         rising = charge > middle / circuit.discharge_s
         low, high = np.where(rising, middle, low), np.where(rising, high, middle)
-    reading: FloatArray = 0.5 * (low + high) / circuit.final
-    return reading
+    return 0.5 * (low + high) / circuit.final
 
 
 def _fast_current(x: FloatArray) -> FloatArray:
     """h(x) for 0 <= x <= 1 with an error below 1e-7: a fitted polynomial in 1 - x."""
     y = np.maximum(1 - x, 0.0)
-    current: FloatArray = y * np.sqrt(y) * (0.3001156 + y * (0.0149013 + y * (0.0027818 + y * (-0.00002 + y * 0.0005311))))
-    return current
+    return y * np.sqrt(y) * (0.3001156 + y * (0.0149013 + y * (0.0027818 + y * (-0.00002 + y * 0.0005311))))

@@ -10,8 +10,8 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.errors import BadInput
-from motoremi.export.ladders import ladder_of
-from motoremi.export.parts import Coils, Element, InParallel, InSeries, Part, resonant_loop
+from motoremi.export.ideal_network import Coils, Element, InParallel, InSeries, Part, resonant_loop
+from motoremi.export.law_ladders import ladder_of
 from motoremi.model import laws
 from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Shunted, Tape, walk
 from motoremi.model.motor import Motor

@@ -11,7 +11,7 @@ import numpy as np
 
 from motoremi import __version__
 from motoremi.errors import BadInput
-from motoremi.export.parts import Coils
+from motoremi.export.ideal_network import Coils
 from motoremi.export.realise import Realisation, deviation, impedance_of, realise
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import add_effects, find_effect

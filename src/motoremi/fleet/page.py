@@ -9,8 +9,8 @@ import numpy as np
 from motoremi.arrays import JsonDict
 from motoremi.quantities import show
 from motoremi.report.axes import BLUE, VERMILION
+from motoremi.report.contents import Box, Picture, Report, Section, Table
 from motoremi.report.html import render_html
-from motoremi.report.parts import Box, Picture, Report, Section, Table
 from motoremi.report.svg import to_svg
 
 if TYPE_CHECKING:

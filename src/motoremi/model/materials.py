@@ -152,8 +152,7 @@ def _power(x: ComplexArray, exponent: Any) -> ComplexArray:
     """x^a, without a complex power for each x if all have the same phase, as on the frequency axis."""
     modulus, phase = np.abs(x), np.angle(x)
     same = phase[:1] if np.all(phase == phase[0]) else phase
-    result: ComplexArray = np.exp(np.log(modulus) * exponent) * np.exp(1j * same * exponent)
-    return result
+    return np.exp(np.log(modulus) * exponent) * np.exp(1j * same * exponent)
 
 
 def constant_phase_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:

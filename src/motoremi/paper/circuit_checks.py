@@ -17,7 +17,7 @@ from motoremi.paper.data import NOISE, simulated, sweeps
 from motoremi.paper.disagreement import Disagreement
 from motoremi.paper.printed import EMISSION_END_HZ, FAILS_ABOVE_HZ, LOWEST_HZ, TABLE_1, TABLE_1_OHM
 from motoremi.quantities import show
-from motoremi.simulate.effects import HiddenEffect
+from motoremi.simulate.hidden_effects import HiddenEffect
 
 LEAD = HiddenEffect("lead-inductance", {"resistance_ohm": 0.02, "inductance_h": 100e-9})
 # The paper's explanation: permittivity and permeability that depend on frequency.

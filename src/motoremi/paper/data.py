@@ -9,8 +9,8 @@ import numpy as np
 from motoremi.arrays import FloatArray
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.paper.printed import HIGHEST_HZ, LOWEST_HZ
-from motoremi.simulate.effects import HiddenEffect
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import HiddenEffect
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 POINTS = 401
 NOISE = 0.005

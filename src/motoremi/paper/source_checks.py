@@ -6,9 +6,9 @@ import numpy as np
 
 from motoremi.paper import printed
 from motoremi.paper.circuit_checks import resonance_hz
-from motoremi.paper.commutation import Commutation
 from motoremi.paper.data import simulated
 from motoremi.paper.disagreement import Disagreement
+from motoremi.paper.printed_commutation import Commutation
 from motoremi.quantities import show
 from motoremi.simulate.network import Network, impedance
 

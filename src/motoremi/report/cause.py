@@ -9,8 +9,8 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.report import plots
-from motoremi.report.conditions import asked_table, path_table
-from motoremi.report.parts import Section, Table
+from motoremi.report.conditions_section import asked_table, path_table
+from motoremi.report.contents import Section, Table
 from motoremi.report.svg import picture
 from motoremi.report.words import described, findings_of, in_words, lag, number, place_of, probability_of, reasons_of
 

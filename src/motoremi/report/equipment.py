@@ -10,8 +10,8 @@ from motoremi.arrays import JsonDict
 from motoremi.data.laboratory import Equipment
 from motoremi.data.session import Session
 from motoremi.quantities import parse
+from motoremi.report.contents import Materials, Section, Table
 from motoremi.report.identity import imported_files
-from motoremi.report.parts import Materials, Section, Table
 
 NOT_STATED = "not stated"
 # Settings of an analyser that name a part of their own.

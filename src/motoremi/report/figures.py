@@ -14,14 +14,14 @@ from motoremi.diagnosis.element import Inspection
 from motoremi.diagnosis.signature import Signature
 from motoremi.drawing import figure_of
 from motoremi.emission.diagnose import EmissionDiagnosis
-from motoremi.emission.fit import EmissionFit
 from motoremi.emission.predict import Prediction
+from motoremi.emission.spectrum_fit import EmissionFit
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
-from motoremi.report.emission import emission_fit_figure, prediction_figure
-from motoremi.report.inspection import inspection_figure
+from motoremi.report.emission_section import emission_fit_figure, prediction_figure
+from motoremi.report.inspection_figure import inspection_figure
 from motoremi.report.plots import comparison_figure, fit_figure, measured_figure, ranking_figure, spectrum_figure
-from motoremi.report.signature import signature_figure
+from motoremi.report.signature_figure import signature_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,9 +11,9 @@ from motoremi.data.session import Session
 from motoremi.data.state import marks_of, states_of
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
+from motoremi.report.contents import Materials, is_result, model_name
 from motoremi.report.equipment import not_stated, overdue
 from motoremi.report.identity import imported_files, measured_items
-from motoremi.report.parts import Materials, is_result, model_name
 from motoremi.report.steps import being_written, planned_steps
 from motoremi.report.words import findings_of
 

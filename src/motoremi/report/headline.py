@@ -9,7 +9,7 @@ from motoremi.arrays import JsonDict
 from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
-from motoremi.report.parts import Box, Materials, is_result
+from motoremi.report.contents import Box, Materials, is_result
 from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser
 
 Line = tuple[str, str, str]

@@ -7,7 +7,7 @@ from functools import lru_cache
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from motoremi.report.parts import Report
+from motoremi.report.contents import Report
 from motoremi.report.words import in_symbols
 
 

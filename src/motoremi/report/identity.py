@@ -10,7 +10,7 @@ from motoremi.data.session import Session
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.quantities import show
-from motoremi.report.parts import Materials, Section, Table
+from motoremi.report.contents import Materials, Section, Table
 from motoremi.report.steps import planned_steps
 
 MEASURED = ("sweep", "spectrum", "final")

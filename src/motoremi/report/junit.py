@@ -11,8 +11,8 @@ from motoremi.arrays import JsonDict
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
 from motoremi.quantities import show_band
-from motoremi.report.data import issued
-from motoremi.report.parts import Report
+from motoremi.report.contents import Report
+from motoremi.report.machine_readable import issued
 from motoremi.report.words import findings_of, in_words, place_of, reasons_of, serious_of
 
 # Characters that XML 1.0 does not allow at all, even escaped.

@@ -8,13 +8,13 @@ import hashlib
 from motoremi.arrays import JsonDict
 from motoremi.data.conditions import SingleValue
 from motoremi.data.session import Session
+from motoremi.report.all_sections import all_sections
+from motoremi.report.contents import Choice, Letterhead, Materials, Picture, Report, Section, Table, is_result
 from motoremi.report.equipment import equipment_of
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import boxes
 from motoremi.report.identity import imported_files, measured_when, report_facts
 from motoremi.report.kinds import SECTIONS
-from motoremi.report.parts import Choice, Letterhead, Materials, Picture, Report, Section, Table, is_result
-from motoremi.report.sections import all_sections
 from motoremi.report.short import short_sections
 from motoremi.report.steps import planned_steps
 from motoremi.report.words import SIMULATED

@@ -41,14 +41,12 @@ class Change:
     @property
     def magnitude_db(self) -> FloatArray:
         """Of the ratio."""
-        level: FloatArray = 20 * np.log10(np.abs(self.ratio))
-        return level
+        return 20 * np.log10(np.abs(self.ratio))
 
     @property
     def beyond(self) -> FloatArray:
         """1 where the change is beyond the uncertainty, else 0."""
-        found: FloatArray = (np.abs(self.ratio - 1) > self.uncertainty).astype(np.float64)
-        return found
+        return (np.abs(self.ratio - 1) > self.uncertainty).astype(np.float64)
 
 
 def sweeps_overlay(sweeps: Mapping[str, Mapping[str, RepeatedSweep]], changes: Mapping[str, Mapping[str, Change]]) -> Figure:

@@ -21,7 +21,7 @@ from typing import Any
 from motoremi.arrays import JsonDict
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
-from motoremi.report.parts import Report
+from motoremi.report.contents import Report
 from motoremi.report.words import in_symbols
 
 # A long word may be longer than its column. It may be broken where a name has a joint, never inside of it; what has none for so long is no name.

@@ -36,7 +36,7 @@ from motoremi.report.axes import (
     log_values,
     panels,
 )
-from motoremi.report.parts import model_name
+from motoremi.report.contents import model_name
 from motoremi.report.peaks import clear_maxima
 from motoremi.report.svg import to_svg
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 
-from motoremi.report.emission import final_tables, limit_table, spectra_picture
+from motoremi.report.all_sections import bands_table, parameters_table, results_of, sweeps_picture, sweeps_section
+from motoremi.report.contents import Materials, Section, Table
+from motoremi.report.emission_section import final_tables, limit_table, spectra_picture
 from motoremi.report.equipment import equipment_section
-from motoremi.report.parts import Materials, Section, Table
-from motoremi.report.sections import bands_table, parameters_table, results_of, sweeps_picture, sweeps_section
 
 # As many rows of each table as two pages have room for.
 MOST_ROWS = 12

@@ -10,7 +10,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 from motoremi.interrupts import checkpoint
-from motoremi.report.parts import Picture
+from motoremi.report.contents import Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

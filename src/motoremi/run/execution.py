@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser
 from motoremi.bench.connect import Bench
 from motoremi.bench.driver import Driver, Identity
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser
 from motoremi.bench.motor_connections import AT_THE_LISN, IN_THE_MOTORS_PLACE, INSTRUCTIONS, STANDARDS, ConnectionName, Instruction
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.bench.replay_difference import RecordedEnd

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from motoremi.arrays import JsonDict
-from motoremi.bench.analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.connect import driver_class
+from motoremi.bench.impedance_analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput

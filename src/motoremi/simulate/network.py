@@ -72,8 +72,7 @@ def _solve(network: Network, positive: str, negative: str, s: ComplexArray, know
     if negative not in edges:
         raise BadInput(f"no path of parts joins the nodes {positive!r} and {negative!r}")
     if not inductors and len(edges) == 2:
-        result: ComplexArray = 1 / edges[positive][negative]
-        return result
+        return 1 / edges[positive][negative]
     return _modified_nodal(network, edges, inductors, positive, negative, s)
 
 
@@ -187,8 +186,7 @@ def _modified_nodal(network: Network, edges: _Edges, inductors: list[Part], posi
     drive = np.zeros((size, 1), dtype=np.complex128)
     drive[nodes[positive], 0] = _UNIT_OHM
     voltages = np.linalg.solve(matrix, drive)
-    result: ComplexArray = voltages[:, nodes[positive], 0].astype(np.complex128)
-    return result
+    return voltages[:, nodes[positive], 0].astype(np.complex128)
 
 
 def to_spice(network: Network) -> str:

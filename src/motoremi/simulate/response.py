@@ -15,9 +15,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from motoremi.simulate.effects import HiddenEffect
 from motoremi.simulate.hidden import ELEMENTS, log_uniform, uniform
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import HiddenEffect
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.stand import AMBIENT_DEGC
 
 COPPER_PER_KELVIN = 0.00393

@@ -12,12 +12,12 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.conditions import STANDARDS, VALUES
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.connection import CONNECTION_EFFECTS, DRIFT_EFFECTS
 from motoremi.simulate.hidden import log_uniform, uniform
-from motoremi.simulate.motor import GROUND, TERMINAL, SimulatedMotor
+from motoremi.simulate.hidden_connection import CONNECTION_EFFECTS, DRIFT_EFFECTS
+from motoremi.simulate.hidden_suppressor import SUPPRESSOR_EFFECTS
 from motoremi.simulate.network import Network, impedance
 from motoremi.simulate.response import Responses
-from motoremi.simulate.suppressor import SUPPRESSOR_EFFECTS
+from motoremi.simulate.simulated_motor import GROUND, TERMINAL, SimulatedMotor
 
 FAR_END_GROUNDED = "far-end-grounded"
 OPEN_OHM, SHORT_OHM = 1e12, 1e-6

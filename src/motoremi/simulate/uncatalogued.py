@@ -13,8 +13,8 @@ from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
 from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, log_uniform, uniform
-from motoremi.simulate.motor import GROUND, TERMINAL, SimulatedMotor
 from motoremi.simulate.network import Network, impedance
+from motoremi.simulate.simulated_motor import GROUND, TERMINAL, SimulatedMotor
 
 
 def _draw_tertiary(rng: np.random.Generator, elements: Elements) -> dict[str, float]:

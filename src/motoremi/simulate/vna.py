@@ -54,12 +54,10 @@ class SimulatedVna:
         )
         shown = directivity + (1 + tracking) * true / (1 - match * true)
         parts = self._noise.standard_normal((2, frequency_hz.size))
-        noisy: ComplexArray = shown + _NOISE * np.sqrt(bandwidth_hz / 1e3) * (parts[0] + 1j * parts[1])
-        return noisy
+        return shown + _NOISE * np.sqrt(bandwidth_hz / 1e3) * (parts[0] + 1j * parts[1])
 
     def _smooth(self, name: str, frequency_hz: FloatArray) -> ComplexArray:
         rng = np.random.default_rng([self.seed, zlib.crc32(f"vna {name}".encode())])
         knots = np.linspace(np.log(5e4), np.log(3e8), _KNOTS)
         parts = PchipInterpolator(knots, rng.standard_normal((2, _KNOTS)), axis=1)(np.clip(np.log(frequency_hz), knots[0], knots[-1]))
-        smooth: ComplexArray = parts[0] + 1j * parts[1]
-        return smooth
+        return parts[0] + 1j * parts[1]

@@ -19,11 +19,11 @@ from motoremi.bench.traffic import TrafficSink
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
-from motoremi.simulate import emission
-from motoremi.simulate.analyser import SimulatedAnalyser
+from motoremi.simulate import emission_in_time
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.arrangement import Arrangement
-from motoremi.simulate.effects import split_effects
-from motoremi.simulate.motor import SimulatedMotor
+from motoremi.simulate.hidden_effects import split_effects
+from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.specimen import Specimen
 from motoremi.simulate.stand import MotorStand
 from motoremi.virtual.simulated_device import SimulatedDevice
@@ -172,7 +172,7 @@ class SimulatedBench:
     def level_dbuv(self, frequency_hz: FloatArray, detector: str) -> FloatArray:
         """Level at the receiver's input, in dBuV; far below its noise unless the LISN is connected."""
         if self._connected == "lisn-motor-on":
-            return self._other_line_db() + emission.spectrum(self.motor, frequency_hz, detector, self.seed)
+            return self._other_line_db() + emission_in_time.spectrum(self.motor, frequency_hz, detector, self.seed)
         if self._connected == "lisn-motor-off":
-            return emission.background(frequency_hz, detector, self.seed)
+            return emission_in_time.background(frequency_hz, detector, self.seed)
         return np.full(frequency_hz.shape, -200.0)

@@ -58,8 +58,7 @@ class SimulatedBridge(SimulatedDevice):
         if self.value("spacing") == self.LIST:
             return np.concatenate([np.linspace(one.start_hz, one.stop_hz, one.points) for one in self._segments])
         spaced = np.geomspace if self.value("spacing") == "LOG" else np.linspace
-        axis: FloatArray = spaced(self.value("start"), self.value("stop"), self.value("points"))
-        return axis
+        return spaced(self.value("start"), self.value("stop"), self.value("points"))
 
     def duration_s(self) -> float:
         """How long a sweep takes."""
@@ -199,8 +198,7 @@ class SimulatedBridge(SimulatedDevice):
         frequency_hz = self.axis()
         s = 2j * np.pi * frequency_hz
         device = self.wiring.impedance_ohm(frequency_hz, int(self.value("bandwidth_factor")), averages)
-        raw: ComplexArray = FIXTURE_OHM + s * FIXTURE_HENRY + device / (1 + device * (FIXTURE_SIEMENS + s * FIXTURE_FARAD))
-        return raw
+        return FIXTURE_OHM + s * FIXTURE_HENRY + device / (1 + device * (FIXTURE_SIEMENS + s * FIXTURE_FARAD))
 
     def _between_open_and_short(self, impedance: ComplexArray) -> ComplexArray:
         """Remove the fixture's series impedance, measured with the short standard, and parallel admittance, measured with the open standard."""
@@ -211,8 +209,7 @@ class SimulatedBridge(SimulatedDevice):
         if open_ is None:
             return behind
         across = 1 / (open_ - series) - self.value("open_siemens") - s * self.value("open_farad")
-        corrected: ComplexArray = behind / (1 - behind * across)
-        return corrected
+        return behind / (1 - behind * across)
 
     def _standard(self, name: str, points: int) -> ComplexArray | None:
         """Uncorrected measurement of a standard, if its compensation is on and has a value for each point; else None."""
@@ -222,5 +219,4 @@ class SimulatedBridge(SimulatedDevice):
 
 def pairs(values: ComplexArray | FloatArray) -> FloatArray:
     """Real and imaginary parts in alternation."""
-    interleaved: FloatArray = np.column_stack([np.real(values), np.imag(values)]).ravel()
-    return interleaved
+    return np.column_stack([np.real(values), np.imag(values)]).ravel()

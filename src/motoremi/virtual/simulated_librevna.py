@@ -122,8 +122,7 @@ class SimulatedLibreVna(SimulatedDevice):
 
     def _axis(self) -> FloatArray:
         spaced = np.geomspace if self.value("spacing") == "LOG" else np.linspace
-        axis: FloatArray = np.floor(spaced(self.value("start"), self.value("stop"), self.value("points")) + 1e-3)
-        return axis
+        return np.floor(spaced(self.value("start"), self.value("stop"), self.value("points")) + 1e-3)
 
     def _measured(self) -> ComplexArray:
         """S11 of the last complete sweep; if the program sweeps continuously, of a sweep with the present settings."""

@@ -175,5 +175,4 @@ def behind_clips(wiring: Wiring, frequency_hz: FloatArray) -> ComplexArray:
     """Impedance in ohm at the connector, with clips between it and what is connected."""
     s = 2j * np.pi * frequency_hz
     device = wiring.connected_ohm(frequency_hz)
-    seen: ComplexArray = CLIP_OHM + s * CLIP_HENRY + device / (1 + device * s * CLIP_FARAD)
-    return seen
+    return CLIP_OHM + s * CLIP_HENRY + device / (1 + device * s * CLIP_FARAD)

@@ -138,8 +138,7 @@ def steps(start_hz: float, stop_hz: float, step_hz: float) -> FloatArray:
     """Frequencies of a scan table; none if there are too many. The small addition keeps a last step that rounding would lose."""
     if step_hz * MOST_POINTS < stop_hz - start_hz:
         return np.zeros(0)
-    axis: FloatArray = start_hz + step_hz * np.arange(int((stop_hz - start_hz) / step_hz + 1e-6) + 1, dtype=np.float64)
-    return axis
+    return start_hz + step_hz * np.arange(int((stop_hz - start_hz) / step_hz + 1e-6) + 1, dtype=np.float64)
 
 
 def ascii_levels(levels: FloatArray) -> bytes:

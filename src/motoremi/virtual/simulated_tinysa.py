@@ -213,8 +213,7 @@ class SimulatedTinySa(SimulatedShell):
         attenuation = float(self.value("attenuation"))
         noise = NOISE_DBM + attenuation + 10 * np.log10(self._filter_khz() / 10.0)
         total = np.minimum(10 * np.log10(10 ** (arriving / 10) + 10 ** (noise / 10)), MOST_DBM + attenuation)
-        levels: FloatArray = np.round(total / STEP_DB) * STEP_DB - float(self.value("external_gain"))
-        return levels
+        return np.round(total / STEP_DB) * STEP_DB - float(self.value("external_gain"))
 
 
 def _number(text: str) -> float | None:

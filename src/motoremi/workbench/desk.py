@@ -21,7 +21,7 @@ from motoremi.fitting.vanishing import no_worse
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
 from motoremi.workbench.ladder import FileStamp, Ladder
-from motoremi.workbench.source import SourceDesk
+from motoremi.workbench.source_ladder import SourceDesk
 from motoremi.workbench.stamps import Stamp, stamp_of
 from motoremi.workflow import (
     Store,
@@ -36,7 +36,7 @@ from motoremi.workflow import (
 )
 
 if TYPE_CHECKING:
-    from motoremi.report.parts import Choice
+    from motoremi.report.contents import Choice
 
 LADDER = "analysis/ladder.json"
 Made = TypeVar("Made")

@@ -12,9 +12,9 @@ from pathlib import Path
 from motoremi.arrays import JsonDict
 from motoremi.data.laboratory import Laboratory, read_laboratory
 from motoremi.data.session import Session
-from motoremi.data.source import decode, show_name
 from motoremi.data.storage import write_whole
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, show_name
 from motoremi.errors import BadInput
 from motoremi.workbench.tray import last_part
 from motoremi.workflow_issue import laboratory_in

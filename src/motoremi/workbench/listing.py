@@ -10,8 +10,8 @@ from motoremi.arrays import JsonDict
 from motoremi.data.chain import read_chain
 from motoremi.data.paths import SESSION, inside
 from motoremi.data.session import run_status
-from motoremi.data.source import read_bytes
 from motoremi.data.storage import is_being_written
+from motoremi.data.text_file import read_bytes
 from motoremi.errors import BadInput
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.stamps import Stamp, stamp_of

@@ -14,7 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from motoremi.errors import BadInput
 from motoremi.schema.bench_file import BenchFile
-from motoremi.workbench.app import Workbench, make_app
+from motoremi.workbench.routes import Workbench, make_app
 from motoremi.workbench.shelf import Shelf
 
 LOOPBACK = "127.0.0.1"

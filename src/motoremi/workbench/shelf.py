@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from motoremi.data.paths import SESSION
-from motoremi.data.source import show_name
+from motoremi.data.text_file import show_name
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
 

@@ -17,12 +17,12 @@ from motoremi.data.session import Session
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import possible_effects
 from motoremi.diagnosis.ladder import accumulates
-from motoremi.emission.effects import source_effects
-from motoremi.emission.fit import EmissionFit
+from motoremi.emission.source_effects import source_effects
+from motoremi.emission.spectrum_fit import EmissionFit
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect, identifiers
-from motoremi.workbench.challenge import is_open_challenge
+from motoremi.workbench.challenge_view import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.thinning import Band, seen

@@ -15,9 +15,9 @@ from typing import Any
 from motoremi.arrays import JsonDict
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from motoremi.data.recognise import Recognised, recognise
-from motoremi.data.source import decode, refuse_empty
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
+from motoremi.data.text_file import decode, refuse_empty
 from motoremi.data.touchstone import FIXTURES
 from motoremi.errors import BadInput
 from motoremi.quantities import show_band

@@ -19,7 +19,7 @@ from motoremi.fitting.result import Fit
 from motoremi.model.effects import catalogue
 from motoremi.quantities import show, show_band
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, probability_of, reasons_of
-from motoremi.workbench.challenge import is_open_challenge
+from motoremi.workbench.challenge_view import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
 

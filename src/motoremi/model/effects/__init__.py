@@ -12,7 +12,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from motoremi.errors import BadInput
-from motoremi.model.effects import connection, instrument, insulation, machine, own, sections, suppressor, winding
+from motoremi.model.effects import connection, instrument, insulation, machine, own, suppressor, winding, winding_sections
 from motoremi.model.effects.effect import AddedEffect, Effect, split_identifier
 from motoremi.model.effects.validity import check_effect
 from motoremi.model.motor import Motor, dc_motor
@@ -28,7 +28,7 @@ def catalogue() -> tuple[Effect, ...]:
     known = [
         *winding.EFFECTS,
         *machine.EFFECTS,
-        *sections.EFFECTS,
+        *winding_sections.EFFECTS,
         *insulation.EFFECTS,
         *connection.EFFECTS,
         *suppressor.EFFECTS,

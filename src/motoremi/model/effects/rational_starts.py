@@ -14,8 +14,8 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.effects.seen import Seen
 from motoremi.model.effects.start import Set, Start, Subtract
-from motoremi.model.frames import frames
 from motoremi.model.rational import Rational
+from motoremi.model.way_to_frame import frames
 
 # Sets of start values of an effect by short name, those of elements as `Set("La")`; empty if the data do not allow any.
 Reader: TypeAlias = Callable[[Seen], Sequence[Start]]
@@ -166,8 +166,7 @@ def _film(frame: Rational) -> dict[Any, float]:
 
 def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
     """The `count` coefficients of the lowest powers, padded with zeros if the division left fewer."""
-    padded: np.ndarray = np.concatenate([np.zeros(count), polynomial])[-count:]
-    return padded
+    return np.concatenate([np.zeros(count), polynomial])[-count:]
 
 
 def winding_modes(seen: Seen) -> list[dict[Any, float]]:

@@ -8,7 +8,7 @@ import io
 from motoremi.arrays import JsonDict
 from motoremi.data.plain import to_page
 from motoremi.data.text import clean_text
-from motoremi.report.parts import Report
+from motoremi.report.contents import Report
 
 COLUMNS = ("kind", "where", "name", "value", "unit", "sigma", "note")
 

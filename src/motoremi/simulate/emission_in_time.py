@@ -22,10 +22,10 @@ from scipy.interpolate import CubicSpline
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.errors import BadInput
 from motoremi.simulate.hidden import log_uniform, uniform
-from motoremi.simulate.motor import SimulatedMotor
 from motoremi.simulate.network import impedance
 from motoremi.simulate.parts import Part
-from motoremi.simulate.receiver import Reading, read_waveform
+from motoremi.simulate.receiver_in_time import Reading, read_waveform
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 DETECTORS = ("peak", "quasi-peak", "average")
 SOURCE_EFFECTS = ("arc-breakdown", "commutation-jitter", "chopper", "background-noise", "lisn-deviation", "cable-resonance")
@@ -209,8 +209,7 @@ def waveform(motor: SimulatedMotor, stand: Stand, seed: int) -> FloatArray:
     passed = CubicSpline(grid, transfer(motor, stand, grid))(frequency)
     passed[frequency < 40e3] = 0
     arriving = slope / omega * passed + _ambient(stand, frequency, rng)
-    voltage: FloatArray = fft.irfft(arriving, size)
-    return voltage
+    return fft.irfft(arriving, size)
 
 
 def _impulses(moments: FloatArray, heights: FloatArray, size: int) -> FloatArray:

@@ -17,8 +17,8 @@ from scipy.interpolate import PchipInterpolator
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import ANALYSER_FAULTS
 from motoremi.simulate.hidden import log_uniform, uniform
+from motoremi.simulate.hidden_effects import ANALYSER_FAULTS
 
 # The E4990A is the 4294A's successor and is simulated as the same instrument.
 MODELS = ("4294a", "e4990a")
@@ -91,8 +91,7 @@ def tolerance_percent(
     level_adder, admittance_scale, impedance_scale = _oscillator(frequency, bandwidth_adder, oscillator_volt)
     z_offset = bandwidth_scale * impedance_scale * offset_ohm(frequency)
     y_offset = bandwidth_scale * admittance_scale * offset_siemens(frequency)
-    total: FloatArray = basic_percent(frequency) + bandwidth_adder + level_adder + 100 * (z_offset / magnitude + y_offset * magnitude)
-    return total
+    return basic_percent(frequency) + bandwidth_adder + level_adder + 100 * (z_offset / magnitude + y_offset * magnitude)
 
 
 def _oscillator(frequency: FloatArray, bandwidth_adder: FloatArray, volt: float) -> tuple[FloatArray, float, float]:
@@ -114,8 +113,7 @@ def noise_sd_ohm(frequency_hz: FloatArray, impedance_ohm: ComplexArray, bandwidt
     relative = 6e-5 * (1e-3 / 6e-5) ** ((5 - bandwidth_factor) / 4)
     floor = np.where(frequency_hz > 1e6, (1, 1, 4, 5, 10)[5 - bandwidth_factor], (1, 1, 3, 4, 6)[5 - bandwidth_factor])
     magnitude = np.abs(impedance_ohm)
-    sd: FloatArray = np.sqrt((relative * magnitude) ** 2 + (floor * _NOISE_OHM) ** 2 + (floor * _NOISE_SIEMENS * magnitude**2) ** 2)
-    return sd
+    return np.sqrt((relative * magnitude) ** 2 + (floor * _NOISE_OHM) ** 2 + (floor * _NOISE_SIEMENS * magnitude**2) ** 2)
 
 
 def _check_bandwidth(bandwidth_factor: int) -> None:
@@ -137,8 +135,7 @@ class _Residuals:
         s = 2j * np.pi * frequency
         series = impedance + self.resistance_ohm + s * self.inductance_h
         shunt = self.conductance * offset_siemens(frequency) + s * self.capacitance_f
-        result: ComplexArray = series / (1 + shunt * series)
-        return result
+        return series / (1 + shunt * series)
 
 
 class SimulatedAnalyser:
@@ -236,8 +233,7 @@ class SimulatedAnalyser:
         impedance = self._residuals(termination, connection).apply(impedance, frequency)
         noise = self._noise.standard_normal((2, frequency.size))
         sd = noise_sd_ohm(frequency, impedance, bandwidth_factor) / np.sqrt(averages)
-        measured: ComplexArray = impedance + sd * (noise[0] + 1j * noise[1])
-        return measured
+        return impedance + sd * (noise[0] + 1j * noise[1])
 
     def gain_error(self, frequency_hz: FloatArray) -> ComplexArray:
         """Relative error of the calibration, the same in all sweeps; a third of the basic accuracy, smooth in log f."""

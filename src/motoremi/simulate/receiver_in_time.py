@@ -43,8 +43,7 @@ class Reading:
 
     def level(self, detector: str) -> FloatArray:
         """Levels of a detector by its name."""
-        found: FloatArray = getattr(self, detector.replace("-", "_"))
-        return found
+        return getattr(self, detector.replace("-", "_"))
 
 
 class TimeDomainReceiver:

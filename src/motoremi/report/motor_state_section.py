@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from motoremi.data.session import Session
 from motoremi.data.state import STATE_QUANTITIES, marks_of, state_line, states_of
-from motoremi.report.parts import Section, Table
+from motoremi.report.contents import Section, Table
 
 
 def state_section(session: Session) -> Section | None:

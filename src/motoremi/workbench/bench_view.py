@@ -14,7 +14,7 @@ from motoremi.bench.connect import driver_class, driver_names
 from motoremi.data.files import parse_impedance_csv, parse_spectrum_csv
 from motoremi.data.paths import inside
 from motoremi.data.session import Session, SessionWriter, load, reopen
-from motoremi.data.source import decode, read_bytes
+from motoremi.data.text_file import decode, read_bytes
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.run.answer import ANSWERS
 from motoremi.run.calibration_check import refuse_unless_calibrated
@@ -22,7 +22,7 @@ from motoremi.run.on_bench import on_bench
 from motoremi.run.runner import make_bench, resumable, start_document, was_begun_on
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure, load_procedure, ready_procedures
-from motoremi.simulate.effects import DEMO_EFFECTS
+from motoremi.simulate.hidden_effects import DEMO_EFFECTS
 from motoremi.workbench.events import Events
 from motoremi.workbench.runs import Run
 from motoremi.workbench.shelf import Shelf

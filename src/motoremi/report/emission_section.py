@@ -10,7 +10,7 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.quantities import show, show_band
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_axis, legend_above, panels
-from motoremi.report.parts import Materials, Picture, Section, Table
+from motoremi.report.contents import Materials, Picture, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
 from motoremi.report.words import in_words, lag, probability_of
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from motoremi.data.session import Session
-    from motoremi.emission.fit import EmissionFit
+    from motoremi.emission.spectrum_fit import EmissionFit
 
 _COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "cispr-average": GREEN, "rms-average": BLACK}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
 from motoremi.quantities import show, show_band
-from motoremi.report.parts import Table
+from motoremi.report.contents import Table
 
 
 def beside_tables(session: Session) -> tuple[Table, ...]:

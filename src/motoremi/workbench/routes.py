@@ -26,11 +26,11 @@ from motoremi.data.text import clean_text, clean_value
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.errors import BadInput, MotoremiError
 from motoremi.interrupts import Cancelled
+from motoremi.report.contents import Choice
 from motoremi.report.kinds import FORMS, SECTIONS
-from motoremi.report.parts import Choice
 from motoremi.schema.bench_file import BenchFile
-from motoremi.workbench import challenge, emission, exports, story, together, views
-from motoremi.workbench.bench import Asked, Workplace
+from motoremi.workbench import challenge_view, exports, side_by_side, spectrum_view, story, views
+from motoremi.workbench.bench_view import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.guard import LABORATORY, REPORT_POLICY, UPLOADS, Guard
@@ -131,8 +131,8 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         ),
         _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""), _band(request))),
         _get(session + "/next", lambda request: views.following(w.desk(request))),
-        _get(session + "/emission", lambda request: emission.spectra(w.desk(request), _band(request))),
-        _get(session + "/challenge", lambda request: challenge.revealed(w.desk(request))),
+        _get(session + "/emission", lambda request: spectrum_view.spectra(w.desk(request), _band(request))),
+        _get(session + "/challenge", lambda request: challenge_view.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
         _post(session + "/cancel", lambda request, body: w.jobs.cancel(request.path_params["id"])),
         _post(session + "/fit", _changing(w, lambda desk, body, progress: _ladder(desk, body).fit(_standing(body), progress), "fitting")),
@@ -141,17 +141,18 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, body, "drop"))),
         _post(session + "/redo", _changing(w, lambda desk, body, progress: _step(desk, body, "redo"))),
         _post(session + "/judge", _changing(w, _judge)),
-        _post(session + "/predict", _changing(w, lambda desk, body, progress: emission.predict(desk, _text(body, "limit")))),
+        _post(session + "/predict", _changing(w, lambda desk, body, progress: spectrum_view.predict(desk, _text(body, "limit")))),
         _get(session + "/report", lambda request: _reports(w, w.desk(request))),
         _post(session + "/report", _changing(w, lambda desk, body, progress: _report(w, desk, body, progress), "writing the report")),
         _post(
-            session + "/challenge", _changing(w, lambda desk, body, progress: challenge.play(desk, _names(body, "answer"), progress), "diagnosing")
+            session + "/challenge",
+            _changing(w, lambda desk, body, progress: challenge_view.play(desk, _names(body, "answer"), progress), "diagnosing"),
         ),
         _post("/api/challenge", lambda request, body: _new_challenge(w)),
         Route(session + "/report/{name}", _file(w, _report_file)),
         _get(session + "/export", lambda request: {"files": exports.offers(w.desk(request)), "report": w.desk(request).report_files()}),
         Route(session + "/export/{name}", _file(w, _exported)),
-        _get("/api/together", lambda request: together.side_by_side(_chosen(w, request), _band(request))),
+        _get("/api/together", lambda request: side_by_side.side_by_side(_chosen(w, request), _band(request))),
         Route("/api/together/{name}", _file(w, _comparison)),
         _get(UPLOADS, lambda request: {**w.tray.to_dict(), "analysers": {one.name: one.title for one in ANALYSERS}}),
         Route(UPLOADS, _upload(w), methods=["POST"]),
@@ -265,7 +266,7 @@ def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> Jso
 
 
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
-    if challenge.is_open_challenge(desk.session):
+    if challenge_view.is_open_challenge(desk.session):
         raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
     _ladder(desk, body).diagnose(progress, _standing(body))
 
@@ -316,7 +317,7 @@ def _judge(desk: Desk, body: JsonDict, progress: Progress) -> None:
 
 
 def _new_challenge(w: Workbench) -> JsonDict:
-    folder = challenge.new_challenge(w.shelf.fresh("challenge"), secrets.randbelow(2**31))
+    folder = challenge_view.new_challenge(w.shelf.fresh("challenge"), secrets.randbelow(2**31))
     return {"session": w.shelf.place(folder)}
 
 
@@ -356,7 +357,7 @@ def _chosen(w: Workbench, request: Request) -> list[Desk]:
 
 
 def _comparison(w: Workbench, request: Request) -> Response:
-    data = together.report_file(_chosen(w, request), request.path_params["name"])
+    data = side_by_side.report_file(_chosen(w, request), request.path_params["name"])
     return Response(data, media_type="application/octet-stream", headers={"Content-Disposition": "attachment"})
 
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from motoremi.data.sweep import Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.connection import CONNECTION_EFFECTS, DRIFT_EFFECTS, ROTOR_EFFECTS
 from motoremi.simulate.hidden import ELEMENTS, EffectKind, Elements
-from motoremi.simulate.insulation import INSULATION_EFFECTS
-from motoremi.simulate.machine import FLUX_EFFECTS, LOOP_EFFECTS, MACHINE_EFFECTS, MODE_EFFECTS
+from motoremi.simulate.hidden_connection import CONNECTION_EFFECTS, DRIFT_EFFECTS, ROTOR_EFFECTS
+from motoremi.simulate.hidden_insulation import INSULATION_EFFECTS
+from motoremi.simulate.hidden_machine import FLUX_EFFECTS, LOOP_EFFECTS, MACHINE_EFFECTS, MODE_EFFECTS
+from motoremi.simulate.hidden_suppressor import SUPPRESSOR_EFFECTS
+from motoremi.simulate.hidden_winding import BESIDE_EFFECTS, MATERIAL_EFFECTS, TURN_EFFECTS
 from motoremi.simulate.outside import OUTSIDE_EFFECTS as _OUTSIDE
 from motoremi.simulate.parts import Network
-from motoremi.simulate.suppressor import SUPPRESSOR_EFFECTS
-from motoremi.simulate.winding import BESIDE_EFFECTS, MATERIAL_EFFECTS, TURN_EFFECTS
 
 # In the order in which effects are added to the network: elements, then distributed windings and extensions, then the terminals.
 _KINDS: Mapping[str, EffectKind] = {

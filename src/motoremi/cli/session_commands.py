@@ -392,7 +392,7 @@ def add_(
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import show_emission_step
     from motoremi.data.session import load
-    from motoremi.emission.effects import is_source_effect
+    from motoremi.emission.source_effects import is_source_effect
     from motoremi.workflow import add_to_session, opened
     from motoremi.workflow_emission import add_source_effect
 
@@ -539,7 +539,7 @@ def report_(
     as_json: AsJson = False,
 ) -> None:
     """Write the report as HTML, PDF, JSON, JUnit XML and CSV; for several sessions a comparison, each with the first."""
-    from motoremi.report.parts import Choice
+    from motoremi.report.contents import Choice
 
     if len(paths) == 1 and out is not None:
         raise BadInput("--out is for several sessions; the report of one goes into its own report folder")

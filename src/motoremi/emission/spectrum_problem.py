@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.spectrum import Spectrum
-from motoremi.emission.effects import changed, find_source_effect
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Ambient, MotorImpedance, Setup
+from motoremi.emission.source_effects import changed, find_source_effect
 from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
@@ -85,8 +85,7 @@ class Problem:
         transfer_db = 20 * np.log10(np.abs(self.setup.path.transfer(self.grid_hz, self.motor_ohm)))
         slope = np.abs(np.gradient(transfer_db, np.log(self.grid_hz))) * _DETUNING
         formula = np.concatenate([np.hypot(_MODEL_DB[detector], slope) for detector in self.detectors])
-        sigma: FloatArray = np.hypot(scatter, formula)
-        return sigma
+        return np.hypot(scatter, formula)
 
     @cached_property
     def repetition_known(self) -> bool:
@@ -124,8 +123,7 @@ class Problem:
         """Measured minus model in dB."""
         levels = self.setup_for(effects, values).levels(self.grid_hz, self.motor_ohm, "quasi-peak" in self.where)
         model = np.concatenate([levels[detector] for detector in self.where])  # type: ignore[index]
-        error: FloatArray = self.measured_dbuv - model - values["offset_db"]
-        return error
+        return self.measured_dbuv - model - values["offset_db"]
 
 
 def _chosen(grid: FloatArray, stations: Sequence[Station]) -> NDArray[np.intp]:

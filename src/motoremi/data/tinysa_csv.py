@@ -8,8 +8,8 @@ import numpy as np
 
 from motoremi.data.detectors import DBUV_OF_0_DBM
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
-from motoremi.data.source import split_lines
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 _DELIMITER = re.compile(r"\s*[,;\t]\s*|\s+")

@@ -41,17 +41,14 @@ class Commutation:
 
     def current(self, tau: FloatArray) -> FloatArray:
         """Is over ia."""
-        share: FloatArray = (1 - tau) * (2 + tau * self._g(tau)) - 1
-        return share
+        return (1 - tau) * (2 + tau * self._g(tau)) - 1
 
     def contact_voltage(self, tau: FloatArray) -> FloatArray:
         """Eq. (15) in volt."""
-        volt: FloatArray = self.resistance_ohm * self.current_a * (4 + (2 * tau - 1) * self._g(tau))
-        return volt
+        return self.resistance_ohm * self.current_a * (4 + (2 * tau - 1) * self._g(tau))
 
     def _g(self, tau: FloatArray) -> FloatArray:
-        value: FloatArray = np.asarray(2 / (self.ratio + 1) * hyp2f1(1, 2, self.ratio + 2, tau), dtype=np.float64)
-        return value
+        return np.asarray(2 / (self.ratio + 1) * hyp2f1(1, 2, self.ratio + 2, tau), dtype=np.float64)
 
     def steepest_v_per_s(self, steps: int = 20_000) -> float:
         """Largest slope of the contact voltage."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 from motoremi.fleet.run import RESULTS, stored_results
-from motoremi.fleet.together import together
+from motoremi.fleet.statistics import together
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,13 +14,13 @@ from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.compare import bands_over, compare
 from motoremi.errors import BadInput
 from motoremi.quantities import error_bar, show, show_band
-from motoremi.report.data import render_json
+from motoremi.report.contents import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import Line, boxes
 from motoremi.report.html import render_html
+from motoremi.report.machine_readable import render_json
 from motoremi.report.model import session_hash
 from motoremi.report.overlay import LOOKS, Change, spectra_overlay, sweeps_overlay
-from motoremi.report.parts import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.pdf import can_render_pdf, render_pdf
 from motoremi.report.svg import picture
 from motoremi.report.words import SIMULATED, findings_of, in_words, serious_of
@@ -125,12 +125,10 @@ def _measurement(materials: Materials) -> Measurement:
 def _uncertainty(materials: Materials, termination: str) -> FloatArray:
     """Expanded, relative: noise and the analyser's specification; noise alone before the first fit."""
     if materials.steps:
-        found: FloatArray = compare(materials.steps[-1]).curves[termination].uncertainty_percent / 100
-        return found
+        return compare(materials.steps[-1]).curves[termination].uncertainty_percent / 100
     measurement = _measurement(materials)
     noise = measurement.noise[measurement.terminations.index(termination)]
-    alone: FloatArray = CLEAR * np.sqrt(2 * noise.variance)
-    return alone
+    return CLEAR * np.sqrt(2 * noise.variance)
 
 
 def _changes(first: Materials, other: Materials, before: Mapping[str, RepeatedSweep], after: Mapping[str, RepeatedSweep]) -> dict[str, Change]:

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from motoremi.arrays import FloatArray
-from motoremi.emission.problem import Problem
 from motoremi.emission.scatter import even_steps
+from motoremi.emission.spectrum_problem import Problem
 
 # Range of the chopper's frequency, and shortest pulse.
 _SLOWEST_HZ, _FASTEST_HZ = 2.5e3, 60e3

@@ -168,8 +168,7 @@ class Receiver:
 def _higher(one: FloatArray, other: FloatArray) -> FloatArray:
     """Expected maximum of two readings that both scatter: 0.6 dB above them if they are equal."""
     low, high = np.minimum(one, other), np.maximum(one, other)
-    mean: FloatArray = high * (1 + (low / high) ** _SCATTERING) ** (1 / _SCATTERING)
-    return mean
+    return high * (1 + (low / high) ** _SCATTERING) ** (1 / _SCATTERING)
 
 
 def _steady_in_noise(steady: Readings | None, noise: Readings) -> Readings:

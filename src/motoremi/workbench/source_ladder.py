@@ -9,8 +9,8 @@ from motoremi.arrays import Progress
 from motoremi.data.session import Session
 from motoremi.emission.background import split
 from motoremi.emission.diagnose import add_effect
-from motoremi.emission.effects import find_source_effect
-from motoremi.emission.fit import EmissionFit
+from motoremi.emission.source_effects import find_source_effect
+from motoremi.emission.spectrum_fit import EmissionFit
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.workbench.ladder import FileStamp, Ladder

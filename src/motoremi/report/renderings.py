@@ -8,12 +8,12 @@ from contextlib import contextmanager, suppress
 from motoremi.arrays import Progress
 from motoremi.errors import BadInput, MotoremiError
 from motoremi.interrupts import checkpoint
-from motoremi.report.data import render_csv, render_json
+from motoremi.report.contents import Choice, Materials, Report
 from motoremi.report.gaps import STORED
 from motoremi.report.html import render_html
 from motoremi.report.junit import render_junit
+from motoremi.report.machine_readable import render_csv, render_json
 from motoremi.report.model import WHOLE, build_report
-from motoremi.report.parts import Choice, Materials, Report
 from motoremi.report.pdf import can_render_pdf, render_pdf
 
 # What the figures take of a report's time, in percent.

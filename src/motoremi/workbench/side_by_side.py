@@ -9,8 +9,8 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
-from motoremi.report.parts import Materials, Table
-from motoremi.report.together import Together, build_together, render_together
+from motoremi.report.contents import Materials, Table
+from motoremi.report.several_sessions import Together, build_together, render_together
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import rounded

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from motoremi.arrays import ComplexArray, JsonDict
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate.effects import MOTOR_EFFECTS, HiddenEffect, draw_effects
 from motoremi.simulate.hidden import ELEMENTS, Elements, log_uniform, uniform
+from motoremi.simulate.hidden_effects import MOTOR_EFFECTS, HiddenEffect, draw_effects
 from motoremi.simulate.network import Network, impedance, to_spice
 
 TERMINAL, GROUND = "X", "G"

@@ -14,13 +14,13 @@ from motoremi.fitting.result import Fit
 from motoremi.quantities import error_bar, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of
-from motoremi.report.conditions import beside_tables
-from motoremi.report.emission import emission_section
+from motoremi.report.conditions_section import beside_tables
+from motoremi.report.contents import Choice, Materials, Picture, Section, Table, is_result, model_name
+from motoremi.report.emission_section import emission_section
 from motoremi.report.equipment import equipment_section
 from motoremi.report.headline import spans, tolerance
 from motoremi.report.identity import identity_section, procedure_section
-from motoremi.report.motor_state import state_section
-from motoremi.report.parts import Choice, Materials, Picture, Section, Table, is_result, model_name
+from motoremi.report.motor_state_section import state_section
 from motoremi.report.svg import picture
 from motoremi.report.words import beside_the_error, described, number, share_of_analyser, would_leave
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.export.parts import Element, InParallel, InSeries, Part, resonant_loop
+from motoremi.export.ideal_network import Element, InParallel, InSeries, Part, resonant_loop
 
 # Cells that change the result by less than this are left out; the poles are not refined further below the second error.
 _NEGLIGIBLE = 1e-9

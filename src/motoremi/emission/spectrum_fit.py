@@ -10,10 +10,10 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.drawing import figure_of
-from motoremi.emission.effects import find_source_effect
 from motoremi.emission.posterior import Posterior, to_unit
-from motoremi.emission.problem import Problem
 from motoremi.emission.setup import Setup
+from motoremi.emission.source_effects import find_source_effect
+from motoremi.emission.spectrum_problem import Problem
 from motoremi.progress import part
 from motoremi.threads import one_blas_thread
 
