@@ -1,4 +1,4 @@
-"""The predicted spectrum beside the measured one and the limit."""
+"""The view Emission: the predicted spectrum, the measured one and the limit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from motoremi.workflow_emission import predict_session
 
 
 def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
-    """Measured spectra, the prediction with its limit if one was made, and the limits to choose from."""
+    """Measured spectra, the prediction with its limit if there is one, and the limits to choose from."""
     session = desk.session
     return {
         "spectra": [
@@ -37,12 +37,12 @@ def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
 
 
 def predict(desk: Desk, limit: str) -> None:
-    """Predict the spectrum from the model that stands, and judge against a limit.
+    """Predict the spectrum from the current model, and judge it against a limit.
 
     Raises
     ------
     BadInput
-        For any other than the limits that come along: a page names no files.
+        For any limit that is not built in: a page cannot name files.
     """
     if limit and limit not in limit_names():
         raise BadInput(f"there is no limit of that name; choose one of {', '.join(limit_names())}")
