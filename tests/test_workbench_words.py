@@ -121,7 +121,7 @@ def test_next_says_what_to_do_and_an_added_effect_keeps_its_title(browser, fitte
         expect(row).to_contain_text("in the model")
         expect(row.locator(".note")).to_have_text(title)
         # After success nothing is red: that the ranking is of the model before is a remark.
-        expect(watched.page.locator("#verdict")).to_contain_text("the ladder has moved since")
+        expect(watched.page.locator("#verdict")).to_contain_text("the ladder has changed since")
         expect(watched.page.locator("#verdict .bad")).to_have_count(0)
         watched.page.click("#drop")
         expect(row).not_to_contain_text("in the model")
