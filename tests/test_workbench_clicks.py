@@ -112,7 +112,9 @@ def test_files_of_the_wrong_kind_are_told_in_a_sentence_each(browser, tmp_path):
         page.evaluate("Object.defineProperty(File.prototype, 'size', { get: () => 2 ** 31 })")
         asked = len(watched.asked)
         drop(page, {"huge.csv": sweep})
-        expect(page.locator("#refused li")).to_have_text(["huge.csv: is larger than 64 MiB, the most that a measurement file may have; export fewer points"])
+        expect(page.locator("#refused li")).to_have_text(
+            ["huge.csv: is larger than 64 MiB, the most that a measurement file may have; export fewer points"]
+        )
         assert not [url for url in watched.asked[asked:] if "huge" in url]
         page.click("#clear-files")
         expect(page.locator("#files-read")).to_have_count(0)

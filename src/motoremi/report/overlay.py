@@ -1,4 +1,4 @@
-"""Plots of several sessions over each other: a colour and a line style for each."""
+"""Overlay plots of several sessions, with a colour and line style for each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOOKS = ((BLACK, "-"), (VERMILION, "--"), (BLUE, "-."), (GREEN, ":"), (PURPLE, "
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One session's sweep over the first session's, where both were measured.
+    """The ratio of a session's sweep to the first session's, where both were measured.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Change:
 
     @property
     def magnitude_db(self) -> FloatArray:
-        """Of the ratio."""
+        """Magnitude of the ratio in dB."""
         level: FloatArray = 20 * np.log10(np.abs(self.ratio))
         return level
 
@@ -90,7 +90,7 @@ def sweeps_overlay(sweeps: Mapping[str, Mapping[str, RepeatedSweep]], changes: M
 
 
 def spectra_overlay(spectra: Mapping[str, Sequence[Spectrum]]) -> Figure:
-    """Levels of the running motors, a panel for each detector."""
+    """Levels with the motors running, a panel for each detector."""
     detectors = list(dict.fromkeys(spectrum.detector for own in spectra.values() for spectrum in own))
     figure, axes = panels(9.0, 1.0 + 2.6 * len(detectors), len(detectors), 1)
     every = [spectrum for own in spectra.values() for spectrum in own]
