@@ -152,6 +152,9 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         page.reload()
         watched.drawn("together")
         expect(rows).to_have_count(2)
+        # A change of any of them is followed, also of one that is not open.
+        desk.Desk(tmp_path / "second").fit()
+        expect(rows.nth(1)).not_to_contain_text("no fit")
         page.set_viewport_size({"width": 390, "height": 844})
         assert findings(page) == []
         assert page.evaluate("document.documentElement.scrollWidth") <= 390

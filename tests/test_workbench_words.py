@@ -13,6 +13,7 @@ from motoremi.data.session import load, reopen
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.report.cause import diagnosis_section
 from motoremi.report.identity import identity_section
+from motoremi.report.overlay import LOOKS
 from motoremi.workbench.desk import Desk
 from motoremi.workflow import compare_session, opened
 
@@ -95,6 +96,11 @@ def test_no_label_of_an_axis_stands_twice(page, low, high, unit):
     _, labels = page.evaluate(LABELLED.replace("ticks()", f"own.linearTicks({low}, {high}, 6)"), unit)
     assert len(labels) >= 3
     assert len(set(labels)) == len(labels)
+
+
+def test_sessions_that_are_compared_differ_without_colour(page):
+    dashes = said(page, "views/together.js", "LOOKS.map((one) => JSON.stringify(one.dash ?? []))")
+    assert len(set(dashes)) == len(dashes) == len(LOOKS)
 
 
 def test_tolerances_are_drawn_where_they_judge(browser, fitted):

@@ -281,7 +281,7 @@ function listen() {
       if (page.head && state && state !== page.head.state) follow();
     },
     changed(data) {
-      if (data.session === page.session) follow();
+      if (data.session === page.session || VIEWS[wanted()].shows?.(data.session)) follow();
     },
   }, { gone, back });
 }

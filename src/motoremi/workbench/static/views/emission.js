@@ -37,7 +37,7 @@ function frames({ spectra, prediction }, detector) {
   const lines = spectra.filter((one) => one.detector === detector).map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
   const predicted = prediction?.predicted_dbuv?.[detector];
   if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
-  for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--bad", dash });
+  for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--limit", dash });
   // Spectra may have different frequencies.
   const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
   return [["level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 }]];

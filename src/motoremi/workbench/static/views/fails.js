@@ -57,7 +57,7 @@ function framesOf(sweep, limits) {
   const frames = [["error", x, [...errorSeries(sweep, limits), { label: "fails", values: failing, color: "--bad", points: true }], { unit: "%", log: true, height: 260, digits: 3 }]];
   const judged = (title, values, limit, unit) => frames.push([title, x, [
     { label: "error", values, color: "--model" },
-    { label: "tolerance", values: x.map(() => limit), color: "--bad", dash: [2, 4] }, { label: "", values: x.map(() => -limit), color: "--bad", dash: [2, 4] },
+    { label: "tolerance", values: x.map(() => limit), color: "--limit", dash: [2, 4] }, { label: "", values: x.map(() => -limit), color: "--limit", dash: [2, 4] },
   ], { unit, height: 170, digits: 3 }]);
   const magnitude = x.map((_, at) => 20 * Math.log10(Math.hypot(sweep.model_real[at], sweep.model_imag[at]) / Math.hypot(sweep.real[at], sweep.imag[at])));
   const angle = (real, imag, at) => Math.atan2(imag[at], real[at]) * 180 / Math.PI;

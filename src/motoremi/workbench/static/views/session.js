@@ -79,7 +79,7 @@ export function errorSeries(sweep, tolerance) {
   return [
     { label: "error", values: sweep.error_percent.map((value) => Math.max(value, 1e-6)), color: "--model" },
     { label: "uncertainty", values: sweep.uncertainty_percent, color: "--other", dash: [6, 4] },
-    ...(tolerance.error_percent === null ? [] : [{ label: "tolerance", values: sweep.frequency_hz.map(() => tolerance.error_percent), color: "--bad", dash: [2, 4] }]),
+    ...(tolerance.error_percent === null ? [] : [{ label: "tolerance", values: sweep.frequency_hz.map(() => tolerance.error_percent), color: "--limit", dash: [2, 4] }]),
   ];
 }
 

@@ -23,7 +23,7 @@ const LOOKS = {
   model: { color: "--model", width: 2 },
   preview: { color: "--other", width: 2, dash: [7, 4] },
   floor: { color: "--soft", dash: [6, 4] },
-  tolerance: { color: "--bad", dash: [2, 4] },
+  tolerance: { color: "--limit", dash: [2, 4] },
   fails: { color: "--bad", points: true },
 };
 const DOING = {

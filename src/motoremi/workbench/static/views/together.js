@@ -11,9 +11,9 @@ import { symbols } from "../units.js";
 // Key in sessionStorage: the chosen sessions survive a reload of this tab.
 const CHOSEN = "motoremi-together";
 // As many looks as can be distinguished, also without colour.
-const LOOKS = [
+export const LOOKS = [
   { color: "--measured" }, { color: "--model", dash: [8, 4] }, { color: "--other", dash: [12, 3, 2, 3] }, { color: "--fourth", dash: [2, 3] },
-  { color: "--third" }, { color: "--bad", dash: [8, 4] }, { color: "--accent", dash: [12, 3, 2, 3] }, { color: "--soft", dash: [2, 3] },
+  { color: "--third", dash: [18, 4] }, { color: "--bad", dash: [6, 3, 2, 3, 2, 3] }, { color: "--limit", dash: [2, 6] }, { color: "--soft", dash: [12, 3, 4, 3] },
 ];
 
 const FILES = ["comparison.html", "comparison.pdf", "comparison.csv", "comparison.json"];
@@ -31,6 +31,8 @@ export const together = {
   title: "Compare",
   key: "C",
 
+  shows: (session) => chosen().includes(session),
+
   load: () => (chosen().length < 2 ? null : get(address())),
 
   draw(where, data, page) {
@@ -44,15 +46,18 @@ export const together = {
     where.append(columns);
     for (const termination of ["short", "open"]) drawSweeps(columns, data, termination, page);
     drawSpectra(columns, data, page);
-    if (data.parameters) where.append(card(data.parameters.title, data.parameters.texts.map((text) => h("p", { class: "note" }, text)), drawn(data.parameters, "together-parameters")));
+    if (data.parameters) where.append(card(data.parameters.title, data.parameters.texts.map((text) => h("p", { class: "note" }, text)), drawn(data.parameters, "together-parameters", unbroken)));
     if (data.bands) where.append(card(data.bands.title, drawn(data.bands, "together-bands")));
   },
 };
 
-function drawn({ columns, rows, marked }, id) {
+// Breaks only before an error bar and before a bracket, so that a number keeps its unit.
+const unbroken = (text) => text.replace(/ (?![±(])/g, "\u00a0");
+
+function drawn({ columns, rows, marked }, id, written = (text) => text) {
   const mood = { PASS: "good", FAIL: "bad" };
   return table(columns, rows.map((row, index) => h("tr", marked.includes(index) ? { class: "marked" } : {},
-    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: [mood[cell], brief(cell)].filter(Boolean).join(" ") }, symbols(cell)))))), { id });
+    row.map((cell, column) => (column === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: [mood[cell], brief(cell)].filter(Boolean).join(" ") }, written(symbols(cell))))))), { id });
 }
 
 // Each session has the same look in every plot.
