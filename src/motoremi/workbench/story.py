@@ -26,7 +26,7 @@ from motoremi.workbench.challenge import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.thinning import Band, seen
-from motoremi.workbench.views import diagnosis, readable, rounded, step_of
+from motoremi.workbench.views import diagnosis, readable, resumable, rounded, step_of
 from motoremi.workflow_emission import DIAGNOSIS, PREDICTION
 
 Of: TypeAlias = Literal["impedance", "emission"]
@@ -348,6 +348,8 @@ def _next(chosen: Side, stored: JsonDict | None, explained: bool | None, state: 
     desk, session = chosen.desk, chosen.desk.session
     if state == "measuring":
         return {"do": "go", "view": "bench", "text": "Watch the run"}
+    if resumable(session) and not chosen.ladder.steps:
+        return {"do": "resume", "text": "Resume the run"}
     if not chosen.measured:
         # Without sweeps, spectra are reported without a model.
         return _report(session) if session.spectra else {"do": "go", "view": "bench", "text": "Measure on the bench"}
@@ -379,7 +381,7 @@ def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, comin
     """The steps of the story: whether each is done, and the view that shows its details."""
     fitted, of, diagnosed = bool(chosen.ladder.steps), chosen.of, stored is not None
     stages = (
-        ("Measured", chosen.measured, "session" if of == "impedance" else "emission"),
+        ("Measured", chosen.measured and coming["do"] != "resume", "session" if of == "impedance" else "emission"),
         ("Fitted", fitted, "session" if of == "impedance" else "emission"),
         ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
         ("What is missing", fitted and diagnosed and explained is not None, "next" if of == "impedance" else ""),

@@ -46,7 +46,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "name": desk.path.name,
         "status": session.status,
         "interrupted": session.interrupted,
-        "resumable": "procedure" in start and (session.status != "done" or session.interrupted),
+        "resumable": resumable(session),
         "start": {key: str(start.get(key, "")) for key in ("motor", "title", "operator", "time", "software", "backend")},
         "instruments": _instruments(session),
         "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
@@ -60,6 +60,11 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "ladder": ladder(desk),
         "elements": [*ELEMENTS, *(desk.steps[-1].effects if desk.steps else ())],
     }
+
+
+def resumable(session: Session) -> bool:
+    """Whether a run of this session ended early and can be resumed."""
+    return "procedure" in session.start and (session.status != "done" or session.interrupted)
 
 
 def _instruments(session: Session) -> list[JsonDict]:

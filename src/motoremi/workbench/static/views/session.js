@@ -21,7 +21,7 @@ export const session = {
   draw(where, { head, curves }, page) {
     const choice = h("select", { id: "units", value: units, onchange: (event) => { units = event.target.value; page.redraw(true); } },
       Object.entries(UNITS).map(([key, text]) => h("option", { value: key, selected: key === units }, text)));
-    const resume = head.resumable && button("Resume this run", () => goOn(page), { class: "main" });
+    const resume = head.resumable && button("Resume this run", () => resumeRun(page), { class: "main" });
     const measuring = head.state === "measuring";
     where.append(h("div", { class: "row" },
       h("label", {}, "Units ", choice),
@@ -51,7 +51,7 @@ export const session = {
   },
 };
 
-function goOn(page) {
+export function resumeRun(page) {
   page.resume = { session: page.session, bench: page.head.start.backend === "sim" ? "simulated" : "real" };
   page.go("bench");
 }

@@ -8,6 +8,7 @@ import { legend, Plots } from "../plot.js";
 import { stay } from "../stay.js";
 import { term } from "../terms.js";
 import { chance, lag, percent, share, show, symbols } from "../units.js";
+import { resumeRun } from "./session.js";
 
 // The pointer must rest on a row for this time before its preview is requested.
 const REST_MS = 120;
@@ -86,7 +87,7 @@ function render(place) {
   turnOff(place.redo, !data.dropped.length);
   place.redo.title = data.dropped.length ? `Put back ${data.dropped[0].added} (R)` : "Nothing was dropped last (R)";
   const { ladder, dropped } = data;
-  place.steps.replaceChildren(top ? ladderDrawing(ladder, dropped, { base: BASES[data.of], floorName: FLOORS[data.of], write, back: (count) => act(place, "drop", { count }), again: (count) => act(place, "redo", { count }) }) : h("p", { class: "note" }, "The ladder begins with the first fit."));
+  place.steps.replaceChildren(top ? ladderDrawing(ladder, dropped, { base: BASES[data.of], floorName: FLOORS[data.of], write, back: (count) => act(place, "drop", { count }), again: (count) => act(place, "redo", { count }) }) : beforeTheFirstFit(place));
   place.doubt.textContent = top?.converged === false ? "The fit did not converge: do not use its values." : "";
   // Show the last step and the floor, which matter most.
   place.steps.scrollTop = place.steps.scrollHeight;
@@ -94,6 +95,13 @@ function render(place) {
   drawPointed(place);
   drawList(place);
   restore();
+}
+
+function beforeTheFirstFit(place) {
+  const { data } = place, interrupted = data.next.do === "resume";
+  return h("div", { class: "row" },
+    h("p", { class: "note" }, interrupted ? "The run was interrupted: resume it, or work with what was measured." : "The ladder begins with the first fit."),
+    interrupted && data.panels.length > 0 && button(data.fit, () => act(place, "fit"), { id: "fit" }));
 }
 
 // Not `disabled`: a button that has the focus must keep it while there is nothing for it to do.
@@ -306,6 +314,7 @@ function goOn(place) {
     place.page.go(next.view);
     document.getElementById("main").focus();
   } else if (next.do === "turn") turn(place, "emission");
+  else if (next.do === "resume") resumeRun(place.page);
   else act(place, next.do, next.effect ? { effect: next.effect } : {});
 }
 
