@@ -23,7 +23,7 @@ def beside_tables(session: Session) -> tuple[Table, ...]:
 def path_table(diagnosis: JsonDict) -> tuple[Table, ...]:
     """What each further measurement contributed, in the order of measurement."""
     rows = tuple((str(one["id"]), f"{one['information_bits']:.2g}", _leading(one), _mistakes(one)) for one in diagnosis.get("taught", ()))
-    columns = ("measured", "bits", "most probable afterwards", "possible mistakes")
+    columns = ("measured", "bits gained", "most probable afterwards", "possible mistakes")
     return (Table("What each further measurement contributed", columns, rows),) if rows else ()
 
 
@@ -34,7 +34,12 @@ def asked_table(asked: JsonDict | None) -> tuple[Table, ...]:
 
 
 def _leading(taught: JsonDict) -> str:
-    return ", ".join(f"{label} {share:.2g}" for label, share in list(taught["probabilities"].items())[:3] if share >= 0.01)
+    return ", ".join(f"{label} {_chance(share)}" for label, share in list(taught["probabilities"].items())[:3] if share >= 0.01)
+
+
+def _chance(share: float) -> str:
+    """A probability, never shown as certain."""
+    return "> 99 %" if share > 0.995 else f"{100 * share:.2g} %"
 
 
 def _mistakes(taught: JsonDict) -> str:

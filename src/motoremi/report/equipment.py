@@ -72,7 +72,7 @@ def overdue(materials: Materials) -> list[str]:
 def not_stated(materials: Materials) -> list[str]:
     """Information that a test report should have and that was not stated."""
     session, start = materials.session, materials.session.start
-    missing = [label for label, key in (("the motor's name", "motor"), ("its serial number", "serial")) if not start.get(key)]
+    missing = [label for label, key in (("the motor's name", "motor"), ("the motor's serial number", "serial")) if not start.get(key)]
     missing += [label for label, key in (("who measured", "operator"), ("ambient conditions", "ambient")) if not start.get(key)]
     items = equipment_of(materials)
     kinds = {word for item in items for word in f"{item.kind} {item.name}".lower().replace("-", " ").split()}

@@ -135,7 +135,7 @@ def _of_the_analysis(materials: Materials) -> list[str]:
     if not session.spectra:
         found.append("no emission spectrum was measured")
     elif materials.stored("prediction") is None and "prediction" not in materials.unreadable:
-        found.append("the spectra were not compared with a limit")
+        found.append("the spectra were not judged against a limit")
     return found
 
 

@@ -22,7 +22,7 @@ from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.motor_state import state_section
 from motoremi.report.parts import Choice, Materials, Picture, Section, Table, is_result, model_name
 from motoremi.report.svg import picture
-from motoremi.report.words import beside_the_error, described, number, share_of_analyser, would_leave
+from motoremi.report.words import beside_the_error, described, number, would_leave
 
 NOISE_SOURCES = {
     "repeats": "the repeats",
@@ -204,12 +204,12 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
                 "-" if before is None else f"{before.rms_error_percent:.3g} %",
                 f"{step.rms_error_percent:.3g} %",
                 f"{step.rms_error_db:.3g} dB",
-                share_of_analyser(step) or "ideal",
+                "-" if step.measurement.analyser.ideal else f"{step.corrected_error_percent:.3g} % ({step.analyser_sigma:.1f} sigma)",
                 described(step.unexplained_percent),
                 number(step.chi2_reduced, 4),
             )
         )
-    columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's share", "the circuit", "chi2_reduced")
+    columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's likely error subtracted", "the circuit", "chi2_reduced")
     results = results_of(steps)
     texts = [f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."] if is_result(steps[0]) else []
     texts.append(f"Of a perfect model {would_leave(steps[-1].floor_percent, steps[-1].noise_percent)}.")
