@@ -68,6 +68,11 @@ class Side(ABC):
     def measured(self) -> bool:
         """Whether the session holds measurements of this side."""
 
+    @property
+    def modelled(self) -> bool:
+        """Whether a model of them is possible."""
+        return self.measured
+
     @abstractmethod
     def step(self, fit: Any) -> JsonDict:
         """One model: the effect added last, its error and the floor, in `unit`."""
@@ -169,8 +174,9 @@ class Sweeps(Side):
         return [{**entry_of(find_effect(name).effect, name, name in possible), "accumulates": accumulates(name)} for name in named]
 
     def next_after(self) -> JsonDict | None:
-        source = self.desk.source
-        return {"do": "turn", "text": "Go on to the spectra"} if source.possible and not source.steps else None
+        spectra = Spectra(self.desk)
+        begun = spectra.ladder.steps if spectra.modelled else self.desk.session.analysis(PREDICTION)
+        return {"do": "turn", "text": "Go on to the spectra"} if spectra.measured and not begun else None
 
     def _seen_of(self, sweep: RepeatedSweep, error: ComplexArray) -> NDArray[np.intp]:
         """The points that are shown, the same with and without another effect."""
@@ -192,6 +198,10 @@ class Spectra(Side):
 
     @property
     def measured(self) -> bool:
+        return any(not one.is_background for one in self.desk.session.spectra)
+
+    @property
+    def modelled(self) -> bool:
         return self.desk.source.possible
 
     def step(self, fit: EmissionFit) -> JsonDict:
@@ -228,7 +238,7 @@ class Spectra(Side):
 
     def next_after(self) -> JsonDict | None:
         stored = self.desk.session.analysis(PREDICTION)
-        if stored is not None and stored.get("effects") == list(self.ladder.top.effects):
+        if stored is not None and stored.get("effects") == list(_effects(self.ladder.steps)):
             return None
         return {"do": "predict", "text": "Judge against the limit"}
 
@@ -237,9 +247,9 @@ SIDES: Mapping[str, type[Side]] = {"impedance": Sweeps, "emission": Spectra}
 
 
 def side(desk: Desk, of: str, band_hz: Band | None = None) -> Side:
-    """One side of a session by name; without a name the impedance."""
-    if not of:
-        return Sweeps(desk, band_hz)
+    """One side of a session by name; without a name, or where nothing of that kind was measured, the one that was."""
+    if not of or (of in SIDES and not SIDES[of](desk).measured):
+        of = next((name for name, kind in SIDES.items() if kind(desk).measured), "impedance")
     if of not in SIDES:
         raise BadInput(f"there is no story of that name; choose one of {', '.join(SIDES)}")
     return SIDES[of](desk, band_hz)
@@ -266,6 +276,7 @@ def story(desk: Desk, of: str, state: str, band_hz: Band | None = None) -> JsonD
         "of": chosen.of,
         "sides": [name for name, kind in SIDES.items() if kind(desk).measured],
         "unit": chosen.unit,
+        "modelled": chosen.modelled,
         "sealed": is_open_challenge(desk.session),
         "standing": chosen.ladder.standing,
         "ladder": [chosen.step(step) for step in steps],
@@ -351,8 +362,9 @@ def _next(chosen: Side, stored: JsonDict | None, explained: bool | None, state: 
     if resumable(session) and not chosen.ladder.steps:
         return {"do": "resume", "text": "Resume the run"}
     if not chosen.measured:
-        # Without sweeps, spectra are reported without a model.
-        return _report(session) if session.spectra else {"do": "go", "view": "bench", "text": "Measure on the bench"}
+        return {"do": "go", "view": "bench", "text": "Measure on the bench"}
+    if not chosen.modelled:
+        return chosen.next_after() or _report(session)
     if not chosen.ladder.steps:
         return {"do": "fit", "text": chosen.fit_text}
     if is_open_challenge(session):
@@ -380,7 +392,7 @@ def _is_report(document: JsonDict) -> bool:
 def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
     """The steps of the story: whether each is done, and the view that shows its details."""
     fitted, of, diagnosed = bool(chosen.ladder.steps), chosen.of, stored is not None
-    stages = (
+    stages = [
         ("Measured", chosen.measured and coming["do"] != "resume", "session" if of == "impedance" else "emission"),
         ("Fitted", fitted, "session" if of == "impedance" else "emission"),
         ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
@@ -388,5 +400,7 @@ def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, comin
         # A diagnosis that names no effect explains nothing.
         ("Explained", bool(explained) and stored is not None and stored["verdict"] not in UNEXPLAINED, ""),
         ("Report", coming["do"] == "go" and coming["view"] == "report", "report"),
-    )
+    ]
+    if chosen.measured and not chosen.modelled:
+        stages = [stages[0], ("Judged", coming["do"] != "predict", "emission"), stages[-1]]
     return [{"title": title, "done": done, "view": view} for title, done, view in stages]

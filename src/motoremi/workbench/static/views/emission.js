@@ -15,8 +15,8 @@ export const emission = {
   draw(where, data, page) {
     const { spectra, prediction } = data;
     const limit = h("select", { id: "limit" }, Object.entries(data.limits).map(([name, title]) => h("option", { value: name, selected: name === (prediction?.limit?.name ?? data.usual_limit) }, title)));
-    if (spectra.length && page.head.ladder.length) {
-      where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(prediction ? "Predict again" : "Predict from the fitted motor", () => predict(page, limit.value), { class: "main", id: "predict" })));
+    if (spectra.length && (page.head.ladder.length || !data.modelled)) {
+      where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(data.modelled ? (prediction ? "Predict again" : "Predict from the fitted motor") : "Judge against the limit", () => predict(page, limit.value), { class: "main", id: "predict" })));
     }
     if (!spectra.length) where.append(h("p", { class: "empty" }, "No spectrum in this session: run 'emission only' or the full motor test (view Bench)."));
     const columns = h("div", { class: "columns" });

@@ -81,7 +81,7 @@ function render(place) {
   place.stages.replaceChildren(...data.stages.map((one, index) => stage(data, one, index)));
   place.next.textContent = data.next.text;
   place.sides.replaceChildren(...(data.sides.length > 1 ? data.sides.map((of) => button(NAMES[of], () => turn(place, of), { id: `of-${of}`, "aria-pressed": String(of === data.of) })) : []));
-  if (!place.outcome.textContent) say(place, top ? `error ${write(top.error)}` : "no model yet");
+  if (!place.outcome.textContent) say(place, top ? `error ${write(top.error)}` : data.modelled ? "no model yet" : data.panels.length ? "measured levels" : "nothing measured yet");
   place.floor.replaceChildren(...(top ? [FLOORS[data.of] === FLOORS.impedance ? term("noise and analyser") : FLOORS[data.of], ` would leave ${write(top.floor)}`] : []));
   turnOff(place.drop, data.ladder.length < 2);
   turnOff(place.redo, !data.dropped.length);
@@ -99,6 +99,7 @@ function render(place) {
 
 function beforeTheFirstFit(place) {
   const { data } = place, interrupted = data.next.do === "resume";
+  if (data.panels.length && !data.modelled) return h("p", { class: "note" }, "A model of spectra needs the motor's open-circuit sweep. Without it, the measured levels are judged against a limit.");
   return h("div", { class: "row" },
     h("p", { class: "note" }, interrupted ? "The run was interrupted: resume it, or work with what was measured." : "The ladder begins with the first fit."),
     interrupted && data.panels.length > 0 && button(data.fit, () => act(place, "fit"), { id: "fit" }));
@@ -138,7 +139,7 @@ function drawCurves(place) {
   place.plots.ask = data.panels.some((panel) => panel.points > panel.frequency_hz.length) && ((span) => fillIn(place, span));
   drawLegend(place);
   place.foot.hidden = !data.panels.length;
-  if (!data.panels.length) place.legend.textContent = "Nothing has been measured yet that a model could explain.";
+  if (!data.panels.length) place.legend.textContent = "Nothing has been measured yet.";
 }
 
 // Load the omitted points of the shown span, also for the effect pointed at.
