@@ -395,7 +395,7 @@ def test_report_and_workbench_list_conditions_values_and_the_path(session: Path)
         "taught": taught,
     }
     titles = [table.title for table in diagnosis_section(stored, asked).tables]
-    assert {"What was asked for, and what was brought", "What each further measurement taught"} <= set(titles)
+    assert {"What was asked for, and what was measured", "What each further measurement contributed"} <= set(titles)
     told = head(Desk(session), "motor")
     assert [one["summary"].endswith("second-temperature=53degC") for one in told["conditioned"]] == [True, True]
     assert told["values"] == [{"name": "dc-resistance", "summary": "12Ohm ± 120mOhm"}]

@@ -229,7 +229,14 @@ def test_gaps_are_in_plain_sight(tmp_path, measure):
     with opened(tmp_path / "s") as store:
         report_session(store)
     text = (tmp_path / "s" / "report" / "report.html").read_text()
-    for gap in ("did not end well", "the analyser did not answer", "1 (sweep)", "3 of 4 steps were not begun", "no fit was made", "no diagnosis"):
+    for gap in (
+        "did not end normally",
+        "the analyser did not answer",
+        "1 (sweep)",
+        "3 of 4 steps were not begun",
+        "no fit was made",
+        "no diagnosis",
+    ):
         assert gap in text
     with opened(tmp_path / "s") as store:
         fit_session(store)

@@ -256,7 +256,7 @@ def test_imported_data_are_called_so_with_their_own_date_and_every_gap(tmp_path,
         "imported: the data were read from 2 files",
         "b.csv: the header does not say when the data were measured",
         "do not state bandwidth of the spectra",
-        "the motor's name, its serial number, who measured, ambient conditions, the instruments and their serial numbers, the LISN",
+        "the motor's name, the motor's serial number, who measured, ambient conditions, the instruments and their serial numbers, the LISN",
     ):
         assert gap in gaps
     assert made.mark == ""

@@ -22,6 +22,7 @@ from motoremi.data.session import SessionWriter, load
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.statistics import together
+from motoremi.report.overlay import LOOKS
 from motoremi.report.plots import SPECTRUM_LOOKS
 from motoremi.report.steps import UNITS, planned_steps
 from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of
@@ -249,5 +250,6 @@ def test_every_unit_of_a_step_is_one_that_the_bench_reads() -> None:
     assert told == set(UNITS.items())
 
 
-def test_spectra_differ_without_colour() -> None:
-    assert len({str(style) for _, style in SPECTRUM_LOOKS}) == len(SPECTRUM_LOOKS) >= 8
+def test_spectra_and_sessions_differ_without_colour() -> None:
+    for looks in (SPECTRUM_LOOKS, LOOKS):
+        assert len({str(style) for _, style in looks}) == len(looks) >= 8

@@ -447,9 +447,11 @@ def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path):
     told = client.get(f"/api/sessions/{identifier}").json()
     assert (told["status"], told["resumable"]) == ("interrupted", True)
     assert len(told["sweeps"]) == 3
+    assert client.get(f"/api/sessions/{identifier}/story").json()["next"] == {"do": "resume", "text": "Resume the run"}
     assert "error" not in client.post(f"/api/sessions/{identifier}/resume", json=RUN).json()
     workbench.place.run.wait()
     assert workbench.place.state()["run"]["status"] == "done"
+    assert client.get(f"/api/sessions/{identifier}/story").json()["next"]["do"] != "resume"
     assert len(client.get(f"/api/sessions/{identifier}").json()["sweeps"]) == 6
 
 

@@ -82,7 +82,7 @@ def test_the_story_by_clicks(browser, tmp_path):
         assert percents(page.inner_text("#outcome"))[::-1] == [before, after]
 
         watched.see("inspect")
-        expect(page.locator("main")).to_contain_text("La as the short-circuit sweep wants it")
+        expect(page.locator("main")).to_contain_text("La as the short-circuit sweep requires it")
         assert "\\x" not in page.inner_text("main")
         keep(page, "inspect")
 
@@ -363,5 +363,16 @@ def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path):
         watched.drawn("story")
         watched.see("session")
         expect(page.locator("main")).to_contain_text(ATTACKS[1])
-        expect(page.locator("main")).to_contain_text("Go on with this run")
+        expect(page.locator("main")).to_contain_text("Resume this run")
+        # What comes next is the rest of the run.
+        watched.see("story")
+        expect(page.locator("#next-step")).to_have_text("Resume the run")
+        page.click("#next-step")
+        watched.drawn("bench")
+        page.uncheck("#bench-ask")
+        page.click("#resume")
+        expect(page.locator("#run-status")).to_have_text("the run is complete", timeout=PATIENCE_MS)
+        page.click("#show-session")
+        watched.drawn("story")
+        expect(page.locator("#next-step")).not_to_have_text("Resume the run")
         watched.close()

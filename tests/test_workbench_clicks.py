@@ -112,7 +112,9 @@ def test_files_of_the_wrong_kind_are_told_in_a_sentence_each(browser, tmp_path):
         page.evaluate("Object.defineProperty(File.prototype, 'size', { get: () => 2 ** 31 })")
         asked = len(watched.asked)
         drop(page, {"huge.csv": sweep})
-        expect(page.locator("#refused li")).to_have_text(["huge.csv: is larger than 64 MiB, which no sweep is; export fewer points"])
+        expect(page.locator("#refused li")).to_have_text(
+            ["huge.csv: is larger than 64 MiB, the most that a measurement file may have; export fewer points"]
+        )
         assert not [url for url in watched.asked[asked:] if "huge" in url]
         page.click("#clear-files")
         expect(page.locator("#files-read")).to_have_count(0)
@@ -150,6 +152,9 @@ def test_two_sessions_side_by_side(browser, fitted, tmp_path):
         page.reload()
         watched.drawn("together")
         expect(rows).to_have_count(2)
+        # A change of any of them is followed, also of one that is not open.
+        desk.Desk(tmp_path / "second").fit()
+        expect(rows.nth(1)).not_to_contain_text("no fit")
         page.set_viewport_size({"width": 390, "height": 844})
         assert findings(page) == []
         assert page.evaluate("document.documentElement.scrollWidth") <= 390

@@ -36,11 +36,11 @@ def test_the_counter_never_starts_over(monkeypatch):
     with jobs.begin("a", "diagnosing") as job:
         assert jobs.to_list()[0]["remaining_s"] is None
         now[0] += 10
-        job.tell("core-loss", 1, 4)
+        job.report("core-loss", 1, 4)
         (told,) = jobs.to_list()
         assert (told["share"], told["elapsed_s"], told["remaining_s"]) == (0.25, 10, 30)
         now[0] += 5
-        job.tell("bearing-film", 0, 4)
+        job.report("bearing-film", 0, 4)
         (told,) = jobs.to_list()
         assert (told["doing"], told["share"], told["elapsed_s"], told["remaining_s"]) == ("bearing-film", 0.25, 15, 45)
     assert jobs.to_list() == []
@@ -148,7 +148,7 @@ def test_a_ladder_that_moves_meanwhile_is_left_alone(fitted):
             with opened(fitted) as store:
                 moved.append(add_to_session(store, "eddy-laminations"))
 
-    with pytest.raises(BadInput, match="somebody else changed the model of this session meanwhile: nothing was stored"):
+    with pytest.raises(BadInput, match="the model of this session was changed elsewhere meanwhile: nothing was stored"):
         desk.diagnose(tell)
     assert load(fitted).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
 

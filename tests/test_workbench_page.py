@@ -97,7 +97,7 @@ def test_the_list_names_motor_date_and_state(browser, fitted):
         # A folder that vanishes is told where its curves are still seen; nothing is lost when it comes back.
         watched.see("story")
         away = fitted.rename(fitted.parent.parent / "away")
-        expect(watched.page.locator("#trouble")).to_contain_text("The folder of this session has gone")
+        expect(watched.page.locator("#trouble")).to_contain_text("The folder of this session is gone")
         away.rename(fitted)
         expect(choice.locator("option")).to_have_count(3)
         watched.page.click("#trouble button")
@@ -250,7 +250,7 @@ def test_a_reload_in_the_middle_of_a_run_shows_the_run(browser, tmp_path):
         expect(page.locator("#bench-motor")).to_have_value("Reloaded 9")
         watched.see("session")
         expect(page.locator("#measuring")).to_be_visible()
-        assert page.locator("button:text-is('Go on with this run')").count() == 0
+        assert page.locator("button:text-is('Resume this run')").count() == 0
         watched.see("bench")
         page.click("#stop")
         expect(page.locator("#run-status")).to_contain_text("the instruments are safe")

@@ -214,13 +214,42 @@ def test_what_comes_next_leads_to_the_report(measured, tmp_path):
     assert client.get(f"{base}/story").json()["next"]["do"] == "report"
 
 
-def test_a_session_with_spectra_alone_can_be_reported(tmp_path):
-    with SessionWriter.create(tmp_path / "s", {"title": "x"}) as writer:
-        writer.add_spectrum(Spectrum("peak", scan_frequencies()[::100], 40.0 + 0 * scan_frequencies()[::100]))
-        writer.close("done")
-    workbench = bench_of(tmp_path, tmp_path / "s")
-    told = client_of(workbench).get(f"/api/sessions/{workbench.shelf.first}/story").json()
-    assert (told["sides"], told["panels"], told["next"]["do"]) == ([], [], "report")
+@needs_chromium
+def test_spectra_alone_are_judged_and_reported_by_clicks(browser, tmp_path):
+    """Without sweeps there is no model; the verdict on the levels is that of `motoremi predict`."""
+    level = 70.0 + 0 * scan_frequencies()[::100]
+    for name, kept in (("s", lambda writer: writer.add_spectrum(Spectrum("average", scan_frequencies()[::100], level))), ("nothing", id)):
+        with SessionWriter.create(tmp_path / name, {"title": "x", "motor": name}) as writer:
+            kept(writer)
+            writer.close("done")
+    workbench = bench_of(tmp_path, tmp_path / "nothing", tmp_path / "s")
+    with served(workbench) as address:
+        watched = Watched(browser, address, viewport=PHONE)
+        page = watched.page
+        watched.drawn("story")
+        # What was chosen for another session leads to no empty screen.
+        page.evaluate("sessionStorage.setItem('motoremi-story', 'impedance')")
+        page.reload()
+        watched.drawn("story")
+        expect(page.locator("#story-curves canvas")).to_have_count(1)
+        expect(page.locator("#story-stages .title")).to_have_text(["Measured", "Judged", "Report"])
+        expect(page.locator("#story-steps")).to_contain_text("needs the motor's open-circuit sweep")
+        assert findings(page) == []
+        page.click("#next-step:text-is('Judge against the limit')")
+        expect(page.locator("#next-step")).to_have_text("Write the report")
+        watched.see("emission")
+        expect(page.locator("#limit-verdict")).to_have_text("FAIL")
+        page.select_option("#limit", index=1)
+        page.click("#predict:text-is('Judge against the limit')")
+        expect(page.locator("#limit-verdict")).to_be_visible()
+        watched.see("story")
+        page.click("#next-step")
+        expect(page.locator("#next-step")).to_have_text("Open the report", timeout=PATIENCE_MS)
+        page.select_option("#session-choice", workbench.shelf.place(tmp_path / "nothing"))
+        expect(page.locator("#next-step")).to_have_text("Measure on the bench")
+        watched.close()
+    assert load(tmp_path / "s").analysis("prediction")["judged_what"] == "measured"
+    assert "average" in pdf_of(tmp_path / "s")
 
 
 @pytest.mark.parametrize("steps", [[1], [{"effects": ["arc-breakdown"]}], "x"])

@@ -13,6 +13,7 @@ from motoremi.data.session import load, reopen
 from motoremi.diagnosis.compare import Tolerance
 from motoremi.report.cause import diagnosis_section
 from motoremi.report.identity import identity_section
+from motoremi.report.overlay import LOOKS
 from motoremi.workbench.desk import Desk
 from motoremi.workflow import compare_session, opened
 
@@ -97,6 +98,11 @@ def test_no_label_of_an_axis_stands_twice(page, low, high, unit):
     assert len(set(labels)) == len(labels)
 
 
+def test_sessions_that_are_compared_differ_without_colour(page):
+    dashes = said(page, "views/together.js", "LOOKS.map((one) => JSON.stringify(one.dash ?? []))")
+    assert len(set(dashes)) == len(dashes) == len(LOOKS)
+
+
 def test_tolerances_are_drawn_where_they_judge(browser, fitted):
     with opened(fitted) as store:
         compare_session(store, Tolerance(error_percent=5.0, magnitude_db=1.0, phase_deg=3.0))
@@ -121,7 +127,7 @@ def test_next_says_what_to_do_and_an_added_effect_keeps_its_title(browser, fitte
         expect(row).to_contain_text("in the model")
         expect(row.locator(".note")).to_have_text(title)
         # After success nothing is red: that the ranking is of the model before is a remark.
-        expect(watched.page.locator("#verdict")).to_contain_text("the ladder has moved since")
+        expect(watched.page.locator("#verdict")).to_contain_text("the ladder has changed since")
         expect(watched.page.locator("#verdict .bad")).to_have_count(0)
         watched.page.click("#drop")
         expect(row).not_to_contain_text("in the model")

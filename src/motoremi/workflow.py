@@ -245,7 +245,7 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     BadInput
         For one session alone, too many, or two of one name.
     """
-    from motoremi.report.renderings import told_as_unreadable
+    from motoremi.report.renderings import reported_as_unreadable
     from motoremi.report.several_sessions import build_together, render_together
 
     # The folder's own name, also for `.` or a path that ends in a slash.
@@ -253,7 +253,7 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     if len(named) < len(paths):
         raise BadInput("two of these sessions have the same name: rename one folder, or the report could not tell them apart")
     materials = {name: _materials_of(load(path)) for name, path in named.items()}
-    with told_as_unreadable("one of these sessions"):
+    with reported_as_unreadable("one of these sessions"):
         files = render_together(build_together(materials))
     try:
         out.mkdir(parents=True, exist_ok=True)

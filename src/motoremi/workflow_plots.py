@@ -15,7 +15,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.report import plots
 from motoremi.report.emission_section import emission_fit_figure, prediction_figure
-from motoremi.report.renderings import told_as_unreadable
+from motoremi.report.renderings import reported_as_unreadable
 from motoremi.workflow import diagnosis_in, ladder_of, measurement_of, opened, stored_tolerance
 from motoremi.workflow_emission import DIAGNOSIS, PREDICTION, emission_steps
 
@@ -58,7 +58,7 @@ def figure_of(path: Path, what: str, element: str | None = None, effect: str | N
     }
     if what not in draw:
         raise BadInput(f"there is no plot {what!r}; there are {', '.join(draw)}")
-    with told_as_unreadable(session.path.name):
+    with reported_as_unreadable(session.path.name):
         return draw[what]()
 
 

@@ -1,4 +1,4 @@
-"""The report's sections, in the order in which a bench engineer asks: data, fit, ladder, verdict, cause, emission, identity."""
+"""The report's sections: sweeps, fit, ladder, comparison, diagnosis, emission, state, equipment, identity, procedure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from motoremi.report.headline import spans, tolerance
 from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.motor_state_section import state_section
 from motoremi.report.svg import picture
-from motoremi.report.words import beside_the_error, described, number, share_of_analyser, would_leave
+from motoremi.report.words import beside_the_error, described, number, would_leave
 
 NOISE_SOURCES = {
     "repeats": "the repeats",
@@ -38,21 +38,21 @@ ELEMENTS = {
     "Cr": "capacitance winding to rotor",
     "Cf": "capacitance winding to frame",
 }
-# A residual beyond this is more likely a model that bends the fixture to its needs.
+# A larger residual is more likely an error of the model that the fixture's parameters absorb.
 BELIEVABLE_SIGMAS = 3.0
-# An error bar of several times the value says no more than that the value has a sign.
+# With a larger error bar, not even the order of magnitude is known.
 KNOWN_AT_ALL = 3.0
 SWEEPS_INCH = 4.6
 
 
 def all_sections(materials: Materials, session_sha256: str, choice: Choice) -> tuple[Section, ...]:
-    """Every section that is wanted and that the materials have something for; what is missing is said on the first page."""
+    """Every chosen section that has content; the first page says what is missing."""
     makers = _makers(materials, session_sha256)
     return tuple(section for name, make in makers if choice.holds(name) and (section := make()) is not None)
 
 
 def _makers(materials: Materials, session_sha256: str) -> Iterator[tuple[str, Callable[[], Section | None]]]:
-    """Name of each section that there is something for, and what makes it: plots take time, so only of what is wanted."""
+    """The name of each section that has content, and the function that makes it; deferred because plots take time."""
     session, steps, comparison, diagnosis = materials.session, materials.steps, materials.comparison, materials.diagnosis
     if session.sweeps:
         yield "sweeps", lambda: sweeps_section(materials)
@@ -72,7 +72,7 @@ def _makers(materials: Materials, session_sha256: str) -> Iterator[tuple[str, Ca
 
 
 def sweeps_section(materials: Materials) -> Section:
-    """What was measured, with the models where there are any."""
+    """The measured sweeps, with the models if there are any."""
     session, results = materials.session, results_of(materials.steps)
     try:
         measurement = results[0].measurement if results else Measurement.of(session.corrected_sweeps)
@@ -91,7 +91,7 @@ def sweeps_section(materials: Materials) -> Section:
     )
     texts = [f"Analyser: {measurement.analyser.title}."]
     if measurement.accuracy_percent is not None:
-        texts.append(f"Accuracy stated for these data: {measurement.accuracy_percent:g} %; a model that is as good as that is good enough.")
+        texts.append(f"Accuracy stated for these data: {measurement.accuracy_percent:g} %; a model within it counts as adequate.")
     table = Table("Sweeps", ("termination", "points", "span", "repeats", "noise of the mean (rms)", "noise known from"), rows)
     tables = (table, *beside_tables(session))
     if not results:
@@ -101,8 +101,8 @@ def sweeps_section(materials: Materials) -> Section:
 
 
 def sweeps_picture(results: Sequence[Fit]) -> Picture:
-    """Measurement and models over each other, low enough to stand on the page of its heading."""
-    caption = "Measured impedance, the paper's circuit, and the model that stands; below, the error against the uncertainty."
+    """Measurement and models in one figure, low enough to fit on the page of its heading."""
+    caption = "Measured impedance, the paper's circuit, and the current model; below, the error against the uncertainty."
     return picture("sweeps", plots.sweeps_figure(results[0], results[-1], SWEEPS_INCH), caption)
 
 
@@ -129,22 +129,22 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
     if last.unseen():
         texts.append(f"These sweeps do not show {', '.join(last.unseen())}.")
     if not last.explained:
-        texts.append("While an effect is missing, the elements carry its weight: their values are not those of the motor.")
+        texts.append("While an effect is missing, the elements absorb its influence: their values are not those of the motor.")
     tables = [parameters_table(steps), _derived(last)]
-    # Of a circuit that misses by far an ideal analyser was taken for granted: it left nothing.
+    # A circuit with a large error was fitted with an ideal analyser, which has no residuals.
     if any(last.nuisance.values()):
         tables.append(_residuals(last))
     return Section("Fit", tuple(texts), tuple(tables), pictures)
 
 
 def _looseness(fit: Fit, name: str) -> str:
-    """How little is known of a parameter that the data do not determine."""
+    """The error bar of an undetermined parameter, if it says anything."""
     value, sigma = abs(fit.parameters[name]), fit.sigma[name]
-    return error_bar(value, sigma) if sigma < KNOWN_AT_ALL * value else "any value would do"
+    return error_bar(value, sigma) if sigma < KNOWN_AT_ALL * value else "any value fits"
 
 
 def _derived(fit: Fit) -> Table:
-    """Often well known where the elements behind them are not."""
+    """Quantities derived from the elements: often well determined where the elements are not."""
     rows, marked = [], set()
     for index, quantity in enumerate(fit.derived()):
         known = quantity.sigma < 0.5 * abs(quantity.value)
@@ -152,11 +152,11 @@ def _derived(fit: Fit) -> Table:
         rows.append((quantity.name, show(quantity.value, quantity.unit), bar))
         if not known:
             marked.add(index)
-    return Table("What follows from the elements", ("quantity", "value", "standard uncertainty"), tuple(rows), frozenset(marked))
+    return Table("Quantities derived from the elements", ("quantity", "value", "standard uncertainty"), tuple(rows), frozenset(marked))
 
 
 def parameters_table(steps: tuple[Fit, ...]) -> Table:
-    """Values and uncertainties of the model that stands."""
+    """Values and uncertainties of the current model."""
     base, last = steps[0], steps[-1]
     units = {p.name: p.unit for p in base.motor.parameters}
     columns = ["parameter", "is", "value", "standard uncertainty"]
@@ -179,11 +179,11 @@ def _residuals(fit: Fit) -> Table:
         sigma = known[name].sigma
         if sigma and abs(value) > BELIEVABLE_SIGMAS * sigma:
             marked.add(index)
-        # The conductance has no unit of its own: it is fitted in multiples of its specification.
+        # The conductance has no unit: it is fitted in multiples of its specification.
         written = "-" if known[name].unit == "1" else show(value, known[name].unit, 2)
         rows.append((name, written, f"{value / sigma:+.2g}" if sigma else "-"))
     return Table(
-        "What the fixture's compensation is believed to have left",
+        "Estimated residuals of the fixture's compensation",
         ("residual", "value", "in standard deviations of its specification"),
         tuple(rows),
         frozenset(marked),
@@ -204,12 +204,12 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
                 "-" if before is None else f"{before.rms_error_percent:.3g} %",
                 f"{step.rms_error_percent:.3g} %",
                 f"{step.rms_error_db:.3g} dB",
-                share_of_analyser(step) or "ideal",
+                "-" if step.measurement.analyser.ideal else f"{step.corrected_error_percent:.3g} % ({step.analyser_sigma:.1f} sigma)",
                 described(step.unexplained_percent),
                 number(step.chi2_reduced, 4),
             )
         )
-    columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's share", "the circuit", "chi2_reduced")
+    columns = ("model", "rms error before", "rms error after", "rms magnitude", "analyser's likely error subtracted", "the circuit", "chi2_reduced")
     results = results_of(steps)
     texts = [f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."] if is_result(steps[0]) else []
     texts.append(f"Of a perfect model {would_leave(steps[-1].floor_percent, steps[-1].noise_percent)}.")
@@ -258,5 +258,5 @@ def _comparison(comparison: Comparison) -> Section:
         f"Model: {' + '.join(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
         "A point fails if it is beyond the tolerance and beyond the expanded uncertainty of the measurement (k = 2).",
     )
-    drawn = picture("comparison", plots.comparison_figure(comparison), "Error of the model that stands, against uncertainty and tolerance.")
+    drawn = picture("comparison", plots.comparison_figure(comparison), "Error of the current model against uncertainty and tolerance.")
     return Section("Model against measurement", texts, (bands_table(comparison),), (drawn,))

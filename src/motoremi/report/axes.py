@@ -1,4 +1,4 @@
-"""Axes as a bench engineer reads them: log frequency in Hz with k and M, plain numbers, a grid."""
+"""Axes: log frequency with engineering prefixes, plain numbers, a grid, and room for all texts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, which all kinds of colour vision tell apart; line styles differ as well, for grey prints.
+# Okabe and Ito's colours, distinguishable with any colour vision; line styles differ as well, for grey prints.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
 GREY, BAND_GREY = "#bbbbbb", "#f1f1f1"
 LONGEST_LABEL = 60
-# Room in inches; matplotlib's own layout measures every text twice, which takes a quarter of the time of a report.
+# Room for texts in inches; matplotlib's own layout would take a quarter of the time of a report.
 EDGE, LINE, TICK, BELOW, BETWEEN = 0.07, 0.19, 0.18, 0.52, 0.16
 TITLE, LEGEND_LINE, LETTER = 0.28, 0.19, 0.0085
 RIGHT = 0.25
@@ -39,14 +39,14 @@ def frequency_axis(axes: Axes, frequency_hz: FloatArray, label: bool = True) -> 
     engineering = EngFormatter(sep=" ")
     low, high = float(frequency_hz[0]), float(frequency_hz[-1])
     decades = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 1)
-    # Threes help where the decades are few; numbers closer than a factor of 1.5 would overlap.
+    # With few decades there are labels at 3, 30, ... too; labels closer than a factor of 1.5 would overlap.
     between = 3 * decades if np.log10(high / low) < 4 else np.array([])
     ends = np.array([low, high])
     inner = [f for f in sorted([*decades, *between]) if np.all(np.abs(np.log(f / ends)) > np.log(1.5)) and low < f < high]
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     axes.xaxis.set_major_locator(FixedLocator([low, *inner, high]))
-    # A receiver's last step may end at 29.9985 MHz: three digits are enough on an axis.
+    # Three digits: a receiver's last step may end at 29.9985 MHz.
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: engineering(float(f"{value:.3g}"))))
     axes.xaxis.set_minor_locator(NullLocator())
     grid(axes)
@@ -56,7 +56,7 @@ def frequency_axis(axes: Axes, frequency_hz: FloatArray, label: bool = True) -> 
 
 
 def _minor_grid(axes: Axes, low_hz: float, high_hz: float) -> None:
-    """Lines at 2, 3, ... 9 of each decade, as one artist: ticks of their own would take most of the time of a report."""
+    """Grid lines at 2, 3, ... 9 of each decade, as one artist: minor ticks would take most of the time of a report."""
     from matplotlib.collections import LineCollection
 
     decades = 10.0 ** np.arange(np.floor(np.log10(low_hz)), np.ceil(np.log10(high_hz)))
@@ -77,13 +77,13 @@ def log_values(axes: Axes, prefixes: bool = False) -> None:
 
 
 def grid(axes: Axes) -> None:
-    """A grid that stays behind the curves."""
+    """A grid behind the curves."""
     axes.set_axisbelow(True)
     axes.grid(True, which="major", color="#cccccc", linewidth=0.6)
 
 
 def legend_above(figure: Figure, *sources: Axes) -> None:
-    """One legend for the whole figure, where it hides no curve."""
+    """One legend for the whole figure, above the panels."""
     entries = {label: handle for axes in sources for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     arrange(figure, -(-len(entries) // LEGEND_COLUMNS))
     columns = min(LEGEND_COLUMNS, len(entries))
@@ -91,7 +91,7 @@ def legend_above(figure: Figure, *sources: Axes) -> None:
 
 
 def arrange(figure: Figure, legend_lines: int) -> None:
-    """Give every text its room: what stands beside, below and above the panels, and the legend over them all."""
+    """Leave room for labels, titles and the legend around the panels."""
     width, height = figure.get_size_inches()
     every = figure.axes
     spec = every[0].get_gridspec()
@@ -111,7 +111,7 @@ def arrange(figure: Figure, legend_lines: int) -> None:
         hspace=BETWEEN / panel_height,
     )
     for axes in every:
-        # Not where matplotlib would put them after another look at all tick labels, and in one line down the figure.
+        # Fixed, so that matplotlib need not measure tick labels, and aligned in one column.
         axes.yaxis.set_label_coords((EDGE + named - left) / panel_width, 0.5)
 
 
@@ -125,5 +125,5 @@ def _tick_labels_in(axes: Axes) -> float:
 
 
 def literal(text: str) -> str:
-    """Text from outside, controls written out; matplotlib would read `$...$` as a formula."""
+    """Text from outside with control characters escaped, and `$`, which matplotlib would read as the start of a formula."""
     return clean_text(text, LONGEST_LABEL).replace("$", r"\$")

@@ -20,7 +20,7 @@ LEAST_SHOWN = 1e-3
 
 
 def diagnosis_section(diagnosis: JsonDict, asked: JsonDict | None = None) -> Section:
-    """What is missing, the ranking with its evidence, left-out data, and what to measure next."""
+    """The verdict, the ranking with its evidence, cross-validation, and what to measure next."""
     rows = []
     for candidate in diagnosis["candidates"][:MOST_CANDIDATES]:
         values = ", ".join(
@@ -45,7 +45,7 @@ def diagnosis_section(diagnosis: JsonDict, asked: JsonDict | None = None) -> Sec
     texts += [reason[:1].upper() + reason[1:] + "." for reason in reasons_of(diagnosis)]
     if "unexplained_percent" in diagnosis:
         texts.append(f"The model {' + '.join(('paper’s circuit', *diagnosis['best']['effects']))} {described(diagnosis['unexplained_percent'])}.")
-    texts += [f"Not told apart by these data: {', '.join(family)}." for family in diagnosis["families"]]
+    texts += [f"Not distinguished by these data: {', '.join(family)}." for family in diagnosis["families"]]
     texts += [_explained(str(name)) for name in diagnosis["effects"]]
     texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")
     found, further = (
@@ -65,10 +65,10 @@ def diagnosis_section(diagnosis: JsonDict, asked: JsonDict | None = None) -> Sec
 
 
 def _findings(diagnosis: JsonDict) -> tuple[Table, ...]:
-    """What the data themselves show, whatever the motor."""
+    """The findings: what the data themselves show, whatever the motor."""
     found = findings_of(diagnosis)
     rows = tuple(
-        (str(one["id"]), place_of(one), str(one["why"]), str(one["remedy"]), "the verdict hangs on it" if one["serious"] else "-") for one in found
+        (str(one["id"]), place_of(one), str(one["why"]), str(one["remedy"]), "may change the verdict" if one["serious"] else "-") for one in found
     )
     columns = ("finding", "where", "what", "what to do", "serious")
     marked = frozenset(index for index, one in enumerate(found) if one["serious"])
@@ -76,14 +76,14 @@ def _findings(diagnosis: JsonDict) -> tuple[Table, ...]:
 
 
 def _sets(diagnosis: JsonDict) -> tuple[Table, ...]:
-    """How probable each set of effects is; a diagnosis of an earlier version does not say."""
+    """The probability of each set of effects; not stored by earlier versions."""
     shares = [(" + ".join(one["effects"]) or "nothing", probability_of(one, diagnosis)) for one in diagnosis.get("sets", ())]
     rows = tuple((name, number(share)) for name, share in shares if share >= LEAST_SHOWN)
-    return (Table("Sets of effects, the likeliest first", ("missing", "probability"), rows),) if rows else ()
+    return (Table("Sets of effects, the most probable first", ("missing", "probability"), rows),) if rows else ()
 
 
 def _left_out(diagnosis: JsonDict) -> tuple[Table, ...]:
-    """How much better data that were left out of the fit are predicted."""
+    """Cross-validation: how much better data left out of the fit are predicted."""
     validation = diagnosis.get("cross_validation")
     if not validation:
         return ()
@@ -99,7 +99,7 @@ def _worse(known: Sequence[tuple[str, float]]) -> frozenset[int]:
 
 
 def _menu(diagnosis: JsonDict) -> tuple[Table, ...]:
-    """What each measurement would do to tell the candidates apart."""
+    """How well each possible measurement would distinguish the candidates."""
     rows = tuple(
         (
             str(one["id"]),
@@ -111,12 +111,12 @@ def _menu(diagnosis: JsonDict) -> tuple[Table, ...]:
         )
         for one in diagnosis["next_measurement"].get("menu", ())
     )
-    columns = ("measurement", "do", "minutes", "bits expected", "pairs of candidates told apart", "log odds of the best pair")
+    columns = ("measurement", "do", "minutes", "bits expected", "pairs of candidates distinguished", "log odds of the best pair")
     return (Table("What could be measured next, best first", columns, rows),) if rows else ()
 
 
 def title_of(effect: str) -> str:
-    """What an effect is; a stored diagnosis may speak of one that is not installed here."""
+    """The title of an effect; a stored diagnosis may name one that is not installed here."""
     try:
         return find_effect(effect).effect.title
     except BadInput:

@@ -1,6 +1,6 @@
-"""What a report is made of, and what it consists of: plain, immutable values.
+"""The inputs of a report and its parts, as plain immutable values.
 
-Text from outside is cleaned when a value is made, so that no rendering can forget it.
+Text from outside is cleaned when a value is created, so that every output format shows clean text.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.report.kinds import FORMS, SECTIONS
 
-# Longer texts are not meant seriously; the machine-readable data holds them whole.
+# Longer texts are cut for display; the machine-readable data hold them complete.
 LONGEST_TEXT = 1000
 
 
 @dataclass(frozen=True)
 class Materials:
-    """What a report is made of.
+    """The inputs of a report.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ class Materials:
     steps : tuple of Fit
         The ladder, base first; empty before the first fit.
     comparison : Comparison, optional
-        Of the model that stands.
+        Of the current model.
     diagnosis : dict, optional
         As `Diagnosis.to_dict` gives it.
     unreadable : frozenset of str
-        Stored analyses that are left out, because this version cannot read them.
+        Stored analyses that are left out because this version cannot read them.
     laboratory : Laboratory, optional
-        Who signs.
+        The laboratory that issues the report.
     issue : dict, optional
         The report's number and date of issue, and what it replaces: see `motoremi.workflow_issue`.
     """
@@ -56,14 +56,14 @@ class Materials:
     issue: JsonDict | None = None
 
     def stored(self, name: str) -> JsonDict | None:
-        """What `analysis/<name>.json` holds; None if there is none, or it is left out."""
-        # A prediction holds thousands of levels: it is parsed once a report.
+        """The content of `analysis/<name>.json`; None if it does not exist or is left out."""
+        # Cached: a prediction holds thousands of levels.
         if name not in self._parsed:
             self._parsed[name] = None if name in self.unreadable else self.session.analysis(name)
         return self._parsed[name]
 
     def without(self, names: Collection[str]) -> Materials:
-        """The same with these stored analyses left out."""
+        """A copy that leaves out these stored analyses."""
         return dataclasses.replace(self, diagnosis=None if "diagnosis" in names else self.diagnosis, unreadable=frozenset(names))
 
     @cached_property
@@ -73,14 +73,14 @@ class Materials:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which form of a report, and which of its sections.
+    """The form of a report and its sections.
 
     Parameters
     ----------
     form : {"long", "short"}
-        What an engineer works with, or the two pages that a customer reads.
+        The complete report for engineers, or two pages for customers.
     sections : frozenset of str, optional
-        Names of `motoremi.report.kinds.SECTIONS`; of the long form all without it.
+        Names of `motoremi.report.kinds.SECTIONS`; all sections of the long form if empty.
 
     Raises
     ------
@@ -110,13 +110,13 @@ def is_result(fit: Fit) -> bool:
 
 
 def model_name(fit: Fit) -> str:
-    """The model in words."""
+    """The base model and its effects, for display."""
     return " + ".join(("paper's circuit", *fit.effects))
 
 
 @dataclass(frozen=True)
 class _Shown:
-    """A value whose texts are fit to be shown."""
+    """A value whose texts are cleaned for display."""
 
     def __post_init__(self) -> None:
         for entry in dataclasses.fields(self):
@@ -132,7 +132,7 @@ def _cleaned(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Table(_Shown):
-    """A table of texts; `marked` are the rows that a reader must not miss."""
+    """A table of texts; `marked` rows are highlighted."""
 
     title: str
     columns: tuple[str, ...]
@@ -142,7 +142,7 @@ class Table(_Shown):
 
 @dataclass(frozen=True)
 class Picture(_Shown):
-    """A plot with its caption; `svg` is our own markup."""
+    """A plot with its caption; `svg` is markup made by this software."""
 
     svg: str = field(metadata={"markup": True})
     caption: str
@@ -150,7 +150,7 @@ class Picture(_Shown):
 
 @dataclass(frozen=True)
 class Section(_Shown):
-    """A heading with what stands under it."""
+    """A heading with its texts, tables and pictures."""
 
     title: str
     texts: tuple[str, ...] = ()
@@ -159,7 +159,7 @@ class Section(_Shown):
 
     @property
     def anchor(self) -> str:
-        """What a link to it is called; titles are our own words."""
+        """The section's identifier in links; titles never contain text from outside."""
         return "-".join(re.findall("[a-z0-9]+", self.title.lower()))
 
 
@@ -173,7 +173,7 @@ class Box(_Shown):
     lines : tuple of (label, text, mood)
         Mood is "good", "bad" or "plain".
     verdict : (label, text, mood), optional
-        The one overall verdict on its requirement.
+        The overall verdict on its requirement.
     """
 
     title: str
@@ -183,7 +183,7 @@ class Box(_Shown):
 
 @dataclass(frozen=True)
 class Letterhead(_Shown):
-    """Who issues the report; the logo has been checked and is a PNG as base64 text, or SVG markup."""
+    """The laboratory that issues the report; the logo has been checked and is a PNG as base64 text, or SVG markup."""
 
     name: str
     address: tuple[str, ...]
@@ -192,7 +192,7 @@ class Letterhead(_Shown):
 
     @property
     def logo_url(self) -> str:
-        """The logo as a page shows it: as a picture, in which no script runs and nothing is fetched."""
+        """The logo as the address of an image: scripts in it do not run and nothing is loaded."""
         if self.logo_png:
             return f"data:image/png;base64,{self.logo_png}"
         return f"data:image/svg+xml;base64,{base64.b64encode(self.logo_svg.encode()).decode()}" if self.logo_svg else ""
@@ -200,7 +200,7 @@ class Letterhead(_Shown):
 
 @dataclass(frozen=True)
 class Report(_Shown):
-    """Everything that a report says.
+    """The content of a report.
 
     Parameters
     ----------
@@ -208,27 +208,27 @@ class Report(_Shown):
     boxes : tuple of Box
         The results on the first page, a box for each kind of measurement.
     warnings : tuple of str
-        What was not done or not well, in plain sight.
+        What was not done, or not done well; shown on the first page.
     sections : tuple of Section
     data : dict
-        The same for machines, texts as they came.
+        The machine-readable content, with texts as they came.
     begun : str
         When the measurement began, ISO 8601.
     footer : str
-        At the foot of every page: which session this is.
+        Identifies the session at the foot of every page.
     signatures : tuple of str
-        Who signs, a line each.
+        One line for each signature.
     letterhead : Letterhead, optional
     number : str
         The report's own number, at the head of every page and at its end.
     facts : tuple of (label, text)
-        What was tested, when, by whom, for whom.
+        Item tested, date, operator, customer.
     statements : tuple of str
-        What holds for the whole report: what the results relate to, by which rule verdicts are found.
+        Statements on the whole report: what the results relate to, and the decision rule.
     mark : str
-        What has to stand on every page, such as that the data are simulated.
+        A note for every page, such as that the data are simulated.
     pages : int
-        Pictures are drawn so small that it has no more pages than these, as far as they can still be read; 0 for any number.
+        Pictures are reduced, within legible limits, so that the report has at most this many pages; 0 for no limit.
     """
 
     title: str
@@ -254,5 +254,5 @@ class Report(_Shown):
 
     @property
     def end(self) -> str:
-        """The last line: nothing follows."""
+        """The end mark of the report."""
         return f"End of report {self.number}".strip()

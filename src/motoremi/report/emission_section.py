@@ -1,4 +1,4 @@
-"""The emission section's picture and tables, from a stored prediction."""
+"""The section Emission: its plots and tables, from the spectra and a stored prediction."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ _COLOURS = {"peak": BLUE, "quasi-peak": PURPLE, "average": ORANGE, "cispr-averag
 
 
 def prediction_figure(prediction: JsonDict, height_inch: float = 0.0) -> Figure:
-    """Measured levels thin, predicted ones dashed, limits dotted, and below what was measured over what was predicted.
+    """Measured levels thin, predicted ones dashed, limits dotted; below, measured minus predicted levels.
 
     Parameters
     ----------
     prediction : dict
         As `Prediction.to_dict` gives it.
     height_inch : float, optional
-        As high as it has to be without it.
+        Chosen to fit if not given.
     """
     below = bool(prediction["measured_dbuv"] and prediction["predicted_dbuv"])
     figure, axes = panels(9.0, height_inch or 5.4, 2, 1, height_ratios=(3, 1)) if below else panels(9.0, height_inch or 4.2)
     panel = axes[0, 0]
     frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
     measured = prediction["measured_dbuv"]
-    # Predictions of older sessions do not say it.
+    # Not stored by earlier versions.
     guard = float(prediction.get("expanded_uncertainty_db", 0.0))
     shown = list(measured) or ["peak", "quasi-peak", "average"]
     for detector in shown:
@@ -97,7 +97,7 @@ def _levels(values: list[float | None]) -> FloatArray:
 
 
 def prediction_tables(prediction: JsonDict) -> tuple[Table, ...]:
-    """What was judged, and how far the prediction is from the measurement."""
+    """Tables of the verdicts, and of the difference between measurement and prediction."""
     tables = [*final_tables(prediction), limit_table(prediction)]
     if prediction["error_bands"]:
         rows = tuple(
@@ -130,7 +130,7 @@ def limit_table(prediction: JsonDict) -> Table:
 
 
 def spectra_picture(materials: Materials, height_inch: float = 0.0) -> Picture:
-    """Levels against the limit where there is one, else as they were measured."""
+    """The levels with prediction and limit, or the measured levels alone if there is no prediction."""
     prediction = materials.stored("prediction")
     if prediction is None:
         return picture("spectrum", spectrum_figure(materials.session.corrected_spectra), "Conducted emission, corrected levels.")
@@ -139,7 +139,7 @@ def spectra_picture(materials: Materials, height_inch: float = 0.0) -> Picture:
 
 
 def final_tables(prediction: JsonDict) -> list[Table]:
-    """The final values, if any were measured; predictions of older sessions have none."""
+    """The final values, if any were measured; earlier versions stored none."""
     finals = prediction.get("finals") or []
     if not finals:
         return []
@@ -168,7 +168,7 @@ def final_tables(prediction: JsonDict) -> list[Table]:
 
 
 def correction_tables(session: Session) -> tuple[Table, ...]:
-    """What stood in front of the receiver, and raw and corrected levels where each spectrum is highest."""
+    """The receiver's corrections, and raw and corrected levels at the highest point of each spectrum."""
     entries = session.corrections.role("receiver")
     if not entries:
         return ()
@@ -205,7 +205,7 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
 
 
 def emission_section(materials: Materials) -> Section:
-    """Measured levels; where a prediction is stored, against it and the limit, and what the spectra's diagnosis found."""
+    """Measured levels and, if there is a prediction, the comparison with it and with the limit, and the diagnosis of the spectra."""
     session = materials.session
     spectra, unit = session.corrected_spectra, session.corrections.level_unit
     rows = tuple(

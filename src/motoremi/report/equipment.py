@@ -1,4 +1,4 @@
-"""The equipment list: what measured, what stood in between, and how long its calibration holds."""
+"""The equipment list: instruments, fixtures and corrections, with their calibration dates."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from motoremi.report.contents import Materials, Section, Table
 from motoremi.report.identity import imported_files
 
 NOT_STATED = "not stated"
-# Settings of an analyser that name a part of their own.
+# Settings of an analyser that name a piece of equipment.
 PARTS = ("adapter", "fixture")
-# What is compensated or corrected for rather than calibrated.
+# Kinds that are compensated or corrected for, and need no calibration date.
 UNDATED = (*PARTS, "cable")
 
 
 @dataclass(frozen=True)
 class Item:
-    """A piece of equipment; dates in ISO 8601, empty where nobody stated them."""
+    """A piece of equipment; dates in ISO 8601, empty if not stated."""
 
     kind: str
     name: str
@@ -34,7 +34,7 @@ class Item:
 
 
 def equipment_section(materials: Materials) -> Section:
-    """A row for each instrument, correction, adapter and fixture, and for what the laboratory's profile adds."""
+    """A row for each instrument, correction, adapter and fixture, and for each entry that the laboratory's profile adds."""
     items = equipment_of(materials)
     used = _used_on(materials.session)
     rows = tuple(
@@ -49,7 +49,7 @@ def equipment_section(materials: Materials) -> Section:
 
 
 def equipment_of(materials: Materials) -> tuple[Item, ...]:
-    """All equipment, what the session and the profile know by the same serial number in one row."""
+    """All equipment; entries of session and profile with the same serial number are one."""
     laboratory = materials.laboratory
     stated = laboratory.equipment if laboratory is not None else ()
     items, joined = [], set()
@@ -64,15 +64,15 @@ def equipment_of(materials: Materials) -> tuple[Item, ...]:
 
 
 def overdue(materials: Materials) -> list[str]:
-    """What was used after its calibration was due."""
+    """Equipment that was used after its calibration was due."""
     used = _used_on(materials.session)
     return [f"the calibration of the {one.kind} {one.name} was due on {one.due}" for one in equipment_of(materials) if _is_late(one, used)]
 
 
 def not_stated(materials: Materials) -> list[str]:
-    """What a reader would look for and nobody stated."""
+    """Information that a test report should have and that was not stated."""
     session, start = materials.session, materials.session.start
-    missing = [label for label, key in (("the motor's name", "motor"), ("its serial number", "serial")) if not start.get(key)]
+    missing = [label for label, key in (("the motor's name", "motor"), ("the motor's serial number", "serial")) if not start.get(key)]
     missing += [label for label, key in (("who measured", "operator"), ("ambient conditions", "ambient")) if not start.get(key)]
     items = equipment_of(materials)
     kinds = {word for item in items for word in f"{item.kind} {item.name}".lower().replace("-", " ").split()}
@@ -96,7 +96,7 @@ def _of_session(session: Session) -> Iterator[Item]:
         if document["kind"] != "instrument":
             continue
         identity, role = document.get("identity") or {}, str(document.get("role"))
-        name = " ".join(str(identity[key]) for key in ("vendor", "model") if identity.get(key)) or "did not say what it is"
+        name = " ".join(str(identity[key]) for key in ("vendor", "model") if identity.get(key)) or "did not identify itself"
         item = Item(role, name, str(identity.get("serial") or ""), str(calibrated.get(role, "")))
         if item in seen:
             continue
@@ -108,13 +108,13 @@ def _of_session(session: Session) -> Iterator[Item]:
             if str(named.get(part, "none")).lower() not in ("none", "false", ""):
                 yield Item(part, str(named[part]))
     for entry in session.corrections.entries:
-        told = entry.file or (f"{len(entry.frequency_hz)} values" if entry.frequency_hz else "one value")
+        table = entry.file or (f"{len(entry.frequency_hz)} values" if entry.frequency_hz else "one value")
         day, due = (value.isoformat() if value is not None else "" for value in (entry.calibrated, entry.due))
-        yield Item(f"{entry.role} correction", entry.name, entry.serial, day, due, table=told)
+        yield Item(f"{entry.role} correction", entry.name, entry.serial, day, due, table=table)
 
 
 def _is_of(stated: Equipment, session: Session) -> bool:
-    """Whether something that only the profile knows belongs to a session: an instrument does not where others were identified."""
+    """Whether equipment from the profile alone belongs to a session; instruments do not if the session identified its own."""
     if stated.kind == "instrument" and any(document["kind"] == "instrument" for document in session.documents):
         return False
     return {"both": True, "impedance": bool(session.sweeps), "emission": bool(session.spectra)}[stated.used_for]
@@ -125,14 +125,14 @@ def _from_profile(one: Equipment) -> Item:
 
 
 def _joined(item: Item, stated: Equipment) -> Item:
-    """The laboratory's own record of a calibration wins over the bench file's."""
+    """An entry with calibration dates of the laboratory's profile, which override those of the bench file."""
     calibrated, due = (value.isoformat() if value is not None else "" for value in (stated.calibrated, stated.due))
     newer = calibrated and calibrated != item.calibrated
     return replace(item, calibrated=calibrated or item.calibrated, due=due or ("" if newer else item.due), certificate=stated.certificate)
 
 
 def _with_due(item: Item, days: float | None) -> Item:
-    """Due so many days after its calibration, where no date is stated."""
+    """An entry with a due date this many days after its calibration, unless one is stated."""
     if item.due or days is None:
         return item
     try:
@@ -142,7 +142,7 @@ def _with_due(item: Item, days: float | None) -> Item:
 
 
 def _used_on(session: Session) -> str:
-    """The last day of a run; imported data have no such day for sure."""
+    """The last day of a run; empty for imported data, whose date is uncertain."""
     times = [str(d.get("time", ""))[:10] for d in session.documents if d["kind"] in ("sweep", "spectrum", "final")]
     return "" if imported_files(session) or not times else max(times)
 

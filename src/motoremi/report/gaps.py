@@ -1,4 +1,4 @@
-"""What was not done or not done well, for the first page: a report that hides its gaps is worse than none."""
+"""What was not done, or not done well: listed on the first page."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from motoremi.report.identity import imported_files, measured_items
 from motoremi.report.steps import being_written, planned_steps
 from motoremi.report.words import findings_of
 
-# A stored diagnosis rounds nothing: a larger difference means that it was made from another fit.
+# Stored values are not rounded: a larger difference means that the diagnosis was made from another fit.
 SAME_FIT = 1e-3
-# With these findings the diagnosis fitted the same model again: as data of another analyser, or without the points that stand out.
+# With these findings the diagnosis fitted the same model again, with another analyser or without outliers.
 REFITTED = ("not-as-declared", "interference")
-# Stored analyses that a report can do without, and how to make them anew; what needs another one comes before it.
+# Stored analyses that a report can leave out, and the command that makes them again; each stands before those it depends on.
 STORED = {
     "diagnosis": "motoremi diagnose",
     "emission-diagnosis": "motoremi diagnose --emission",
@@ -31,7 +31,7 @@ STORED = {
 
 
 def gaps(materials: Materials) -> tuple[str, ...]:
-    """Everything a reader has to know before believing the rest, each once."""
+    """Every limitation that a reader has to know, each once."""
     session = materials.session
     found = [*_of_the_run(session), *_of_the_import(session), *_of_the_set_up(session), *overdue(materials), *_of_the_analysis(materials)]
     for spectrum in session.spectra:
@@ -51,17 +51,17 @@ def _of_the_run(session: Session) -> list[str]:
     found += [str(remark) for remark in session.start.get("remarks") or ()]
     for document in session.documents:
         if document["kind"] == "maxima" and document.get("more"):
-            found.append(f"{document['more']} more maxima are as near to the limit as those that were read again: they were not read")
+            found.append(f"{document['more']} more maxima are as near to the limit as those that were measured again: they were not measured")
     if session.start.get("backend") == "sim":
         found.append("simulated bench: no real motor and no real instrument was measured")
     elif session.simulated:
         found.append("simulated data: they come from a simulated bench, no real motor and no real instrument was measured")
     if session.status != "done" and not being_written(session):
         reason = next((str(d["reason"]) for d in reversed(session.documents) if d["kind"] == "stop" and d.get("reason")), "no stop document")
-        found.append(f"the run did not end well ({session.status}): {reason}")
+        found.append(f"the run did not end normally ({session.status}): {reason}")
     again = [str(d.get("step")) for d in session.documents if d["kind"] == "resume"]
     if again:
-        found.append(f"the run was interrupted and went on later (at step {', '.join(again)})")
+        found.append(f"the run was interrupted and resumed later (at step {', '.join(again)})")
     steps = planned_steps(session)
     unfinished = [f"{number} ({name})" for number, name, _, state in steps if state == "not finished"]
     if unfinished:
@@ -79,7 +79,7 @@ def _of_the_import(session: Session) -> list[str]:
     files = imported_files(session)
     if not files:
         return []
-    found = [f"imported: the data were read from {len(files)} files; motoremi neither drove the instruments nor saw how they were set up"]
+    found = [f"imported: the data were read from {len(files)} files; motoremi neither controlled the instruments nor knows their settings"]
     items = measured_items(session)
     undated = list(dict.fromkeys(str(item.metadata.get("source", "-")) for item in items if not measured_on(item.metadata)))
     if undated:
@@ -87,17 +87,17 @@ def _of_the_import(session: Session) -> list[str]:
         found.append(f"{what} not say when the data were measured")
     assumed = [name for key, name in (("detector_assumed", "detector"), ("rbw_assumed", "bandwidth")) if any(i.metadata.get(key) for i in items)]
     if assumed:
-        found.append(f"the files do not state {' and '.join(assumed)} of the spectra: usual ones are assumed")
+        found.append(f"the files do not state {' and '.join(assumed)} of the spectra: the usual ones are assumed")
     changed = {str(change) for sweep in session.sweeps for change in sweep.metadata.get("changes") or ()}
     return found + [f"changed on import: {change}" for change in sorted(changed)]
 
 
 def _of_the_set_up(session: Session) -> list[str]:
     found = [str(d["says"]) for d in session.documents if d["kind"] == "doubt"]
-    # A procedure with an interval of its own was refused where it is exceeded.
+    # A run whose procedure states an interval is refused when it is exceeded.
     if "calibration_within" not in (session.start.get("procedure") or {}):
         ages = session.start.get("calibration_age_days") or {}
-        # A bench file may date an instrument that this procedure does not use.
+        # A bench file may state dates for instruments that this procedure does not use.
         used = {document.get("role") for document in session.documents if document["kind"] == "instrument"}
         found += [doubt for role, age in ages.items() if (role in used or not used) and (doubt := calibration_doubt(role, age))]
     if session.start.get("analyser_assumed"):
@@ -135,7 +135,7 @@ def _of_the_analysis(materials: Materials) -> list[str]:
     if not session.spectra:
         found.append("no emission spectrum was measured")
     elif materials.stored("prediction") is None and "prediction" not in materials.unreadable:
-        found.append("the spectra were not held against a limit")
+        found.append("the spectra were not judged against a limit")
     return found
 
 

@@ -1,4 +1,4 @@
-"""The first lines of the first page: how wrong, where, why, how wrong after, and what is left to noise."""
+"""The results on the first page: errors before and after, where the model fails, the cause, the floor, and the verdicts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_RESULT = "no result: the fit did not converge"
 
 
 def boxes(materials: Materials, short: bool = False) -> tuple[Box, ...]:
-    """A box for the impedance and one for the emission, each with its own overall verdict; `short` leaves out what only an engineer needs."""
+    """One box for the impedance and one for the emission, each with its overall verdict; `short` leaves out details for engineers."""
     found = []
     if materials.session.sweeps or materials.steps:
         box = _impedance(materials)
@@ -55,7 +55,7 @@ def _before(base: Fit) -> list[Line]:
 
 
 def spans(where: Sequence[JsonDict], most: int = 3) -> str:
-    """Where a model fails, in words."""
+    """The spans where a model fails, in words."""
     found = [f"{span['sweep']} {show_band(*span['band_hz'])} ({100 * span['share']:.0f} %)" for span in where[:most]]
     return f"{'; '.join(found)} of the squared error" if found else "nowhere beyond the uncertainty"
 
@@ -64,17 +64,17 @@ def _diagnosis_lines(diagnosis: JsonDict) -> list[Line]:
     start = diagnosis["base"]["effects"]
     label = "Diagnosis" + (f" (of the model with {' + '.join(start)})" if start else "")
     lines: list[Line] = [(label, f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %", mood_of(str(diagnosis["verdict"])))]
-    lines += [("Not told apart", ", ".join(family), "plain") for family in diagnosis["families"]]
+    lines += [("Not distinguished", ", ".join(family), "plain") for family in diagnosis["families"]]
     return lines + [(f"Found in the data: {one['id']}", f"{one['why']}; {one['remedy']}", "bad") for one in serious_of(findings_of(diagnosis))]
 
 
 def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
-    """The error after the effect: of the model that stands, or, before it is added, what the diagnosis found it would be."""
+    """The error after adding the effect: of the current model or, before it is added, as found by the diagnosis."""
     if not last.effects and diagnosis is not None and diagnosis["effects"]:
         model = f"with {' + '.join(diagnosis['effects'])}, not added yet"
         error, left = float(diagnosis["best"]["rms_error_percent"]), diagnosis.get("unexplained_percent")
         reached = left is not None and left["value"] <= last.measurement.good_enough_percent
-        # What is only proposed is no result yet, and is not shown as a good one.
+        # A proposed effect is not a result yet, so it is not shown in green.
         return f"Error after ({model})", f"{error:.3g} % rms", "plain" if reached else "bad"
     model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
     if not is_result(last):
@@ -83,7 +83,7 @@ def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
 
 
 def _beside(last: Fit) -> list[Line]:
-    """What has to stand beside the error of the model that stands."""
+    """What is always shown beside the error of the current model."""
     lines = [(FLOOR, f"{last.floor_percent:.2g} % rms, noise alone {last.noise_percent:.2g} %", "plain")]
     if is_result(last):
         lines += [(SHARE, text, "plain") for text in [share_of_analyser(last)] if text]
@@ -102,7 +102,7 @@ def _judged(comparison: Comparison | None) -> Line:
 
 
 def _emission(materials: Materials) -> Box:
-    """The spectra against the limit; a verdict on levels that were only predicted is no result."""
+    """The spectra against the limit; a verdict on predicted levels has no colour, since nothing was measured."""
     prediction, diagnosis = materials.stored("prediction"), materials.stored("emission-diagnosis")
     if prediction is None:
         return Box("Conducted emission", (), ("Emission", "not judged", "plain"))
@@ -133,7 +133,7 @@ def _emission_cause(diagnosis: JsonDict) -> str:
 
 
 def tolerance(comparison: Comparison) -> str:
-    """What the error may be, in words."""
+    """The tolerance, in words."""
     limits = comparison.tolerance
     pairs = ((limits.error_percent, "% error"), (limits.magnitude_db, "dB of magnitude"), (limits.phase_deg, "deg of phase"))
     return ", ".join(f"{value:g} {unit}" for value, unit in pairs if value is not None)

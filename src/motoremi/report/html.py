@@ -1,4 +1,4 @@
-"""The report as one HTML file: no script, no reference to anything outside."""
+"""The report as one HTML file, without scripts and without references to outside addresses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _template() -> Template:
         lstrip_blocks=True,
         finalize=_printed,
     )
-    # Only our own plots are markup; everything else is escaped.
+    # Only plots drawn here are markup; everything else is escaped.
     environment.filters["drawing"] = Markup
     return environment.get_template("template.html.j2")
 

@@ -1,4 +1,4 @@
-"""What was measured, with what, by whom, when, and in which steps."""
+"""Identity of a report and its session: item, dates, people, instrument settings, files and steps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _UNITS = {"hz": "Hz", "s": "s", "volt": "V", "db": "dB"}
 
 
 def report_facts(materials: Materials) -> tuple[tuple[str, str], ...]:
-    """Which report, for whom, on what, measured when and by whom."""
+    """Report number, customer, item tested, date and operator, for the first page."""
     session, laboratory, issue = materials.session, materials.laboratory, materials.issue
     start = session.start
     facts = []
@@ -50,12 +50,12 @@ def imported_files(session: Session) -> tuple[str, ...]:
 
 
 def measured_items(session: Session) -> tuple[ImpedanceSweep | Spectrum, ...]:
-    """Everything that was measured."""
+    """All measured sweeps and spectra."""
     return (*session.sweeps, *session.spectra, *session.finals)
 
 
 def measured_when(session: Session) -> str:
-    """The dates of the measurement: of a run its own, of imported data those that their files state."""
+    """The dates of the measurement: those of the run, or for imported data those stated in the files."""
     if imported_files(session):
         days = [day for item in measured_items(session) if (day := measured_on(item.metadata))]
         return _span(days) if days else "date not stated in the files"
@@ -90,7 +90,7 @@ def identity_section(session: Session, session_sha256: str) -> Section:
         ("SHA-256 over the hashes of the measured files", session_sha256),
     )
     tables = [Table("Session", ("what", "is"), facts)]
-    # Whoever goes on with a session asks the same instruments again.
+    # A resumed run identifies the same instruments again: list each once.
     settings = dict.fromkeys(
         (str(d.get("role")), str(d.get("resource") or "-"), str((d.get("identity") or {}).get("firmware") or "-"), _settings(d))
         for d in session.documents
@@ -130,16 +130,16 @@ def _settings(document: JsonDict) -> str:
 
 
 def _shown(name: str, value: object) -> str:
-    """A setting as a person reads it: with the unit that its name ends in."""
+    """A setting with the unit that its name ends in."""
     unit = _UNITS.get(name.rpartition("_")[2])
     return show(value, unit) if unit and isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
 def procedure_section(session: Session) -> Section:
-    """Every step, done or not."""
+    """Every step of the procedure, done or not."""
     steps = planned_steps(session)
     if not steps:
-        return Section("Procedure", ("No bench procedure: the data were brought in by other means.",))
+        return Section("Procedure", ("No bench procedure: the data were not measured by a run.",))
     rows = tuple((f"{number}", name, settings or "-", state) for number, name, settings, state in steps)
     missed = frozenset(index for index, step in enumerate(steps) if step[3] in ("not begun", "not finished"))
     return Section("Procedure", (), (Table("Steps", ("step", "does", "with", "state"), rows, missed),))

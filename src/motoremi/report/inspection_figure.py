@@ -1,4 +1,4 @@
-"""Plot of what an element would have to be."""
+"""Plot of what an element would have to be at each frequency."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def inspection_figure(inspection: Inspection) -> Figure:
     for column, curve in enumerate(inspection.curves):
         top, bottom = axes[:, column]
         _draw(inspection, curve, top, bottom)
-        top.set_title(f"{inspection.element} as the {curve.termination}-circuit sweep wants it", fontsize=10)
+        top.set_title(f"{inspection.element} as the {curve.termination}-circuit sweep requires it", fontsize=10)
         top.set_ylabel(upper)
         bottom.set_ylabel(lower)
         top.yaxis.set_major_formatter(_engineering())
@@ -53,7 +53,7 @@ def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) 
     lossy = inspection.unit in ("H", "F")
     value = np.where(known, curve.value, np.nan)
     spread = 2 * np.where(known, curve.sigma_relative, np.nan) * np.abs(value)
-    # Of a ratio of imaginary to real part; the real part's share of it is small where losses are.
+    # For the loss tangent, the uncertainty of the imaginary part dominates.
     second, margin = (-value.imag / value.real, np.abs(spread / value.real)) if lossy else (value.imag, spread)
     model = -curve.model.imag / curve.model.real if lossy else curve.model.imag
     for axes, needed, width, has in ((top, value.real, spread, curve.model.real), (bottom, second, margin, model)):
@@ -70,7 +70,7 @@ def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) 
 
 
 def _limit(axes: Axes, needed: np.ndarray, width: np.ndarray) -> None:
-    """The axis shows the points that are known best; the band may leave it."""
+    """Limit the axis to the best-known points; the uncertainty band may extend beyond it."""
     good = np.isfinite(needed) & (width < np.nanquantile(width, 0.8) + 1e-300)
     if not good.any():
         return

@@ -51,7 +51,7 @@ def _sweep_suite(root: Element, sweep: str, bands: Sequence[JsonDict]) -> None:
 
 
 def _emission_suite(root: Element, prediction: JsonDict) -> None:
-    """A case for each detector against each line; a marginal level fails no more than it does for `motoremi predict`, but says so."""
+    """A case for each detector and limit line; as for `motoremi predict`, a marginal level does not fail, but its case says so."""
     suite = SubElement(root, "testsuite", name="emission")
     _properties(suite, {"limit": prediction["limit"]["title"], "judged": prediction["judged_what"], "verdict": prediction["verdict"]})
     for one in prediction["judged"]:
@@ -66,16 +66,16 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
 
 
 def _session_suite(root: Element, report: Report) -> None:
-    """Who measured what, and the diagnosis: a cause is no failure of its own, but data that contradict themselves are."""
+    """The session's properties, and cases for fit, comparison and diagnosis: a missing effect is no failure, contradictory data are one."""
     comparison, diagnosis = report.data["comparison"], report.data["diagnosis"]
     suite = SubElement(root, "testsuite", name="session")
-    told = {name: report.data[name] for name in ("motor", "operator", "software", "session_sha256", "status")}
-    told |= {name: value for name, value in issued(report.data) if value}
+    properties = {name: report.data[name] for name in ("motor", "operator", "software", "session_sha256", "status")}
+    properties |= {name: value for name, value in issued(report.data) if value}
     if diagnosis is not None:
-        told["diagnosis"] = diagnosis["verdict"]
-        told["effects"] = ", ".join(diagnosis["effects"])
-        told["confidence"] = f"{diagnosis['confidence']:.3g}"
-    _properties(suite, told)
+        properties["diagnosis"] = diagnosis["verdict"]
+        properties["effects"] = ", ".join(diagnosis["effects"])
+        properties["confidence"] = f"{diagnosis['confidence']:.3g}"
+    _properties(suite, properties)
     _fit_case(suite, report.data["ladder"])
     case = SubElement(suite, "testcase", classname="motoremi.session", name="comparison")
     if comparison is None:
@@ -98,7 +98,7 @@ def _session_suite(root: Element, report: Report) -> None:
 
 
 def _fit_case(suite: Element, ladder: Sequence[JsonDict]) -> None:
-    """A fit that did not converge fails by itself: with no band judged, the file would look as if all were well."""
+    """A case for the fit, which fails if the fit did not converge: no band is judged then, so nothing else would fail."""
     case = SubElement(suite, "testcase", classname="motoremi.session", name="fit")
     if not ladder:
         SubElement(case, "skipped", message="no fit was made")

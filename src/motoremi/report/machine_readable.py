@@ -19,7 +19,7 @@ def render_json(report: Report) -> str:
 
 
 def issued(data: JsonDict) -> tuple[tuple[str, str], ...]:
-    """What a laboratory's report says of itself: name and text of each entry; those that say nothing are empty."""
+    """Number, dates, laboratory and statements of the report, by name; empty where not stated."""
     if data["laboratory"] is None:
         return ()
     laboratory, issue = data["laboratory"], data["issue"] or {}
@@ -38,22 +38,22 @@ def issued(data: JsonDict) -> tuple[tuple[str, str], ...]:
 
 
 def _cell(text: str) -> str:
-    """Text from outside, which no spreadsheet shall take for a formula."""
+    """Text from outside, escaped so that no spreadsheet reads it as a formula."""
     shown = clean_text(text)
     return f"'{shown}" if shown.lstrip()[:1] in tuple("=+-@") else shown
 
 
 def render_csv(report: Report) -> str:
-    """What the report says of itself, parameters of every step, then the error per band and the margins to the limit, in one long table.
+    """Number and laboratory of the report, parameters of every step, error of each band and margins to the limit, in one long table.
 
-    `sigma` is a number or empty; `note` says what the data do not determine, and the verdict of a band.
+    `sigma` is a number or empty; `note` says whether a parameter is determined, and gives the verdict of a band.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for name, told in issued(report.data):
-        if told:
-            writer.writerow(("report", "", name, "", "", "", _cell(told)))
+    for name, text in issued(report.data):
+        if text:
+            writer.writerow(("report", "", name, "", "", "", _cell(text)))
     for number, step in enumerate(report.data["ladder"]):
         for name, entry in step["parameters"].items():
             sigma = "" if entry["sigma"] is None else repr(entry["sigma"])

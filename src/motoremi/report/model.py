@@ -1,4 +1,4 @@
-"""The report as plain data; every rendering is made from it and computes nothing."""
+"""The report as plain data, from which every output format is rendered without further computation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHORT_PAGES = 2
 def build_report(materials: Materials, choice: Choice = WHOLE) -> Report:
     """Make the report of a session."""
     if materials.steps and not is_result(materials.steps[-1]):
-        # Neither pass nor fail means anything for a fit that stopped on its way.
+        # A fit that did not converge has no verdict.
         materials = dataclasses.replace(materials, comparison=None)
     session, laboratory = materials.session, materials.laboratory
     start = session.start
@@ -63,7 +63,7 @@ def _title(session: Session) -> str:
 
 
 def _left_out(choice: Choice) -> list[str]:
-    """A reader of a part has to know that it is one."""
+    """What this form or choice of sections leaves out."""
     if choice.form == "short":
         return ["this is the short form: all values, settings and steps are in the long one"]
     missing = [name for name in SECTIONS if not choice.holds(name)]
@@ -86,7 +86,7 @@ def _statements(materials: Materials) -> tuple[str, ...]:
 
 
 def session_hash(session: Session) -> str:
-    """What ties a report to its session: a digest of the measured data, which later analyses do not change."""
+    """The hash that ties a report to its session: of the measured data, which later analyses do not change."""
     digest = hashlib.sha256()
     for document in session.documents:
         if document["kind"] in ("sweep", "spectrum", "final"):
@@ -97,7 +97,7 @@ def session_hash(session: Session) -> str:
 
 
 def _without_levels(prediction: JsonDict | None) -> JsonDict | None:
-    """The verdicts; thousands of levels are in the session's own files."""
+    """A prediction without its thousands of levels, which are in the session's own files."""
     if prediction is None:
         return None
     return {name: value for name, value in prediction.items() if name != "frequency_hz" and not name.endswith("_dbuv")}

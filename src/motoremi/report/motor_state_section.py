@@ -1,4 +1,4 @@
-"""The report's section on the motor's state: what it was with each sweep and spectrum, and what is marked."""
+"""The report's section on the motor's state during each sweep and spectrum."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motoremi.report.contents import Section, Table
 
 
 def state_section(session: Session) -> Section | None:
-    """One row for each sweep and spectrum that was measured with a state; None if none was."""
+    """One row for each sweep and spectrum with a recorded state; None if there is none."""
     states = states_of(session.documents)
     if not states:
         return None
@@ -26,7 +26,7 @@ def state_section(session: Session) -> Section | None:
 
 
 def _readers(state: Mapping[str, object]) -> list[str]:
-    """Who read what."""
+    """The quantities, and by what each was read."""
     read_by = state.get("read_by")
     if not isinstance(read_by, Mapping):
         return []

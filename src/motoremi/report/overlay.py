@@ -1,4 +1,4 @@
-"""Plots of several sessions over each other: a colour and a line style for each."""
+"""Overlay plots of several sessions, with a colour and line style for each."""
 
 from __future__ import annotations
 
@@ -18,12 +18,16 @@ if TYPE_CHECKING:
 
     from motoremi.data.spectrum import Spectrum
 
-LOOKS = ((BLACK, "-"), (VERMILION, "--"), (BLUE, "-."), (GREEN, ":"), (PURPLE, "-"), (ORANGE, "--"), (SKY, "-."), (GREY, "-"))
+# All differ in grey print.
+LOOKS = (
+    (BLACK, "-"), (VERMILION, "--"), (BLUE, "-."), (GREEN, ":"),
+    (PURPLE, (0, (8, 2))), (ORANGE, (0, (3, 1, 1, 1, 1, 1))), (SKY, (0, (1, 3))), (GREY, (0, (6, 1, 1, 1))),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One session's sweep over the first session's, where both were measured.
+    """The ratio of a session's sweep to the first session's, where both were measured.
 
     Parameters
     ----------
@@ -40,7 +44,7 @@ class Change:
 
     @property
     def magnitude_db(self) -> FloatArray:
-        """Of the ratio."""
+        """Magnitude of the ratio in dB."""
         return 20 * np.log10(np.abs(self.ratio))
 
     @property
@@ -67,11 +71,11 @@ def sweeps_overlay(sweeps: Mapping[str, Mapping[str, RepeatedSweep]], changes: M
                 continue
             frequency, mean = own[termination].frequency_hz, own[termination].mean_ohm
             shown.append(frequency)
-            top.plot(frequency, np.abs(mean), style, color=colour, linewidth=1.3, label=literal(name))
-            middle.plot(frequency, np.degrees(np.angle(mean)), style, color=colour, linewidth=1.3)
+            top.plot(frequency, np.abs(mean), linestyle=style, color=colour, linewidth=1.3, label=literal(name))
+            middle.plot(frequency, np.degrees(np.angle(mean)), linestyle=style, color=colour, linewidth=1.3)
             change = changes.get(name, {}).get(termination)
             if change is not None:
-                bottom.plot(change.frequency_hz, change.magnitude_db, style, color=colour, linewidth=1.1)
+                bottom.plot(change.frequency_hz, change.magnitude_db, linestyle=style, color=colour, linewidth=1.1)
                 band = 20 * np.log10(1 + change.uncertainty)
                 bottom.fill_between(change.frequency_hz, -band, band, color=GREY, alpha=0.35, linewidth=0, label=UNCERTAINTY)
         log_values(top, prefixes=True)
@@ -88,7 +92,7 @@ def sweeps_overlay(sweeps: Mapping[str, Mapping[str, RepeatedSweep]], changes: M
 
 
 def spectra_overlay(spectra: Mapping[str, Sequence[Spectrum]]) -> Figure:
-    """Levels of the running motors, a panel for each detector."""
+    """Levels with the motors running, a panel for each detector."""
     detectors = list(dict.fromkeys(spectrum.detector for own in spectra.values() for spectrum in own))
     figure, axes = panels(9.0, 1.0 + 2.6 * len(detectors), len(detectors), 1)
     every = [spectrum for own in spectra.values() for spectrum in own]
@@ -98,7 +102,7 @@ def spectra_overlay(spectra: Mapping[str, Sequence[Spectrum]]) -> Figure:
         for (name, own), (colour, style) in zip(spectra.items(), LOOKS, strict=False):
             for spectrum in own:
                 if spectrum.detector == detector:
-                    panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, style, color=colour, linewidth=0.8, label=literal(name))
+                    panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, linestyle=style, color=colour, linewidth=0.8, label=literal(name))
         panel.set_ylabel(f"{detector} level (dBµV)")
         frequency_axis(panel, ends, label=row == len(detectors) - 1)
     legend_above(figure, *axes[:, 0])

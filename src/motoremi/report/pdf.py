@@ -1,7 +1,7 @@
 """The report as PDF, by typst (extra `pdf`).
 
-All text goes to typst as strings of a JSON file, never as source, so that nothing in it can be obeyed. Fonts come with typst and
-matplotlib, none from the system: the same report gives the same bytes on another machine with the same versions of both.
+All text goes to typst as strings in a JSON file, never as source, so that none of it is executed. Fonts come with typst and
+matplotlib, not from the system: the same report gives the same bytes on any machine with the same versions of both.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from motoremi.errors import BadInput
 from motoremi.report.contents import Report
 from motoremi.report.words import in_symbols
 
-# A long word may be longer than its column. It may be broken where a name has a joint, never inside of it; what has none for so long is no name.
+# Words longer than a column are broken at the joints of a name, such as . / _ and brackets; longer runs without a joint are cut.
 _LONG_WORD = re.compile(r"\S{20,}")
 _JOINT = re.compile(r"(?<=[./@:;,=+&|?~#)\]}])(?=\w)")
 _LONG_PIECE = re.compile(r"\w{25,}")
@@ -51,7 +51,7 @@ def render_pdf(report: Report) -> bytes:
         raise BadInput(NOT_INSTALLED)
     import typst
 
-    # Its annotations know one file only, not several by name.
+    # typst's type annotations only allow a single file.
     compile_files: Callable[..., bytes] = typst.compile
     source: dict[str, bytes] = {"main.typ": files("motoremi.report").joinpath("template.typ").read_bytes()}
     page = _page(report)
@@ -70,7 +70,7 @@ def render_pdf(report: Report) -> bytes:
 
 
 def _logo(report: Report) -> bytes | None:
-    """The laboratory's logo; it goes as numbers, since typst takes files in memory for text."""
+    """The laboratory's logo; passed as numbers, since typst reads files in memory as text."""
     head = report.letterhead
     if head is None or not (head.logo_png or head.logo_svg):
         return None
@@ -78,7 +78,7 @@ def _logo(report: Report) -> bytes | None:
 
 
 def _page(report: Report) -> JsonDict:
-    """What the template shows."""
+    """The data for the template."""
     number = 0
     sections = []
     for section in report.sections:
@@ -116,7 +116,7 @@ def _picture_name(number: int) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Plain data, with every text as this file's fonts can show it."""
+    """Plain data, with every text in characters that the fonts have."""
     if isinstance(value, str):
         return _LONG_WORD.sub(_broken, "".join(map(_in_font, in_symbols(value))))
     if isinstance(value, dict):
@@ -135,13 +135,13 @@ def _in_pieces(run: re.Match[str]) -> str:
 
 
 def _in_font(character: str) -> str:
-    """A character that no font here has is written out: an empty box would hide it."""
+    """A character, or its code if the fonts lack it: an empty box would hide it."""
     code = ord(character)
     return character if code in _known_characters() else f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
 
 
 def _fonts() -> Path:
-    """Matplotlib's own fonts, in which the plots are drawn; typst brings no sans-serif font."""
+    """The folder of matplotlib's fonts, which the plots use: typst includes no sans-serif font."""
     import matplotlib
 
     return Path(matplotlib.get_data_path()) / "fonts" / "ttf"
@@ -155,7 +155,7 @@ def _known_characters() -> frozenset[int]:
 
 
 def _date(text: str) -> JsonDict | None:
-    """Time for the file's metadata; None if the session has no readable one."""
+    """The session's time for the file's metadata; None if it cannot be read."""
     try:
         time = datetime.fromisoformat(text)
     except ValueError:

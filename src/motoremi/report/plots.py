@@ -1,6 +1,6 @@
-"""Plots as a bench engineer draws them: log frequency, dB and degrees, the uncertainty as a band, the error under the curve.
+"""Plots over log frequency in ohm, dB and degrees, with the uncertainty as a band and the error below the curves.
 
-Matplotlib is heavy, so it is imported when a plot is asked for.
+Matplotlib is slow to import, so this is done only when a plot is drawn.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ __all__ = [
 TITLES = {"short": "short-circuit sweep (winding)", "open": "open-circuit sweep (terminal to frame)"}
 UNCERTAINTY = "expanded uncertainty (k = 2)"
 MOST_CANDIDATES = 10
-# A resonance is named if |Z| falls by as much on both sides, or rises.
+# A resonance is labelled if |Z| falls, or rises, by at least this much on both sides.
 CLEAR_DB = 3.0
 NAME_SHARE = 0.3
 # Below odds of 30 to 1 two candidates count as one family: 2 ln(1/0.03).
-TOLD_APART = 7.0
+DISTINGUISHED = 7.0
 
 
 def sweeps_figure(base: Fit, best: Fit, height_inch: float = 6.6) -> Figure:
@@ -110,7 +110,7 @@ def measured_figure(measurement: Measurement) -> Figure:
 
 
 def _draw_measured(top: Axes, middle: Axes, sweep: RepeatedSweep) -> None:
-    """Magnitude in ohm and phase in degrees of what was measured, broad enough to be seen behind a model."""
+    """Measured magnitude in ohm and phase in degrees, drawn broad so that they can be seen behind a model."""
     frequency, magnitude = sweep.frequency_hz, np.abs(sweep.mean_ohm)
     top.plot(frequency, magnitude, color=BLACK, linewidth=3.0, alpha=0.35, label=f"measured, mean of {sweep.repeats}")
     middle.plot(frequency, np.degrees(np.angle(sweep.mean_ohm)), color=BLACK, linewidth=3.0, alpha=0.35)
@@ -128,7 +128,7 @@ def fit_figure(fit: Fit) -> Figure:
 
 
 def _mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> None:
-    """Name the frequencies of the clear maxima and minima of |Z|."""
+    """Label the frequencies of the clear maxima and minima of |Z|."""
     level = 20 * np.log10(magnitude_ohm)
     for sign, marker, above in ((1, "v", True), (-1, "^", False)):
         for index in clear_maxima(sign * level, CLEAR_DB):
@@ -143,13 +143,13 @@ def _mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatA
                 va="bottom" if above else "top",
                 fontsize=8,
             )
-    # Room for the names: a line of text below takes so much of a low panel.
+    # Room for the labels: a line of text below the curve takes this share of a low panel.
     low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
     axes.set_ylim(low / max(2.0, (high / low) ** NAME_SHARE), high * 2.5)
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
-    """Error, and its magnitude and phase, over frequency against uncertainty and tolerance; bands shaded, points that fail marked."""
+    """Error, and error of magnitude and of phase, against uncertainty and tolerance; bands shaded, failing points marked."""
     figure, axes = panels(5.0 * len(comparison.curves), 5.8, 3, len(comparison.curves))
     tolerance = comparison.tolerance
     for column, (sweep, curve) in enumerate(comparison.curves.items()):
@@ -178,7 +178,7 @@ def comparison_figure(comparison: Comparison) -> Figure:
 
 
 def _shade_bands(column: Sequence[Axes], bands: Sequence[JsonDict]) -> None:
-    """Every other band grey; the verdict of each at the top."""
+    """Shade every other band and write the verdict of each at the top."""
     for number, band in enumerate(bands):
         low, high = band["band_hz"]
         for panel in column:
@@ -218,7 +218,7 @@ def training_figure(fit: Fit) -> Figure:
 
 
 def ladder_figure(steps: Sequence[Fit]) -> Figure:
-    """The error falling step by step, with what noise and analyser would leave."""
+    """The error at each step, with the floor that noise and analyser would leave."""
     figure, axes = panels(max(5.0, 1.8 * len(steps)), 3.0)
     panel = axes[0, 0]
     errors = [step.rms_error_percent for step in steps]
@@ -239,19 +239,19 @@ def ladder_figure(steps: Sequence[Fit]) -> Figure:
 
 
 def ranking_figure(diagnosis: JsonDict) -> Figure:
-    """Candidates by evidence: how far each lies behind the best; of the impedance (error left in percent) or the spectra (in dB)."""
+    """ΔBIC of the candidates and the error that each leaves: in percent for impedance, in dB for spectra."""
     from matplotlib.patches import Patch
     from matplotlib.ticker import EngFormatter, NullLocator
 
-    # What was stored as null was not finite: it lies infinitely far behind.
+    # null was stored for infinite values: such candidates are left out.
     ranked = [c for c in diagnosis["candidates"] if None not in (c["delta_bic"], c["rms_error_percent"])]
     candidates = ranked[:MOST_CANDIDATES]
     figure, axes = panels(7.5, 1.3 + 0.28 * max(3, len(candidates)))
     panel = axes[0, 0]
     named = set(diagnosis["effects"])
     kin = {name for family in diagnosis["families"] for name in family} - named
-    looks = {"named": (BLUE, ""), "not told apart from it": (SKY, "//"), "other": (GREY, "")}
-    kinds = ["named" if c["effect"] in named else "not told apart from it" if c["effect"] in kin else "other" for c in candidates]
+    looks = {"named": (BLUE, ""), "not distinguished from it": (SKY, "//"), "other": (GREY, "")}
+    kinds = ["named" if c["effect"] in named else "not distinguished from it" if c["effect"] in kin else "other" for c in candidates]
     behind = [max(float(c["delta_bic"]), 0.0) + 1 for c in candidates]
     for row, (candidate, kind) in enumerate(zip(candidates, kinds, strict=True)):
         colour, hatch = looks[kind]
@@ -261,7 +261,7 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
         text = f"leaves {left}{bound}"
         place = {"xytext": (5, 0), "textcoords": "offset points", "va": "center", "fontsize": 8}
         panel.annotate(text, (behind[row], row), bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}, **place)
-    panel.axvline(1 + TOLD_APART, color=BLACK, linestyle=":", linewidth=1)
+    panel.axvline(1 + DISTINGUISHED, color=BLACK, linestyle=":", linewidth=1)
     panel.set_xscale("log")
     panel.xaxis.set_major_formatter(EngFormatter(sep=" "))
     panel.xaxis.set_minor_locator(NullLocator())
@@ -269,14 +269,14 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
     panel.set_xlim(0.8, 3 * max([*behind, 10]) ** 1.4)
     panel.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
     panel.set_yticks(range(len(candidates)), [literal(str(c["effect"])) for c in candidates], fontsize=8)
-    panel.set_xlabel("1 + ΔBIC to the best: less is better, beyond the dotted line the data tell them apart", loc="right")
+    panel.set_xlabel("1 + ΔBIC to the best: less is better; beyond the dotted line the data distinguish the two", loc="right")
     handles = [Patch(facecolor=looks[kind][0], hatch=looks[kind][1], edgecolor="white", label=kind) for kind in looks if kind in kinds]
     arrange(figure, 1)
     figure.legend(handles=handles, loc="upper center", borderaxespad=0.2, ncols=3, fontsize=8, frameon=False)
     return figure
 
 
-# A prescan with two detectors on both lines, and its backgrounds; no two alike in grey print.
+# Enough for a prescan with two detectors on both lines and its backgrounds; all differ in grey print.
 SPECTRUM_LOOKS = (
     (BLUE, "-"), (ORANGE, "--"), (PURPLE, "-."), (BLACK, ":"),
     (GREEN, (0, (8, 2))), (SKY, (0, (3, 1, 1, 1, 1, 1))), (VERMILION, (0, (1, 3))), (GREY, (0, (6, 1, 1, 1))),
@@ -284,7 +284,7 @@ SPECTRUM_LOOKS = (
 
 
 def spectrum_figure(spectra: Sequence[Spectrum]) -> Figure:
-    """Level over frequency for each detector; repeats of one detector look alike."""
+    """Level over frequency; spectra of the same detector, condition and line have the same look."""
     figure, axes = panels(9.0, 3.6)
     panel = axes[0, 0]
     kinds = [(spectrum.detector, spectrum.condition, str(spectrum.metadata.get("line", ""))) for spectrum in spectra]
@@ -292,8 +292,8 @@ def spectrum_figure(spectra: Sequence[Spectrum]) -> Figure:
     looks = dict(zip(detectors, itertools.cycle(SPECTRUM_LOOKS), strict=False))
     for spectrum, kind in zip(spectra, kinds, strict=True):
         colour, style = looks[kind]
-        told = [spectrum.detector, show(spectrum.resolution_bandwidth_hz, "Hz"), str(spectrum.metadata.get("line", ""))]
-        label = ", ".join(text for text in (*told, "motor off" if spectrum.is_background else "") if text)
+        parts = [spectrum.detector, show(spectrum.resolution_bandwidth_hz, "Hz"), str(spectrum.metadata.get("line", ""))]
+        label = ", ".join(text for text in (*parts, "motor off" if spectrum.is_background else "") if text)
         panel.plot(spectrum.frequency_hz, spectrum.level_dbuv, linestyle=style, color=colour, linewidth=0.8, label=label)
         if spectrum.overload.any():
             marked = spectrum.overload

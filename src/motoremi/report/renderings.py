@@ -1,4 +1,4 @@
-"""All renderings with their names in the session folder."""
+"""Writes the report in all output formats, with their file names in the session folder."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from motoremi.report.machine_readable import render_csv, render_json
 from motoremi.report.model import WHOLE, build_report
 from motoremi.report.pdf import can_render_pdf, render_pdf
 
-# What the figures take of a report's time, in percent.
+# Share of the figures in the time that a report takes, in percent.
 FIGURES = 60
 
 
 @contextmanager
-def told_as_unreadable(what: str) -> Iterator[None]:
-    """Tell in one line that something stored lacks an entry, or has another kind of thing in its place."""
+def reported_as_unreadable(what: str) -> Iterator[None]:
+    """Turn errors from unexpected stored content into one line."""
     try:
         yield
     except MotoremiError:
@@ -33,7 +33,7 @@ def told_as_unreadable(what: str) -> Iterator[None]:
 
 
 class Unreadable(BadInput):
-    """A stored analysis is not as this version writes it."""
+    """A stored analysis does not have the format of this version."""
 
 
 def render_session(materials: Materials, choice: Choice = WHOLE, progress: Progress | None = None) -> dict[str, bytes]:
@@ -42,14 +42,14 @@ def render_session(materials: Materials, choice: Choice = WHOLE, progress: Progr
     Raises
     ------
     Unreadable
-        If it cannot be made without all of them either: then the stored fit is to blame.
+        If the report fails even without all of them: then the stored fit is unreadable.
     """
     present = [name for name in STORED if materials.stored(name) is not None]
-    # The culprit is found by leaving one out after the other: what an earlier version wrote is nowhere written down.
+    # The unreadable one is found by leaving out one after the other: formats of earlier versions are not documented.
     for names in ((), *((name,) for name in present)):
-        with suppress(Unreadable), told_as_unreadable(materials.session.path.name):
+        with suppress(Unreadable), reported_as_unreadable(materials.session.path.name):
             return _rendered(materials.without(names), choice, progress)
-    with told_as_unreadable(materials.session.path.name):
+    with reported_as_unreadable(materials.session.path.name):
         return _rendered(materials.without(present), choice, progress)
 
 
@@ -66,7 +66,7 @@ def _rendered(materials: Materials, choice: Choice, progress: Progress | None) -
 def render_all(report: Report, form: str = "long") -> dict[str, bytes]:
     """File name within the session -> content; PDF where typst is installed. The same session gives the same bytes.
 
-    The short form is for people alone; both forms can stand side by side.
+    The short form has no machine-readable files; both forms can be written to the same folder.
     """
     name = "report" if form == "long" else form
     texts = {f"report/{name}.html": render_html(report)}

@@ -1,4 +1,4 @@
-"""Several sessions side by side, such as before and after a filter, or motor A and motor B; each against the first."""
+"""Compares several sessions, such as a motor before and after adding a filter, or two motors; each with the first."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ class Together:
     Parameters
     ----------
     materials : mapping
-        Name as shown -> what that session holds; the first is what the others are held against.
+        Name as shown -> materials of that session; the others are compared with the first.
 
     Raises
     ------
     BadInput
-        For less than two sessions, or more than can be told apart in a plot.
+        For fewer than two sessions, or more than a plot can distinguish.
     """
 
     def __init__(self, materials: Mapping[str, Materials]) -> None:
         if not 2 <= len(materials) <= len(LOOKS):
-            raise BadInput(f"side by side go 2 to {len(LOOKS)} sessions, not {len(materials)}; for many: motoremi fleet")
+            raise BadInput(f"2 to {len(LOOKS)} sessions can be compared side by side, not {len(materials)}; for more use motoremi fleet")
         self.materials = materials
         self.first = first = next(iter(materials))
         self.sweeps = {name: _sweeps(own) for name, own in materials.items()}
@@ -64,7 +64,7 @@ class Together:
         }
 
     def verdicts(self) -> Table:
-        """Model, errors and verdicts of each."""
+        """Model, errors and verdicts of each session."""
         return _verdicts(self.materials, self.data["sessions"])
 
     def bands(self) -> Table | None:
@@ -83,7 +83,7 @@ def build_together(materials: Mapping[str, Materials]) -> Report:
     return Report(
         title="Common-mode impedance, side by side",
         subtitle=" · ".join(materials),
-        boxes=(Box("Verdicts", tuple(_told(name, own) for name, own in materials.items())),),
+        boxes=(Box("Verdicts", tuple(_line(name, own) for name, own in materials.items())),),
         warnings=tuple(f"{name}: {gap}" for name, own in materials.items() for gap in gaps(own)),
         sections=tuple(_sections(together)),
         data=together.data,
@@ -132,7 +132,7 @@ def _uncertainty(materials: Materials, termination: str) -> FloatArray:
 
 
 def _changes(first: Materials, other: Materials, before: Mapping[str, RepeatedSweep], after: Mapping[str, RepeatedSweep]) -> dict[str, Change]:
-    """Of each sweep that both have; the first is interpolated in log frequency where the points differ."""
+    """The change of each sweep that both have; the first is interpolated in log frequency where the points differ."""
     found = {}
     for termination in (name for name in before if name in after):
         one, two = before[termination], after[termination]
@@ -173,7 +173,7 @@ def _cause(diagnosis: JsonDict) -> JsonDict:
     return {**{key: diagnosis[key] for key in ("verdict", "effects", "confidence")}, "serious_findings": list(dict.fromkeys(serious))}
 
 
-def _told(name: str, materials: Materials) -> Line:
+def _line(name: str, materials: Materials) -> Line:
     cause = "no diagnosis" if materials.diagnosis is None else in_words(materials.diagnosis)
     judged = [box.verdict for box in boxes(materials) if box.verdict is not None]
     moods = {mood for *_, mood in judged}
@@ -182,7 +182,7 @@ def _told(name: str, materials: Materials) -> Line:
 
 
 def _parameters(materials: Mapping[str, Materials]) -> list[JsonDict]:
-    """Values and error bars of the models that stand, and the differences to the first."""
+    """Values and error bars of the current models, and the differences to the first."""
     tops = {name: own.steps[-1] if own.steps and is_result(own.steps[-1]) else None for name, own in materials.items()}
     units = {p.name: p.unit for fit in tops.values() if fit is not None for p in fit.motor.parameters if p.name in fit.parameters}
     reference = next(iter(tops.values()))
@@ -204,7 +204,7 @@ def _parameters(materials: Mapping[str, Materials]) -> list[JsonDict]:
 
 
 def _difference(entry: JsonDict, first: JsonDict) -> JsonDict:
-    """In percent of the first, and in standard uncertainties of the difference."""
+    """The difference in percent of the first, and in standard uncertainties of the difference."""
     if not first["determined"]:
         return {}
     change, bar = entry["value"] - first["value"], float(np.hypot(entry["sigma"], first["sigma"]))
@@ -270,7 +270,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
         )
         if "fail" in (one["comparison"], one["emission"]):
             marked.add(index)
-    columns = ("session", "model that stands", "rms error, step by step", "noise and analyser would leave", "model", "diagnosis", "emission")
+    columns = ("session", "current model", "rms error, step by step", "noise and analyser would leave", "model", "diagnosis", "emission")
     return Table("Verdicts", columns, tuple(rows), frozenset(marked))
 
 
@@ -307,8 +307,8 @@ def _parameter_section(materials: Mapping[str, Materials], parameters: Sequence[
     texts = [f"Marked: the difference is more than {CLEAR:g} standard uncertainties of both values together."]
     models = {own.steps[-1].effects for own in materials.values() if own.steps}
     if len(models) > 1:
-        texts.append("The models hold different effects: an element may differ because another effect carries part of it.")
-    return Section("Parameters", tuple(texts), (Table("Parameters of the models that stand", columns, tuple(rows), frozenset(marked)),))
+        texts.append("The models contain different effects: an element may differ because an effect of one model represents part of it.")
+    return Section("Parameters", tuple(texts), (Table("Parameters of the current models", columns, tuple(rows), frozenset(marked)),))
 
 
 def _value(one: JsonDict, unit: str) -> str:
@@ -320,10 +320,10 @@ def _value(one: JsonDict, unit: str) -> str:
 
 
 def _change(percent: float) -> str:
-    """Two digits, and never a power of ten."""
+    """A change with two digits, without a power of ten."""
     return f"{percent:+.2g}" if abs(percent) < 99.5 else f"{percent:+.0f}"
 
 
 def _level(db: float) -> str:
-    """Without a minus before zero."""
+    """A level difference, without a minus sign before zero."""
     return f"{round(db, 2) + 0.0:+.2f} dB"

@@ -1,4 +1,4 @@
-"""The sections of the short form: what a customer reads, on two pages with the first one's results."""
+"""The sections of the short form for customers: two pages, together with the results on the first page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motoremi.report.contents import Materials, Section, Table
 from motoremi.report.emission_section import final_tables, limit_table, spectra_picture
 from motoremi.report.equipment import equipment_section
 
-# As many rows of each table as two pages have room for.
+# The most rows of a table for which two pages have room.
 MOST_ROWS = 12
 SPECTRA_INCH = 3.8
 
@@ -24,7 +24,7 @@ def _sections(materials: Materials) -> Iterator[Section]:
     results = results_of(materials.steps)
     if results:
         tables = [_narrow(parameters_table(materials.steps), 4)] if materials.steps[-1] is results[-1] else []
-        # Beside an emission there is room for the verdict alone, which the first page has.
+        # With spectra there is no room for the bands; the first page has their verdict.
         tables += [] if materials.comparison is None or materials.session.spectra else [_narrow(bands_table(materials.comparison), 8)]
         yield Section("Impedance", (), tuple(map(_first, tables)), (sweeps_picture(results),))
     elif materials.session.sweeps:
@@ -42,7 +42,7 @@ def _narrow(table: Table, columns: int) -> Table:
 
 
 def _first(table: Table) -> Table:
-    """The rows that a reader must not miss, and then the first ones, in their order."""
+    """The marked rows and then the first others, in their order."""
     if len(table.rows) <= MOST_ROWS:
         return table
     order = sorted(range(len(table.rows)), key=lambda index: (index not in table.marked, index))

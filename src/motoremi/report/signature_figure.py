@@ -1,4 +1,4 @@
-"""Plot of how an effect would show on a motor."""
+"""Plot of an effect's signature on a motor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DB = 20 / np.log(10)
 
 
 def signature_figure(signature: Signature) -> Figure:
-    """Change of magnitude above, of phase below, a column for each sweep; dashed is what the elements cannot take over."""
+    """Change of magnitude above and of phase below, a column for each sweep; dashed: what remains after the elements are refitted."""
     sweeps = signature.frequency_hz
     figure, axes = panels(5.0 * len(sweeps), 5.0, 2, len(sweeps))
     for column, (termination, frequency) in enumerate(sweeps.items()):
@@ -35,7 +35,7 @@ def signature_figure(signature: Signature) -> Figure:
         bottom.set_ylabel("change of phase (deg)")
         for panel in (top, bottom):
             frequency_axis(panel, frequency, label=panel is bottom)
-    top.plot([], [], "--", color="black", label="left once the elements have adapted")
+    top.plot([], [], "--", color="black", label="remaining after the elements are refitted")
     legend_above(figure, axes[0, -1])
     return figure
 

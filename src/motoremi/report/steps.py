@@ -1,4 +1,4 @@
-"""The steps of a session's procedure, and how far they came."""
+"""The steps of a session's procedure and the state of each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
 from motoremi.quantities import show
 
-# Of settings whose names do not say it, as `schema.procedure_steps` has them.
+# Units of settings whose names do not contain them, as in `schema.procedure_steps`.
 UNITS = {
     "nominal": "Ohm", "resistance": "Ohm", "inductance": "H", "conductance": "S", "capacitance": "F",
     "dwell": "s", "time": "s", "apart": "Hz", "margin": "dB", "uncertainty": "dB",
@@ -16,7 +16,7 @@ UNITS = {
 
 
 def being_written(session: Session) -> bool:
-    """Whether the report is a step of the run that it reports."""
+    """Whether the report is being written as a step of its own run."""
     last = [d for d in session.documents if d["kind"] in ("step-start", "step-stop", "stop")][-1:]
     return bool(last) and last[0]["kind"] == "step-start" and last[0].get("do") == "report"
 
@@ -39,11 +39,11 @@ def planned_steps(session: Session) -> list[tuple[int, str, str, str]]:
             state = "not begun"
         else:
             state = "this report" if name == "report" and being_written(session) else "not finished"
-        rows.append((number, name, ", ".join(f"{key} {_told(key, value)}" for key, value in settings.items()), state))
+        rows.append((number, name, ", ".join(f"{key} {_setting(key, value)}" for key, value in settings.items()), state))
     return rows
 
 
-def _told(key: str, value: object) -> str:
+def _setting(key: str, value: object) -> str:
     if isinstance(value, list | tuple):
         return " and ".join(map(str, value))
     unit = UNITS.get(key)
@@ -51,7 +51,7 @@ def _told(key: str, value: object) -> str:
 
 
 def _unrolled(steps: object) -> Iterator[JsonDict]:
-    """Steps as written, those of a repeat as often as they are done."""
+    """The steps as written, those of a `repeat` as many times as they are done."""
     for step in steps if isinstance(steps, list | tuple) else ():
         if isinstance(step, dict) and step.get("do") == "repeat":
             for _ in range(int(step.get("times", 1))):

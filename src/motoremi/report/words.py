@@ -1,4 +1,4 @@
-"""Results in words, the same on every surface: verdicts, findings, and the circuit's error beside what noise and analyser would leave."""
+"""Results in words, the same for command, page and report: verdicts, findings, errors with the floor, numbers and units."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from motoremi.quantities import show_band
 
 Mood: TypeAlias = Literal["good", "bad", "plain"]
 
-# What a verdict says, and how it looks.
+# The sentence of each verdict, and its mood.
 _VERDICTS: Mapping[str, tuple[str, Mood]] = {
     "adequate": ("nothing is missing beyond the noise and the analyser's own uncertainty", "good"),
     "missing-effect": ("missing from the model: {named}", "plain"),
-    "family": ("missing from the model: {named}, or another that these data cannot tell from it", "plain"),
+    "family": ("missing from the model: {named}, or another that these data cannot distinguish from it", "plain"),
     "instrument": ("the meter or its fixture explains the error, not the motor", "plain"),
     "data": ("the data contradict themselves too much to judge the motor", "bad"),
     "unexplained": ("something is missing and nothing in the catalogue explains it", "bad"),
 }
-# Stands on every page.
+# Shown on every page.
 SIMULATED = "SIMULATED DATA: no real motor was measured"
-# Plain numbers between these are written out.
+# Numbers in this range are written without a power of ten.
 LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e4
 FAR = 1000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# Nobody asks for more.
+# Smaller values are shown as this one.
 FINEST_PERCENT = 0.01
-# Units behind a number, which other programs read without a letter of another alphabet.
+# ASCII units after a number, as in files, and the symbols shown for them.
 _SYMBOLS = (
     (re.compile(r"([\d.] ?[a-zA-Z]?)Ohm\b"), r"\1Ω"),
     (re.compile(r"(\d ?)u([HFsAVmΩ])\b"), r"\1µ\2"),
@@ -39,7 +39,7 @@ _SYMBOLS = (
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A plain number: no powers of ten but large and small ones, and those by three; a dash where there is none."""
+    """A number without a unit; very large and small ones with a power of ten that is a multiple of three, None as a dash."""
     if value is None or not math.isfinite(value):
         return "-"
     if value == 0 or LEAST_PLAIN <= abs(value) < MOST_PLAIN:
@@ -49,14 +49,14 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def lag(delta_bic: float | None) -> str:
-    """How far behind a candidate lies; beyond a thousand nobody asks."""
+    """A ΔBIC; values above a thousand are not shown exactly."""
     return f"> {FAR:g}" if delta_bic is not None and delta_bic > FAR else number(delta_bic)
 
 
 def in_words(diagnosis: JsonDict) -> str:
     """The verdict as a sentence."""
     verdict, named = str(diagnosis["verdict"]), " and ".join(diagnosis["effects"])
-    # One that this version does not know stands as it was stored.
+    # An unknown verdict, of another version, is shown as stored.
     text = _VERDICTS.get(verdict, (f"{verdict}: {{named}}" if named else verdict, "plain"))[0]
     if verdict == "adequate" and diagnosis.get("accuracy_percent"):
         return f"{text}, or within the accuracy of {diagnosis['accuracy_percent']:g} % that was stated"
@@ -66,43 +66,43 @@ def in_words(diagnosis: JsonDict) -> str:
 
 
 def probability_of(candidate: JsonDict, diagnosis: JsonDict) -> float:
-    """How probable an effect, or a set of them, is; where no effect explains it, at most as probable as the verdict is wrong."""
+    """The probability of an effect or a set of effects; after the verdict "unexplained", at most the probability that the verdict is wrong."""
     left = 1.0 - float(diagnosis["confidence"]) if diagnosis["verdict"] == "unexplained" else 1.0
     return left * float(candidate["probability"])
 
 
 def in_symbols(text: str) -> str:
-    """A text with its units as they are printed: 18.87 µH, 21.1 Ω, 60 dBµV."""
+    """A text with symbols in place of ASCII units: 18.87 µH, 21.1 Ω, 60 dBµV."""
     for written, printed in _SYMBOLS:
         text = written.sub(printed, text)
     return text
 
 
 def mood_of(verdict: str) -> Mood:
-    """How a verdict looks."""
+    """The mood of a verdict."""
     return _VERDICTS.get(verdict, ("", "plain"))[1]
 
 
 def findings_of(diagnosis: JsonDict) -> list[JsonDict]:
-    """What the data themselves show, the serious first; a diagnosis of an earlier version has none."""
+    """The findings of a diagnosis, serious ones first; diagnoses of earlier versions have none."""
     return sorted(diagnosis.get("findings", ()), key=lambda finding: not finding["serious"])
 
 
 def reasons_of(diagnosis: JsonDict) -> list[str]:
-    """The reasons that are not findings."""
+    """The reasons of a diagnosis that are not findings."""
     found = {finding["why"] for finding in findings_of(diagnosis)}
     return [str(reason) for reason in diagnosis["reasons"] if reason not in found]
 
 
 def place_of(finding: JsonDict) -> str:
-    """Where a finding is: sweep and band, as far as it has them."""
+    """The sweep and band of a finding, as far as stated."""
     band = finding["band_hz"]
     parts = [*([f"{finding['sweep']} sweep"] if finding["sweep"] else []), *([show_band(*band)] if band and band[0] < band[1] else [])]
     return ", ".join(parts) or "all sweeps"
 
 
 def serious_of(findings: Sequence[JsonDict]) -> list[JsonDict]:
-    """Findings without which the verdict would or could be another."""
+    """The serious findings: without them the verdict might be another."""
     return [finding for finding in findings if finding["serious"]]
 
 
@@ -114,20 +114,20 @@ def described(left: Mapping[str, float]) -> str:
 
 
 def would_leave(floor_percent: float, noise_percent: float) -> str:
-    """What a perfect model would leave."""
+    """The error that a perfect model would leave."""
     return f"noise and analyser would leave {floor_percent:.2g} %, noise alone {noise_percent:.2g} %"
 
 
 def share_of_analyser(fit: Fit) -> str:
-    """What the error would be without the analyser's, and how far that had to go; empty for an ideal one."""
+    """The error after subtracting the analyser's most likely error, and that error's size; empty for an ideal analyser."""
     analyser = fit.measurement.analyser
     if analyser.ideal:
         return ""
-    named = "what an analyser may do that nobody named" if analyser.name == "unknown" else f"what a {analyser.name} is declared to do"
-    return f"with the analyser's likely error taken off {fit.corrected_error_percent:.3g} % ({fit.analyser_sigma:.1f} sigma of {named})"
+    declared = "the errors expected of an unknown analyser" if analyser.name == "unknown" else f"the declared errors of a {analyser.name}"
+    return f"with the analyser's most likely error subtracted {fit.corrected_error_percent:.3g} % ({fit.analyser_sigma:.1f} sigma of {declared})"
 
 
 def beside_the_error(fit: Fit) -> tuple[str, ...]:
-    """What has to stand beside the error of a model."""
+    """What is always shown beside the error of a model."""
     texts = (would_leave(fit.floor_percent, fit.noise_percent), share_of_analyser(fit), f"the circuit {described(fit.unexplained_percent)}")
     return tuple(text for text in texts if text)

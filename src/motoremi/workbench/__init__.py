@@ -1,1 +1,1 @@
-"""The local web page: watch a sweep arrive, see where the model fails, click an effect and see the error fall."""
+"""The local web page: measure, fit, compare, diagnose, add effects and write reports in a browser."""

@@ -1,4 +1,4 @@
-"""What the bench view can do: say what answers, and start, answer and stop a run."""
+"""The view Bench: identify instruments, start and stop a run, and answer its prompts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from motoremi.simulate.hidden_effects import DEMO_EFFECTS
 from motoremi.workbench.events import Events
 from motoremi.workbench.runs import Run
 from motoremi.workbench.shelf import Shelf
-from motoremi.workbench.views import glossary, rounded
+from motoremi.workbench.views import effect_titles, rounded
 
 SIMULATED, REAL = "simulated", "real"
 LONGEST_NAME = 200
@@ -34,20 +34,20 @@ LONGEST_NAME = 200
 
 @dataclass(frozen=True)
 class Asked:
-    """What the page asks of a run.
+    """The page's request for a run.
 
     Parameters
     ----------
     procedure : str
-        Of those that come along.
+        One of the built-in procedures.
     bench : {"simulated", "real"}
     motor, operator : str
     seed : int
-        Simulated bench: which motor.
+        Simulated bench: the number of the motor.
     hides : str
-        Simulated bench: an effect, "nothing", or "something" that nobody is told.
+        Simulated bench: an effect, "nothing", or "something" for an effect chosen at random and not shown.
     ask : bool
-        Whether the operator is asked before each connection; always so on a real bench.
+        Whether to ask the operator before each connection; always done on a real bench.
     """
 
     procedure: str
@@ -60,7 +60,7 @@ class Asked:
 
     @classmethod
     def of(cls, body: Mapping[str, Any]) -> Asked:
-        """Check what a page sent."""
+        """Check the request of a page."""
         texts = {key: body.get(key, "") for key in ("procedure", "bench", "motor", "operator", "hides")}
         for key, text in texts.items():
             if not isinstance(text, str) or len(text) > LONGEST_NAME:
@@ -81,7 +81,7 @@ class Workplace:
     shelf : Shelf
     events : Events
     bench_file : BenchFile, optional
-        The real bench, named at the start; a page cannot name one.
+        The real bench, named when the workbench was started; a page cannot name one.
     """
 
     def __init__(self, shelf: Shelf, events: Events, bench_file: BenchFile | None = None) -> None:
@@ -93,7 +93,7 @@ class Workplace:
 
     def overview(self) -> JsonDict:
         """Procedures, benches and drivers."""
-        titles = glossary()
+        titles = effect_titles()
         return {
             "procedures": [_procedure(name) for name in ready_procedures()],
             "drivers": {name: (driver_class(name).__doc__ or "").strip().splitlines()[0] for name in driver_names()},
@@ -103,11 +103,11 @@ class Workplace:
         }
 
     def state(self) -> JsonDict:
-        """The run that is going on or was the last, for a page that opens now."""
+        """The current or last run, for a page that has just opened."""
         return {"run": None if self.run is None else self.run.state()}
 
     def look(self, asked: Asked) -> JsonDict:
-        """Ask each instrument of a procedure who it is."""
+        """Identify each instrument of a procedure."""
         self._refuse_while_running()
         bench_file = self._bench(asked)
         procedure = on_bench(load_procedure(asked.procedure), bench_file)
@@ -131,7 +131,7 @@ class Workplace:
         return {"found": found}
 
     def begin(self, asked: Asked) -> JsonDict:
-        """Start a run; returns its session's identifier."""
+        """Start a run and return the identifier of its session."""
         bench_file = self._bench(asked)
         procedure = on_bench(load_procedure(asked.procedure), bench_file)
         folder = self._shelf.fresh("run")
@@ -141,7 +141,7 @@ class Workplace:
         return self._start(procedure, bench_file, folder, lambda: SessionWriter.create(folder, start), asked.ask, None)
 
     def resume(self, identifier: str, asked: Asked) -> JsonDict:
-        """Go on with an interrupted session."""
+        """Resume the run of an interrupted session."""
         folder = self._shelf.desk(identifier).path
         session = load(folder)
         bench_file = self._bench_of(session, asked)
@@ -149,7 +149,7 @@ class Workplace:
         return self._start(procedure, bench_file, folder, lambda: reopen(folder), asked.ask, done)
 
     def trace(self, seq: int) -> JsonDict:
-        """What one document of the run says was measured."""
+        """The curve measured by one document of the run."""
         if self.run is None:
             raise BadInput("there is no run")
         document = self.run.document(seq)
@@ -161,11 +161,11 @@ class Workplace:
         if kind not in ("sweep", "standard"):
             raise BadInput(f"document {seq} is no measurement")
         sweep = parse_impedance_csv(text, str(file), str(document.get("termination", "open")))
-        told = {"frequency_hz": rounded(sweep.frequency_hz), "real": rounded(sweep.impedance_ohm.real), "imag": rounded(sweep.impedance_ohm.imag)}
-        return {"kind": kind, **told}
+        curve = {"frequency_hz": rounded(sweep.frequency_hz), "real": rounded(sweep.impedance_ohm.real), "imag": rounded(sweep.impedance_ohm.imag)}
+        return {"kind": kind, **curve}
 
     def answer(self, answer: object = "done") -> None:
-        """What the operator answers to the prompt: done, not done, stop."""
+        """Pass on the operator's answer to the prompt: done, not done or stop."""
         known = next((one for one in ANSWERS if one == answer), None)
         if known is None:
             raise BadInput(f"the answer must be one of {', '.join(ANSWERS)}")
@@ -178,7 +178,7 @@ class Workplace:
             self.run.stop()
 
     def leave(self) -> None:
-        """The workbench ends: instruments first."""
+        """Stop the run and wait until its instruments are in their safe state, at shutdown."""
         if self.run is not None and self.run.active:
             self.run.stop()
             self.run.wait()
@@ -199,7 +199,7 @@ class Workplace:
             raise BadInput("a run is going on: wait for its end or stop it first")
 
     def _bench_of(self, session: Session, asked: Asked) -> BenchFile:
-        """The bench that a session was begun on. What a simulated one hides may have been drawn, and the session holds its fingerprint only."""
+        """The bench on which a session was begun. A simulated one's effect may have been drawn; the session only holds its hash."""
         bench_file = self._bench(asked)
         if bench_file.backend != "sim":
             return bench_file

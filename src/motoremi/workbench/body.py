@@ -1,4 +1,4 @@
-"""A request's body: one way of counting for all of them, and a deadline."""
+"""Reads the bodies of requests, with one size limit and one deadline for every kind of transfer."""
 
 from __future__ import annotations
 
@@ -10,44 +10,41 @@ from starlette.types import Message, Receive
 
 
 class Allowance(NamedTuple):
-    """How long a body may be, and how long it may take; one that stays away must not hold a connection for ever.
-
-    `server` has the deadline for headers.
-    """
+    """How long a body may be, and how long its transfer may take. The deadline for headers is in `server`."""
 
     most_bytes: int
     within_s: float
     what: str
 
     def refusal(self) -> str:
-        """What somebody is told who sent more."""
+        """The message for a body that is too long."""
         unit, size = ("MiB", 1024**2) if self.most_bytes >= 1024**2 else ("KiB", 1024)
         return f"{self.what} is longer than {self.most_bytes // size} {unit}"
 
 
-# The largest request is an effect's name with a few settings.
+# The largest JSON request holds an effect's name and a few settings.
 USUAL = Allowance(64 * 1024, 10.0, "the request")
-# A laboratory's profile with its logo, as text.
+# A laboratory's profile with its logo, base64-encoded.
 LETTERHEAD = Allowance(4 * 1024**2, 30.0, "the profile with its logo")
-# A file of a measurement; 10 000 points take a megabyte.
+# A measurement file; 10 000 points take about a megabyte.
 FILE = Allowance(64 * 1024**2, 60.0, "the file")
 
 
 class TooLong(Exception):
-    """More bytes came than are allowed."""
+    """The body is longer than allowed."""
 
 
 async def whole_body(receive: Receive, allowance: Allowance) -> bytes:
-    """The body, counted as it arrives whatever its headers say.
+    """The body, counted as it arrives, whatever its headers declare.
 
     Raises
     ------
     TooLong
-        As soon as it is longer than allowed.
+        As soon as more bytes arrive than allowed.
     TimeoutError
         If it is not complete in time.
     ClientDisconnect
-        If the connection ends before.
+        If the client disconnects before the end.
     """
     body = bytearray()
     async with asyncio.timeout(allowance.within_s):
@@ -63,7 +60,7 @@ async def whole_body(receive: Receive, allowance: Allowance) -> bytes:
 
 
 def read_already(body: bytes, receive: Receive) -> Receive:
-    """What the application receives: the body at once, then whatever happens to the connection."""
+    """A `receive` for the application that returns the whole body first, then the connection's own messages."""
     waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def next_message() -> Message:

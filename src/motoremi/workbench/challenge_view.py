@@ -1,4 +1,4 @@
-"""Play against a sealed motor: your answer first, then the tool's."""
+"""The view Challenge: diagnose a sealed motor; the user answers first, then the software."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
 from motoremi.workbench.desk import Desk
 
-# Where the player's answer is kept.
+# The analysis that stores the user's answer.
 ANSWER = "challenge-answer"
 VERDICTS = ("adequate", "unexplained")
 
 
 def is_open_challenge(session: Session) -> bool:
-    """Whether the seal of a challenge is still closed for who plays here."""
+    """Whether this is a challenge that the user has not answered yet."""
     return "sealed_sha256" in session.start and session.analysis(ANSWER) is None
 
 
 def new_challenge(folder: Path, seed: int) -> Path:
-    """Make a sealed session."""
+    """Make a session with a sealed truth."""
     return make_challenge(folder, seed)
 
 
 def play(desk: Desk, said: Sequence[str], progress: Progress | None) -> JsonDict:
-    """Take the player's answer, let the tool diagnose from the paper's circuit, and open the seal.
+    """Take the user's answer, diagnose from the paper's circuit, and open the seal.
 
     Raises
     ------
     BadInput
-        If it is not a challenge, was answered before, or names what nobody knows.
+        If the session is no challenge, was answered before, or the answer names an unknown effect.
     """
     session = desk.session
     if "sealed_sha256" not in session.start:
@@ -46,7 +46,7 @@ def play(desk: Desk, said: Sequence[str], progress: Progress | None) -> JsonDict
     for name in said:
         if name not in VERDICTS:
             find_effect(name)
-    # Scored before it is stored: an answer that cannot be read does not break the seal.
+    # Scored before it is stored: an answer that cannot be scored leaves the seal closed.
     reveal(desk.path, said)
     if not desk.steps:
         desk.fit()
@@ -57,7 +57,7 @@ def play(desk: Desk, said: Sequence[str], progress: Progress | None) -> JsonDict
 
 
 def revealed(desk: Desk) -> JsonDict:
-    """What was hidden, what the player said, and what the tool said."""
+    """The hidden truth, the user's answer and the software's."""
     session = desk.session
     stored = session.analysis(ANSWER)
     if stored is None:

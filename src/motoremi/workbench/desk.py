@@ -1,4 +1,4 @@
-"""One opened session: its models kept in memory as long as nobody else changes the folder, and fits prepared before they are asked for."""
+"""One open session: its models are cached until the folder changes, and fits of further effects are computed ahead."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ Made = TypeVar("Made")
 
 
 class Desk(Ladder[Fit]):
-    """An opened session, and the ladder of its sweeps.
+    """An open session and the ladder of its sweeps.
 
-    A page, a command line and a bench run may take turns on one session: everything kept here is dropped when its files have changed.
+    Several pages, the command line and a run may change the same session: the cache is discarded when its files change.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Desk(Ladder[Fit]):
         self._ladder_stamp: FileStamp = None
         self._session: Session | None = None
         self._measurement: Measurement | None = None
-        # Models by what is stored of them.
+        # Fits by the text that is stored of them.
         self._known: dict[str, Fit] = {}
         self._inspecting = threading.Lock()
         self._inspected: tuple[tuple[str, str], Inspection] | None = None
@@ -70,7 +70,7 @@ class Desk(Ladder[Fit]):
 
     @property
     def session(self) -> Session:
-        """The session as it is on disk now."""
+        """The session, as it is on disk now."""
         with self._turn:
             self._refresh()
             assert self._session is not None
@@ -78,41 +78,41 @@ class Desk(Ladder[Fit]):
 
     @property
     def steps(self) -> tuple[Fit, ...]:
-        """The ladder, base first; empty before the first fit."""
+        """The models, base first; empty before the first fit."""
         with self._turn:
             self._refresh()
             return self._steps
 
     def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
-        """Fit the model that the ladder stands at, from the bottom; `shown` as in `change`."""
+        """Fit the current model anew, from the base up; `shown` as in `change`."""
         self.work(lambda store: fit_session(store, progress=progress), shown)
 
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
-        """Which effect is missing from the model that stands; `shown` as in `change`. Its fits are kept: adding one takes no time."""
+        """Find the effect missing from the current model; `shown` as in `change`. Its fits are kept, so that adding one of them is immediate."""
         found = self.work(lambda store: diagnose_session(store, progress=progress), shown)
-        # Under another analyser, or without some points, it was another model.
+        # With another analyser or without some points, the diagnosis fitted a different model: its fits do not belong here.
         if (found.base.objective, found.base.effects) == (self.top.objective, self.top.effects):
             self._keep_all((one.effect, no_worse(self.top, one.fit, one.effect)) for one in found.candidates)
 
     def judge(self, tolerance: Tolerance) -> None:
-        """Hold the model that stands against the measurement, by this tolerance from now on."""
+        """Compare the current model with the measurement; this tolerance is used from now on."""
         self.change(lambda store: compare_session(store, tolerance))
 
     def report(self, progress: Progress | None = None, profile: Path | None = None, choice: Choice | None = None) -> list[str]:
-        """Write the report; returns the names of its files.
+        """Write the report and return the names of its files.
 
         Parameters
         ----------
         progress : callable, optional
         profile : Path, optional
-            The laboratory that signs, in place of the one that is kept with the session.
+            The laboratory profile, in place of the one stored with the session.
         choice : Choice, optional
-            Which form and sections.
+            The form and sections.
 
         Raises
         ------
         BadInput
-            If an analysis in the folder is none of this software.
+            If an analysis in the folder was not written by this software.
         """
         try:
             files = self.work(lambda store: report_session(store, profile, choice, progress))
@@ -121,29 +121,29 @@ class Desk(Ladder[Fit]):
         return [file.name for file in files]
 
     def report_files(self) -> list[str]:
-        """Names of the report's files, as far as it was written."""
+        """Names of the report files written so far."""
         try:
             return sorted(file.name for file in inside(self.path, "report").iterdir() if file.is_file())
         except OSError:
             return []
 
     def save(self, name: str, payload: JsonDict) -> None:
-        """Store an analysis of the page's own."""
+        """Store an analysis."""
         self.change(lambda store: store.save_analysis(name, payload))
 
     def change(self, action: Callable[[Store], object], shown: str | None = None) -> None:
-        """Do something with the session open for writing.
+        """Run an action with the session open for writing.
 
         Parameters
         ----------
         action : callable
         shown : str, optional
-            The `standing` of the ladder that this was asked for.
+            The `standing` of the ladder that the page showed when the user asked for the change.
 
         Raises
         ------
         BadInput
-            If the ladder is another one by now.
+            If the ladder has changed since.
         """
         with self._turn:
             if shown is not None:
@@ -155,21 +155,21 @@ class Desk(Ladder[Fit]):
             self._stamp = None
 
     def work(self, action: Callable[[Store], Made], shown: str | None = None, rests_on: Sequence[str] = (LADDER,)) -> Made:
-        """The same as `change` for what takes its time: everybody can look at the session meanwhile, and it is opened for writing at the end.
+        """As `change`, for long computations: the session stays readable meanwhile and is opened for writing only at the end.
 
         Parameters
         ----------
         action : callable
-            Must not rely on what it has just stored.
+            Must not read back what it has stored.
         shown : str, optional
             As in `change`.
         rests_on : sequence of str
-            Files that nobody else may change meanwhile.
+            Files that must not change meanwhile.
 
         Raises
         ------
         BadInput
-            As `change`, and if somebody else did.
+            As `change`, and if one of these files changed.
         """
         with self._turn:
             self._require(shown)
@@ -179,27 +179,27 @@ class Desk(Ladder[Fit]):
         with self._turn:
             with opened(self.path) as store:
                 if [self.file_stamp(name) for name in rests_on] != began:
-                    raise BadInput("somebody else changed the model of this session meanwhile: nothing was stored; look at it, then do this again")
+                    raise BadInput("the model of this session was changed elsewhere meanwhile: nothing was stored; look at it, then do this again")
                 draft.store_in(store)
             self._stamp = None
         return made
 
     def comparison(self, step: Fit) -> Comparison:
-        """A model against the measurement, by the tolerance used last."""
+        """A model compared with the measurement, with the tolerance used last."""
         return compare(step, stored_tolerance(self.session))
 
     def inspection(self, element: str) -> Inspection:
-        """What an element would have to be; the last one is kept, for a page that zooms."""
+        """What an element would have to be; the last inspection is cached, for zooming."""
         with self._inspecting:
             key = self.standing, element
             if self._inspected is None or self._inspected[0] != key:
                 self._inspected = key, inspect(self.top, element)
             return self._inspected[1]
 
-    def _signed(self) -> list[object]:
+    def _identity(self) -> list[object]:
         return [[*step.effects, step.objective] for step in self.steps]
 
-    def _grown(self, before: Fit, effect: str) -> Fit:
+    def _with_effect(self, before: Fit, effect: str) -> Fit:
         find_effect(effect)
         return before.add(effect)
 
@@ -211,14 +211,14 @@ class Desk(Ladder[Fit]):
         with opened(self.path) as store:
             self._require_unmoved()
             save_ladder(store, steps, kept)
-            # To read a model back takes as long as to judge it on all points.
+            # Restoring a fit evaluates it at all points, so keep the fits that were just stored.
             self._known |= {_text_of(stored): fit for stored, fit in zip(_ladder(load(self.path)), steps, strict=True)}
         self._stamp = None
 
     def _require_unmoved(self) -> None:
-        # Under the lock of an open session: from here on nobody else writes.
+        # The session is open and locked: no other writer can interfere from here on.
         if self.file_stamp(LADDER) != self._ladder_stamp:
-            raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
+            raise BadInput("this session has just been changed elsewhere; look at it again before you change it")
 
     def _refresh(self) -> None:
         stamp = stamp_of(self.path)
@@ -237,7 +237,7 @@ class Desk(Ladder[Fit]):
         self._session, self._stamp, self._ladder_stamp = session, stamp, ladder_stamp
 
     def file_stamp(self, name: str) -> FileStamp:
-        """Changes with a file of the session; None where there is none."""
+        """Modification time and size of a file of the session; None if it does not exist."""
         try:
             found = inside(self.path, name).stat()
         except OSError:
@@ -255,7 +255,7 @@ def _ladder(session: Session) -> list[JsonDict]:
     Raises
     ------
     BadInput
-        If the file was written by something else than this software.
+        If the file was not written by this software.
     """
     steps = session.ladder
     if not all(isinstance(step, dict) and isinstance(step.get("fit"), dict) for step in steps):
@@ -264,5 +264,5 @@ def _ladder(session: Session) -> list[JsonDict]:
 
 
 def _measured(session: Session) -> list[object]:
-    """What the measured files are: analyses come and go without changing it."""
+    """Identifies the measured data; analyses do not change it."""
     return [document.get("sha256", document.get("seq")) for document in session.documents if document["kind"] in ("sweep", "value")]

@@ -1,4 +1,4 @@
-"""Open the browser without the key in its command line, which every user of the machine can read."""
+"""Open the browser without the key in its command line, which all users of the machine can read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 
-# Until then a browser that has to start first has read the file.
+# Long enough for a browser that must start first to read the file.
 KEPT_S = 60.0
 PAGE = (
     '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="referrer" content="no-referrer">'
@@ -21,9 +21,9 @@ PAGE = (
 
 @contextmanager
 def doorway(address: str) -> Iterator[Path]:
-    """A file that only its user can read and that leads to an address; gone afterwards.
+    """An HTML file, readable by its owner only, that redirects to an address; deleted on exit.
 
-    It stands in the home folder: browsers that are installed as a snap see neither the temporary nor hidden folders.
+    It is placed in the home folder: browsers installed as a snap can read neither the temporary folder nor hidden folders.
     """
     home = Path.home()
     folder = home if os.access(home, os.W_OK) else None
@@ -38,7 +38,7 @@ def doorway(address: str) -> Iterator[Path]:
 
 
 class Opener:
-    """Opens the browser beside the server, and takes the file away in time."""
+    """Opens the browser in a thread and deletes the redirecting file afterwards."""
 
     def __init__(self) -> None:
         self._over = threading.Event()
@@ -50,7 +50,7 @@ class Opener:
         self._thread.start()
 
     def close(self) -> None:
-        """The workbench ends, and with it the file."""
+        """Delete the file now and wait until that is done."""
         self._over.set()
         if self._thread is not None:
             self._thread.join()
@@ -61,5 +61,5 @@ class Opener:
                 webbrowser.open(file.as_uri())
                 self._over.wait(KEPT_S)
         except OSError:
-            # Neither folder can be written: the address stands in the terminal.
+            # No folder is writable; the address was also printed in the terminal.
             return

@@ -1,4 +1,4 @@
-"""What an analysis wants to store, kept back until it is complete: one that is cancelled leaves the session as it was."""
+"""Collects what an analysis stores until the analysis is complete: a cancelled one leaves the session unchanged."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motoremi.workflow import Store
 
 
 class Draft:
-    """Takes what a `Store` takes; the session is not opened for it.
+    """A stand-in for a `Store` that does not open the session.
 
     Parameters
     ----------
@@ -20,19 +20,19 @@ class Draft:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._wanted: list[Callable[[Store], object]] = []
+        self._recorded: list[Callable[[Store], object]] = []
 
     def save_analysis(self, name: str, payload: Mapping[str, Any]) -> Path:
-        """Store `analysis/<name>.json`, later."""
-        self._wanted.append(lambda store: store.save_analysis(name, payload))
+        """Record an analysis, to be stored later as `analysis/<name>.json`."""
+        self._recorded.append(lambda store: store.save_analysis(name, payload))
         return self.path / "analysis" / f"{name}.json"
 
     def save_file(self, relative_path: str, data: bytes) -> Path:
-        """Store a file, later."""
-        self._wanted.append(lambda store: store.save_file(relative_path, data))
+        """Record a file, to be stored later."""
+        self._recorded.append(lambda store: store.save_file(relative_path, data))
         return self.path / relative_path
 
     def store_in(self, store: Store) -> None:
-        """Store everything in the order in which it came."""
-        for wanted in self._wanted:
-            wanted(store)
+        """Store everything recorded, in the same order."""
+        for save in self._recorded:
+            save(store)

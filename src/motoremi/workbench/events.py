@@ -1,4 +1,4 @@
-"""What happens, told to every open page as server-sent events."""
+"""Server-sent events: publishes changes to every open page."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from motoremi.arrays import JsonDict
 from motoremi.data.plain import plain
 from motoremi.data.text import clean_value
 
-# A page that hears nothing for twice as long asks whether the workbench is still there.
+# A page that receives nothing for twice this time checks whether the workbench still answers.
 HEARTBEAT_S = 0.5
 
 
 class Events:
-    """Tells pages; may be told from any thread. A page that goes away changes nothing for anybody else."""
+    """Publishes events to all open pages; may be called from any thread. Pages may disconnect at any time."""
 
     def __init__(self) -> None:
-        # None ends a stream.
+        # One queue for each page; None ends its stream.
         self._pages: set[asyncio.Queue[str | None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
-    def heard(self) -> bool:
-        """Whether a page listens."""
+    def connected(self) -> bool:
+        """Whether any page is connected."""
         return bool(self._pages)
 
     def publish(self, kind: str, data: JsonDict) -> None:
-        """Tell every page that is open now."""
+        """Send an event to every page that is open now."""
         loop = self._loop
         if loop is None or loop.is_closed():
             return
@@ -37,7 +37,7 @@ class Events:
         loop.call_soon_threadsafe(self._put, text)
 
     def close(self) -> None:
-        """End every stream: the workbench ends."""
+        """End every stream, at shutdown."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._put, None)
 
@@ -46,14 +46,14 @@ class Events:
             page.put_nowait(text)
 
     async def stream(self, state: Callable[[], JsonDict], begun: Callable[[], None]) -> AsyncIterator[str]:
-        """One page's stream: first the state, so that a page opened in mid-run catches up, then everything that happens.
+        """The stream of one page: first the current state, so that a page opened during a run shows it, then all events.
 
         Parameters
         ----------
         state : callable
-            What there is to catch up with; asked after the page listens, so that nothing falls in between.
+            Returns the current state; called after the page is subscribed, so that no event is lost in between.
         begun : callable
-            Told once the page listens.
+            Called once the page is subscribed.
         """
         self._loop = asyncio.get_running_loop()
         page: asyncio.Queue[str | None] = asyncio.Queue()
@@ -74,5 +74,5 @@ class Events:
 
 
 def _event(kind: str, data: Any) -> str:
-    # JSON has no bare line ends, so one data line is enough.
+    # JSON text contains no line breaks, so one data line is enough.
     return f"event: {kind}\ndata: {json.dumps(clean_value(plain(data)), allow_nan=False)}\n\n"

@@ -1,4 +1,4 @@
-"""What can be taken out of a session in the formats of other programs: what `motoremi export` writes."""
+"""The exports of a session in the formats of other programs, as `motoremi export` writes them."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Offer(NamedTuple):
     Parameters
     ----------
     name : str
-        Of the file.
+        The file's name.
     title : str
     make : callable
     missing : str
-        What it lacks; empty if it can be made.
+        Why it cannot be made now; empty if it can.
     """
 
     name: str
@@ -36,17 +36,17 @@ class Offer(NamedTuple):
 
 
 def offers(desk: Desk) -> list[JsonDict]:
-    """Names and titles of all files, and what is missing for those that cannot be made now."""
+    """Names and titles of all files, with the reason for those that cannot be made now."""
     return [{"name": one.name, "title": one.title, "missing": one.missing} for one in _offers(desk)]
 
 
 def exported(desk: Desk, name: str) -> bytes:
-    """One of the files.
+    """The content of one file.
 
     Raises
     ------
     BadInput
-        If there is none of that name, or it cannot be made.
+        If there is no file of that name, or it cannot be made.
     """
     for one in _offers(desk):
         if one.name == name:

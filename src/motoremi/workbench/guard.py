@@ -1,4 +1,4 @@
-"""Who may talk to the workbench: this machine, through the address that was printed at the start, and no page but our own."""
+"""Access control: only this machine, only with the token from the address printed at the start, and only requests from our own page."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from motoremi.workbench.body import FILE, LETTERHEAD, USUAL, TooLong, read_alrea
 from motoremi.workbench.refusal import refusal
 
 SAFE_METHODS = frozenset({"GET", "HEAD"})
-# Where files are taken in; everywhere else requests are JSON.
+# Accepts files as bytes; all other requests are JSON.
 UPLOADS = "/api/files"
 LABORATORY = "/api/laboratory"
-# A page of ours is asked for by ourselves, or by somebody who types its address.
-WELCOME_SITES = frozenset({"same-origin", "none"})
-# Trusted types: a browser that knows them refuses to make markup from text, whatever a script tries.
+# Values of Sec-Fetch-Site for requests from our own page, and for an address typed by the user.
+ALLOWED_SITES = frozenset({"same-origin", "none"})
+# Trusted types: browsers that support them refuse to turn text into markup in scripts.
 PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; require-trusted-types-for 'script'"
 )
-# A report is one file with its styles and drawings in it; nothing in it may run or fetch.
+# A report is a single file with inline styles and drawings; it may run no script and load nothing.
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; sandbox"
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -36,33 +36,33 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-# Leads on to the page as a request of its own.
+# Redirects to the page in a separate request.
 ENTRANCE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>motoremi workbench</title><meta http-equiv="refresh" content="0; url=/"></html>
 """
 
 
 class Guard:
-    """Lets a request through to the application, or says in a sentence why not.
+    """ASGI middleware: passes a request on, or refuses it with one sentence that says why.
 
     Parameters
     ----------
     app : ASGI application
     token : str
-        What the start-up address carries; afterwards a cookie or the header `Authorization: Bearer`.
+        Given in the start-up address; later requests carry it as a cookie or as `Authorization: Bearer`.
     hosts : collection of str
-        Values of the Host header that are this workbench; any other name that leads here was made to by somebody else's name server.
+        Accepted values of the Host header. Any other host name points to DNS rebinding.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: Collection[str]) -> None:
         self._app = app
         self._token = token
         self._hosts = frozenset(hosts)
-        # Cookies do not know ports: two workbenches must not overwrite each other's.
+        # Cookies are shared between ports of one host, so the port is part of the name.
         self._cookie = "motoremi-" + min(hosts).rpartition(":")[2]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -100,24 +100,24 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin != f"http://{host}":
             return _refuse(scope, "another page may not use this workbench")
-        if headers.get("sec-fetch-site", "none") not in WELCOME_SITES and not self._shows_token(scope):
+        if headers.get("sec-fetch-site", "none") not in ALLOWED_SITES and not self._shows_token(scope):
             return _refuse(scope, "another page may not use this workbench")
         if scope["method"] in SAFE_METHODS:
             return None
-        # A form of another page cannot send these types without asking first, and is not allowed to.
+        # A form on another page cannot send these content types without a CORS preflight, which is refused.
         wanted = "application/octet-stream" if _is_upload(scope) else "application/json"
         if headers.get("content-type", "").partition(";")[0].strip().lower() != wanted:
             return _refuse(scope, "files come as bytes" if _is_upload(scope) else "requests are JSON", 415)
         return None
 
     def _entrance(self, scope: Scope) -> Response | None:
-        """None for those who have shown the token; a cookie for those who show it now."""
+        """None if the request is authorised; a redirect that sets the cookie if its address carries the token; otherwise a refusal."""
         headers = Headers(scope=scope)
         if self._shows_token(scope):
-            # Out of the address, so that it does not stay in the history or on a screenshot.
+            # Remove the token from the address, so that it stays in neither history nor screenshots.
             answer: Response = RedirectResponse("/", status_code=303)
-            if headers.get("sec-fetch-site", "none") not in WELCOME_SITES:
-                # Sent here by the local file that opens the browser: a browser keeps the cookie from a redirection that another page began.
+            if headers.get("sec-fetch-site", "none") not in ALLOWED_SITES:
+                # The local file that opens the browser led here: browsers send no SameSite cookie along such redirects, so load the page anew.
                 answer = HTMLResponse(ENTRANCE)
             answer.set_cookie(self._cookie, self._token, httponly=True, samesite="strict", path="/")
             return answer
@@ -129,7 +129,7 @@ class Guard:
         return _refuse(scope, "open the address that 'motoremi workbench' printed when it started: it carries the key to this page", 401)
 
     def _shows_token(self, scope: Scope) -> bool:
-        """Whether this is the address that was printed at the start."""
+        """Whether this is the address printed at the start, with the right token."""
         shown = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         return scope["path"] == "/" and scope["method"] in SAFE_METHODS and self._is_token(shown)
 
@@ -151,6 +151,6 @@ def _cookie_of(headers: Headers, name: str) -> str:
 
 def _refuse(scope: Scope, why: str, status: int = 403) -> Response:
     answer = refusal(scope, why, status)
-    # The connection ends with the answer: nobody waits for the rest of what was refused.
+    # Close the connection: the rest of a refused request is not read.
     answer.headers["Connection"] = "close"
     return answer

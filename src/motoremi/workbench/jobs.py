@@ -1,4 +1,4 @@
-"""What takes its time: how far it is, how long it has taken and will take, and how to stop it."""
+"""Long computations: their progress, elapsed and remaining time, and cancellation."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from motoremi.errors import BadInput
 from motoremi.interrupts import cancelled_by
 from motoremi.workbench.events import Events
 
-# Pages are told of progress no more often than this.
-TELL_EVERY_S = 0.1
-# Before so much is done, nobody can say how long the rest will take.
+# Progress is published at most this often.
+PUBLISH_EVERY_S = 0.1
+# The remaining time is not estimated before this share is done and this time has passed.
 LEAST_SHARE, LEAST_S = 0.03, 1.0
 
 
 class Job:
-    """One piece of work on a session.
+    """One computation on a session.
 
     Parameters
     ----------
     session : str
         Identifier.
     title : str
-        What is done, as a person says it.
+        What is being done, as shown on the page.
     jobs : Jobs
-        Who is told.
+        Notified of progress.
     """
 
     def __init__(self, session: str, title: str, jobs: Jobs) -> None:
@@ -40,11 +40,11 @@ class Job:
         self._doing = ""
         self._share = 0.0
 
-    def tell(self, doing: str, done: int, total: int) -> None:
-        """How far it is; a part that begins anew does not take the counter back."""
+    def report(self, doing: str, done: int, total: int) -> None:
+        """Record progress. The share done never decreases, even where a part starts over."""
         self._doing = doing
         self._share = max(self._share, done / total if total else 0.0)
-        self._jobs.tell()
+        self._jobs.publish()
 
     def to_dict(self) -> JsonDict:
         """For a page."""
@@ -62,7 +62,7 @@ class Job:
 
 
 class Jobs:
-    """At most one for each session.
+    """The running jobs: at most one for each session.
 
     Parameters
     ----------
@@ -73,53 +73,53 @@ class Jobs:
         self._events = events
         self._turn = threading.Lock()
         self._running: dict[str, Job] = {}
-        self._told_s = 0.0
+        self._published_s = 0.0
 
     @contextmanager
     def begin(self, session: str, title: str) -> Iterator[Job]:
-        """Work on a session while the block runs; what computes in it may be cancelled.
+        """Run a job on a session for the duration of the block; computations in it can be cancelled.
 
         Raises
         ------
         BadInput
-            If something else is being done with this session.
+            If another job is running on this session.
         """
         job = Job(session, title, self)
         with self._turn:
             other = self._running.setdefault(session, job)
         if other is not job:
             raise BadInput(f"{other.title} is going on in this session: wait for its end or cancel it first")
-        self.tell(now=True)
+        self.publish(now=True)
         try:
             with cancelled_by(job.cancelled.is_set):
                 yield job
         finally:
             with self._turn:
                 del self._running[session]
-            self.tell(now=True)
+            self.publish(now=True)
 
     def cancel(self, session: str) -> None:
-        """Stop what is being done with a session, as soon as it can be stopped; it stores nothing then."""
+        """Cancel the job of a session at its next checkpoint; a cancelled job stores nothing."""
         with self._turn:
             job = self._running.get(session)
         if job is not None:
             job.cancelled.set()
-            self.tell(now=True)
+            self.publish(now=True)
 
     def cancel_all(self) -> None:
-        """The workbench ends."""
+        """Cancel every job, at shutdown."""
         with self._turn:
             running = list(self._running)
         for session in running:
             self.cancel(session)
 
     def to_list(self) -> list[JsonDict]:
-        """What is going on, for a page."""
+        """The running jobs, for a page."""
         with self._turn:
             return [job.to_dict() for job in self._running.values()]
 
-    def tell(self, now: bool = False) -> None:
-        """Tell every page, soon or at once."""
-        if now or time.monotonic() - self._told_s > TELL_EVERY_S:
-            self._told_s = time.monotonic()
+    def publish(self, now: bool = False) -> None:
+        """Send the running jobs to every page; with `now` even if they were sent a moment ago."""
+        if now or time.monotonic() - self._published_s > PUBLISH_EVERY_S:
+            self._published_s = time.monotonic()
             self._events.publish("jobs", {"jobs": self.to_list()})

@@ -1,4 +1,4 @@
-"""A ladder that pages climb: the model that stands, models fitted before they are asked for, steps up, back and up again."""
+"""The ladder of models behind a page: add an effect, drop it, put it back; fits of further effects are computed ahead."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import ClassVar, Generic, Protocol, TypeAlias, TypeVar
 from motoremi.arrays import Progress
 from motoremi.errors import BadInput
 
-# Fits that are kept in case somebody clicks on them; each holds its problem's arrays.
+# Most fits kept ahead of a click; each holds the arrays of its problem.
 MOST_PREPARED = 60
 # When a file was changed last, and its size; None where there is none.
 FileStamp: TypeAlias = tuple[int, int] | None
@@ -23,7 +23,7 @@ class Step(Protocol):
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """What it has beyond the base, in the order in which it was added."""
+        """Its effects beyond the base, in the order in which they were added."""
         ...
 
 
@@ -31,9 +31,12 @@ F = TypeVar("F", bound=Step)
 
 
 class Ladder(ABC, Generic[F]):
-    """The models of one session for the sweeps or for the spectra. Whoever asks for a change says which ladder he saw (`shown`)."""
+    """The models of one session, for its sweeps or its spectra.
 
-    # What the ladder stands on, in words.
+    A request for a change names the ladder that the page showed (`shown`), so that it is refused if the ladder has changed since.
+    """
+
+    # The base model, in words.
     BASE: ClassVar[str]
 
     def __init__(self) -> None:
@@ -53,31 +56,31 @@ class Ladder(ABC, Generic[F]):
 
     @abstractmethod
     def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
-        """Fit the model that the ladder stands at, from the bottom."""
+        """Fit the current model anew, from the base up."""
 
     @abstractmethod
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
-        """Which effect is missing from the model that stands."""
+        """Find the effect missing from the current model."""
 
     @abstractmethod
-    def _signed(self) -> list[object]:
-        """What tells this ladder from any other."""
+    def _identity(self) -> list[object]:
+        """Values that differ between any two ladders."""
 
     @abstractmethod
-    def _grown(self, before: F, effect: str) -> F:
-        """A model with one more effect, fitted."""
+    def _with_effect(self, before: F, effect: str) -> F:
+        """Fit a model with one more effect."""
 
     def _further(self, after: F, effect: str, progress: Progress | None) -> list[F]:
-        """More of the same effect, each a step above `after`, where adding one means adding as many as lower the error."""
+        """Further steps with the same effect, for effects that are added as many times as they lower the error."""
         return []
 
     @abstractmethod
     def _store(self, steps: Sequence[F]) -> None:
-        """Put other steps in the place of those that stand, unless somebody else has just done so."""
+        """Replace the stored steps, unless they have just been changed elsewhere."""
 
     @property
     def top(self) -> F:
-        """The model that stands.
+        """The current model: the last step.
 
         Raises
         ------
@@ -91,20 +94,20 @@ class Ladder(ABC, Generic[F]):
 
     @property
     def standing(self) -> str:
-        """Changes with the ladder: what a page sends back, so that nobody changes a ladder that the page does not show."""
-        return hashlib.sha256(json.dumps(self._signed()).encode()).hexdigest()[:12]
+        """Identifies the current ladder: a page sends it back with a change, which is refused if it no longer matches."""
+        return hashlib.sha256(json.dumps(self._identity()).encode()).hexdigest()[:12]
 
     def prepared(self, effect: str) -> F:
-        """The model that stands with one more effect; kept, so that adding it afterwards takes no time."""
+        """The current model with one more effect, fitted; kept, so that adding the effect afterwards is immediate."""
         with self._turn:
             key, before = (self.standing, effect), self.top
         with self._keeping:
             making = self._making.setdefault(key, threading.Lock())
-        # A lock for each: whoever asks for the same waits for it, a click on another effect does not. `_turn` is not asked for in here.
+        # One lock for each fit: requests for the same effect wait, requests for others do not. `_turn` must not be taken inside it.
         with making:
             fit = self._prepared.get(key)
             if fit is None:
-                fit = self._grown(before, effect)
+                fit = self._with_effect(before, effect)
                 self._keep(key, fit)
             return fit
 
@@ -117,24 +120,24 @@ class Ladder(ABC, Generic[F]):
             self._prepared[key] = fit
 
     def _keep_all(self, found: Iterable[tuple[str, F]]) -> None:
-        """Keep what a diagnosis has fitted on top of the model that stands, each with one more effect."""
+        """Keep the fits of a diagnosis: the current model with one more effect each."""
         standing = self.standing
         for effect, fit in found:
             self._keep((standing, effect), fit)
 
     def glance(self, effect: str) -> tuple[F, F] | None:
-        """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
+        """The current model and the prepared one, for a preview; None if another preview was requested in the meantime."""
         self._looking = asked = object()
         with self._glancing:
             return (self.top, self.prepared(effect)) if self._looking is asked else None
 
     def add(self, effect: str, shown: str | None = None, progress: Progress | None = None) -> tuple[F, F]:
-        """Put an effect on top of the ladder, as often as the command would; returns the model before and after."""
+        """Add an effect to the current model, as many times as the command would; return the models before and after."""
         self._looking = None
         with self._turn:
             self._require(shown)
             before, stands = self.top, self.standing
-        # Others may look at the session meanwhile.
+        # Not under the lock: the session stays readable meanwhile.
         first = self.prepared(effect)
         new = [first, *self._further(first, effect, progress)]
         with self._turn:
@@ -143,7 +146,7 @@ class Ladder(ABC, Generic[F]):
             return before, new[-1]
 
     def drop(self, shown: str | None = None, count: int = 1) -> tuple[F, F]:
-        """Step back on the ladder; returns the model before and after."""
+        """Remove the last `count` steps; return the models before and after."""
         with self._turn:
             self._require(shown)
             steps = self.steps
@@ -156,12 +159,12 @@ class Ladder(ABC, Generic[F]):
 
     @property
     def dropped(self) -> tuple[F, ...]:
-        """The steps that `redo` puts back, lowest first; empty if none was dropped from the ladder as it stands."""
+        """The steps that `redo` puts back, lowest first; empty if none was dropped from the current ladder."""
         with self._turn:
             return self._dropped if self._dropped and self._dropped_from == self.standing else ()
 
     def redo(self, shown: str | None = None, count: int = 1) -> tuple[F, F]:
-        """Put back what was dropped last, as it was; returns the model before and after."""
+        """Put back the first `count` of the steps dropped last; return the models before and after."""
         with self._turn:
             self._require(shown)
             before, dropped = self.top, self.dropped

@@ -1,4 +1,4 @@
-"""The laboratory that signs the reports: named when the workbench starts, or chosen on the page and kept in the workbench's own folder."""
+"""The laboratory profile for reports: named when the workbench starts, or chosen on the page and stored in the workbench's own folder."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from motoremi.workflow_issue import laboratory_in
 
 FOLDER, PROFILE = "laboratory", "profile.toml"
 WANTED = "choose the laboratory's profile, a TOML file, and the logo that it names with it"
-# What any system can name a file with.
+# File names that are valid on any system.
 _PLAIN = re.compile(r"\w[\w .()+-]*")
 
 
 class Letterhead:
-    """Whose name, number series and logo the reports carry.
+    """The profile in use: name, number series and logo for reports.
 
     Parameters
     ----------
     folder : Path
-        The workbench's own: a profile that was chosen on the page is kept here, with the register of its report numbers.
+        The workbench's own folder: a profile chosen on the page is stored here, with the register of its report numbers.
     named : Path or None
-        The profile that the workbench was started with; no other can be chosen then.
+        The profile named at the start; if there is one, no other can be chosen.
     changed : callable
-        Told when another was chosen.
+        Called when another profile was chosen.
     """
 
     def __init__(self, folder: Path, named: Path | None, changed: Callable[[], None]) -> None:
@@ -45,27 +45,27 @@ class Letterhead:
 
     @property
     def profile(self) -> Path | None:
-        """The profile's file, if there is one."""
+        """The path of the profile, if there is one."""
         kept = self._kept / PROFILE
         return self._named or (kept if kept.is_file() else None)
 
-    def told(self, session: Session) -> JsonDict:
-        """Who signs the report of a session, and whether that can be chosen."""
+    def to_dict(self, session: Session) -> JsonDict:
+        """The laboratory's name for the report of a session, and whether another can be chosen."""
         laboratory = laboratory_in(session) if self.profile is None else read_laboratory(self.profile)
         return {"laboratory": "" if laboratory is None else laboratory.name, "choosable": self._named is None}
 
     def choose(self, body: Mapping[str, object]) -> JsonDict:
-        """Keep a profile and its logo, and sign with them from now on.
+        """Store a profile and its logo, and use them from now on.
 
         Parameters
         ----------
         body : mapping
-            `files`: each with `name` and `data` (base64), the profile and, if it names one, its logo.
+            `files`: the profile and, if it names one, its logo; each with `name` and `data` (base64).
 
         Raises
         ------
         BadInput
-            If they are none, or the workbench was started with a profile; what was kept before stays then.
+            If they cannot be used, or the workbench was started with a profile; the profile stored before stays in use.
         """
         if self._named is not None:
             raise BadInput(f"this workbench was started with the profile {show_name(self._named)}: start it without --profile to choose one here")
@@ -82,7 +82,7 @@ class Letterhead:
 
 
 def _files(body: Mapping[str, object]) -> dict[str, bytes]:
-    """What was sent, by the last part of its name."""
+    """The files that were sent, by the last part of their names."""
     listed = body.get("files")
     if not isinstance(listed, list):
         raise BadInput(WANTED)
@@ -93,12 +93,12 @@ def _files(body: Mapping[str, object]) -> dict[str, bytes]:
 
 
 def _checked(profile: str, files: Mapping[str, bytes]) -> tuple[Laboratory, str]:
-    """The laboratory, and which of the files is its logo.
+    """The laboratory, and the name of its logo's file.
 
     Raises
     ------
     BadInput
-        If the profile or its logo cannot be used; the files' own names stand in the sentence.
+        If the profile or its logo cannot be used; the message uses the names under which the files were sent.
     """
     try:
         logo = tomllib.loads(decode(files[profile], profile)).get("logo", "")
@@ -106,7 +106,7 @@ def _checked(profile: str, files: Mapping[str, bytes]) -> tuple[Laboratory, str]
         raise BadInput(f"{profile}: is not TOML: {error}") from error
     needed = {PROFILE: files[profile]}
     if isinstance(logo, str) and logo:
-        # A page takes nothing from this machine but what was chosen on it.
+        # Only files that were chosen on the page are used, none from this machine's disk.
         if logo not in files:
             raise BadInput(f"{profile}: names the logo {clean_text(logo, 80)!r}; choose that file together with the profile")
         if not _PLAIN.fullmatch(logo):

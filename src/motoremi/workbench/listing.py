@@ -1,4 +1,4 @@
-"""The list of sessions: motor, date and state of each, without opening it."""
+"""The list of sessions: motor, date and state of each, read without opening the session."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Entry:
     Parameters
     ----------
     motor : str
-        Empty if nobody named it.
+        Empty if not named.
     began : str
         ISO 8601, UTC.
     state : str
-        "measuring" while another thread or process writes its measurement, otherwise how that ended, or "diagnosed".
+        "measuring" while a thread or process is writing its measurement; otherwise how the measurement ended, or "diagnosed".
     """
 
     motor: str
@@ -39,7 +39,7 @@ class Entry:
 
 
 class Listing:
-    """What is on the shelf; a session is read again only when its file has changed.
+    """The sessions of the shelf; each is read again only when its file has changed.
 
     Parameters
     ----------
@@ -52,18 +52,18 @@ class Listing:
 
     def entries(self) -> list[JsonDict]:
         """Every session that can be opened, newest first."""
-        told = []
+        listed = []
         for identifier, path in self._shelf.offered().items():
             entry = self.entry(path)
-            told.append({"id": identifier, "name": path.name, "motor": entry.motor, "began": entry.began, "state": entry.state})
-        return told
+            listed.append({"id": identifier, "name": path.name, "motor": entry.motor, "began": entry.began, "state": entry.state})
+        return listed
 
     def stamps(self) -> dict[str, Stamp]:
-        """What changes with each session's files."""
+        """The stamp of each session, by identifier."""
         return {identifier: stamp for identifier, path in self._shelf.offered().items() if (stamp := stamp_of(path))}
 
     def entry(self, path: Path) -> Entry:
-        """What the list says of one session."""
+        """The list's entry for one session."""
         stamp = _stamp(path)
         if stamp is None:
             return Entry("", "", "unreadable")
@@ -71,7 +71,7 @@ class Listing:
         if known is None or known[0] != stamp:
             known = self._known[path] = stamp, _read(path)
         entry = known[1]
-        # A program that is killed leaves the file as it is: whether somebody measures is asked each time.
+        # A killed program leaves the file unchanged, so check each time whether the session is still being written.
         if entry.state == "interrupted" and is_being_written(path / SESSION):
             return Entry(entry.motor, entry.began, "measuring")
         return entry

@@ -1,4 +1,4 @@
-"""The workbench as a web application: routes, and errors as sentences."""
+"""The workbench as a web application: its routes, and errors returned as one sentence each."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from motoremi.workbench.tray import Tray
 from motoremi.workbench.watch import Watch
 
 STATIC = Path(str(resources.files("motoremi.workbench") / "static"))
-# What may be taken out of a session's report folder.
+# File types that may be downloaded from a session's report folder.
 REPORT_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".pdf": "application/pdf",
@@ -57,14 +57,14 @@ REPORT_TYPES = {
 
 
 class Workbench:
-    """The application's state and its answers.
+    """The state that all requests share.
 
     Parameters
     ----------
     shelf : Shelf
     bench_file : BenchFile, optional
     profile : Path, optional
-        The laboratory that signs the reports; without one it can be chosen on the page.
+        The laboratory profile used for reports; without it, one can be chosen on the page.
     """
 
     def __init__(self, shelf: Shelf, bench_file: BenchFile | None = None, profile: Path | None = None) -> None:
@@ -78,26 +78,26 @@ class Workbench:
         self.letterhead = Letterhead(shelf.folder, profile, lambda: self.events.publish("files", {}))
 
     def desk(self, request: Request) -> Desk:
-        """The session that an address names."""
+        """The session named in a request's path."""
         return self.shelf.desk(request.path_params["id"])
 
     def now(self) -> JsonDict:
-        """What a page that opens now catches up with."""
+        """The current run and jobs, sent to a page when it connects."""
         return {**self.place.state(), "jobs": self.jobs.to_list()}
 
     def leave(self) -> None:
-        """The workbench ends: what computes stops, instruments are made safe."""
+        """Shut down: cancel computations and bring instruments into their safe state."""
         self.jobs.cancel_all()
         self.place.leave()
 
     def head(self, request: Request) -> JsonDict:
         """What a session is, and whether it is being measured."""
-        told = views.head(self.desk(request), request.path_params["id"])
+        head = views.head(self.desk(request), request.path_params["id"])
         state = self.state(request)
-        return {**told, "state": state, "resumable": told["resumable"] and state != "measuring"}
+        return {**head, "state": state, "resumable": head["resumable"] and state != "measuring"}
 
     def state(self, request: Request) -> State:
-        """As in the list of sessions."""
+        """The session's state, as in the list of sessions."""
         return self.listing.entry(self.desk(request).path).state
 
 
@@ -184,8 +184,8 @@ def _post(path: str, answer: Callable[[Request, JsonDict], Any]) -> Route:
     return Route(path, endpoint, methods=["POST"])
 
 
-def _json(told: Any) -> Response:
-    return JSONResponse(clean_value(plain({} if told is None else told)))
+def _json(data: Any) -> Response:
+    return JSONResponse(clean_value(plain({} if data is None else data)))
 
 
 def _sentence(text: str, status: int) -> Response:
@@ -193,7 +193,7 @@ def _sentence(text: str, status: int) -> Response:
 
 
 async def _in_words(answer: Callable[[], Response]) -> Response:
-    """An answer worked out beside the event loop; whatever goes wrong is told in a sentence."""
+    """Compute a response in a worker thread; any error becomes a response with one sentence."""
     try:
         return await run_in_threadpool(answer)
     except Cancelled:
@@ -212,13 +212,13 @@ async def _no_such_page(request: Request, error: Exception) -> Response:
 
 
 def _changing(w: Workbench, change: Callable[[Desk, JsonDict, Progress], Any], title: str = "a change") -> Callable[[Request, JsonDict], Any]:
-    """An action on a session, one at a time, after which every page looks again."""
+    """A handler that changes a session: one change at a time, then every open page is notified."""
 
     def act(request: Request, body: JsonDict) -> Any:
         desk = w.desk(request)
         try:
             with w.jobs.begin(request.path_params["id"], title) as job:
-                return change(desk, body, job.tell)
+                return change(desk, body, job.report)
         finally:
             w.watch.look()
 
@@ -244,7 +244,7 @@ def _text(body: JsonDict, key: str) -> str:
 
 
 def _standing(body: JsonDict) -> str | None:
-    """Which ladder the page showed when somebody clicked; a script need not say."""
+    """Identifies the ladder that the page showed when the user clicked; optional for scripts."""
     return _text(body, "standing") if "standing" in body else None
 
 
@@ -256,8 +256,8 @@ def _names(body: JsonDict, key: str) -> list[str]:
 
 
 def _reports(w: Workbench, desk: Desk) -> JsonDict:
-    """The files that were written, what can be chosen, and who signs."""
-    return {"files": desk.report_files(), "forms": FORMS, "sections": SECTIONS, **w.letterhead.told(desk.session)}
+    """The report files written so far, the available forms and sections, and the laboratory."""
+    return {"files": desk.report_files(), "forms": FORMS, "sections": SECTIONS, **w.letterhead.to_dict(desk.session)}
 
 
 def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
@@ -272,7 +272,7 @@ def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
 
 
 def _ladder(desk: Desk, body: JsonDict) -> Ladder[Any]:
-    """Of the sweeps or of the spectra."""
+    """The ladder of the sweeps or of the spectra, as the request asks."""
     return story.side(desk, _text(body, "of")).ladder
 
 
@@ -283,7 +283,7 @@ def _add(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
 
 
 def _step(desk: Desk, body: JsonDict, do: Literal["drop", "redo"]) -> JsonDict:
-    """One step of the ladder, or as many as are asked for."""
+    """Drop or redo `count` steps of the ladder; one by default."""
     count = body.get("count", 1)
     if isinstance(count, bool) or not isinstance(count, int):
         raise BadInput("count must be a whole number")
@@ -293,12 +293,12 @@ def _step(desk: Desk, body: JsonDict, do: Literal["drop", "redo"]) -> JsonDict:
 
 
 def _band(request: Request) -> Band | None:
-    """What a plot is zoomed to."""
-    told = [request.query_params.get(name, "") for name in ("low", "high")]
-    if not any(told):
+    """The frequency span that a plot is zoomed to, if the request states one."""
+    ends = [request.query_params.get(name, "") for name in ("low", "high")]
+    if not any(ends):
         return None
     try:
-        low, high = map(float, told)
+        low, high = map(float, ends)
     except ValueError:
         low = high = 0.0
     if not 0 < low < high < math.inf:

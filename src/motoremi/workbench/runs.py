@@ -1,4 +1,4 @@
-"""A procedure that runs in a thread of its own while pages come and go."""
+"""Runs a procedure in its own thread, independent of open pages."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from motoremi.schema.procedure import Procedure
 from motoremi.workbench.events import Events
 from motoremi.workflow_steps import analyse
 
-# Pages are told of progress no more often than this.
-TELL_EVERY_S = 0.1
+# Progress is published at most this often.
+PUBLISH_EVERY_S = 0.1
 
 
 class Stopped(KeyboardInterrupt):
-    """The operator pressed Stop: to a run this is Ctrl-C."""
+    """The operator pressed Stop; a run treats it like Ctrl-C."""
 
 
 class Run:
@@ -36,17 +36,17 @@ class Run:
     Parameters
     ----------
     session : str
-        Identifier of the session that it fills.
+        Identifier of the session that the run writes.
     procedure, bench_file
-        What to do, and where.
+        The procedure and the bench.
     begin : callable
         Opens the session for writing.
     folder : Path
     events : Events
     ask : bool
-        Whether the operator is asked to connect things, and the run waits for the answer.
+        Whether to ask the operator before each connection and wait for the answer.
     done : Done, optional
-        What an earlier run of this session has finished.
+        The steps that an earlier run of this session finished.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Run:
         self._progress: JsonDict = {}
         self._share = 0.0
         self._began_s = time.monotonic()
-        self._told_s = 0.0
+        self._published_s = 0.0
         self._stop = threading.Event()
         self._begun = threading.Event()
         self._answered = threading.Event()
@@ -88,17 +88,17 @@ class Run:
         return self._thread.is_alive()
 
     def start(self) -> None:
-        """Begin; returns as soon as there is a session to look at."""
+        """Start the thread; returns as soon as the session exists."""
         self._thread.start()
         self._begun.wait()
 
     def stop(self) -> None:
-        """Stop at the next exchange; the instruments are made safe and the data kept."""
+        """Stop at the next exchange; the instruments are brought into their safe state and the data are kept."""
         self._stop.set()
         self._answered.set()
 
     def answer(self, answer: Answer) -> None:
-        """The operator has done what was asked for, or could not."""
+        """Pass on the operator's answer to the prompt."""
         if answer == "stop":
             self.stop()
             return
@@ -106,11 +106,11 @@ class Run:
         self._answered.set()
 
     def wait(self) -> None:
-        """Until the instruments are safe and the session is closed."""
+        """Wait until the instruments are in their safe state and the session is closed."""
         self._thread.join()
 
     def state(self) -> JsonDict:
-        """Everything so far, for a page that comes in the middle."""
+        """The run so far, for a page that opens during it."""
         return {**self._now(), "documents": list(self._documents)}
 
     def document(self, seq: int) -> JsonDict:
@@ -128,12 +128,12 @@ class Run:
             "steps": len(self._procedure.plan),
             "status": self._status,
             "message": self._message,
-            # Line by line: the drawing is part of it, and a line end within a text would be written out.
+            # As lines: it contains a drawing, and line breaks within a text would be escaped.
             "prompt": self._prompt.splitlines(),
             "progress": self._progress,
         }
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         self._events.publish("run", self._now())
 
     def _work(self) -> None:
@@ -145,11 +145,11 @@ class Run:
         except MotoremiError as error:
             self._status, self._message = "failed", str(error)
         except Exception as error:
-            # A run must end in words on every page, whatever happened.
+            # Every failure must appear on the pages, so no exception may leave the thread.
             self._status, self._message = "failed", f"internal error ({type(error).__name__}: {error}); report it"
         finally:
             self._begun.set()
-        self._tell()
+        self._publish()
 
     def _measure(self) -> None:
         bench = make_bench(self._bench_file)
@@ -162,7 +162,7 @@ class Run:
                 try:
                     rehearsed = rehearse(self._procedure, self._bench_file)
                 except BadInput:
-                    # A driver of somebody else has no simulated instrument: the run is as good without its remaining time.
+                    # A third-party driver has no simulated instrument: run without an estimate of the remaining time.
                     pass
                 else:
                     progress = RunProgress(rehearsed, bench.clock, self._show)
@@ -182,9 +182,9 @@ class Run:
         return analyse(self._diagnosing)(kind, store, parameters)
 
     def _diagnosing(self, name: str, done: int, total: int) -> None:
-        # The counter is that of the measuring: it does not start over.
+        # The progress bar is that of the measurement and must not start over.
         self._tick()
-        self._say(f"diagnosing: {name}", None)
+        self._report(f"diagnosing: {name}", None)
 
     def _document(self, document: JsonDict) -> None:
         self._documents.append(document)
@@ -194,16 +194,16 @@ class Run:
         self._share = max(self._share, done / total if total else 0.0)
         left: float | None = total - done
         if self._bench_file.backend == "sim":
-            # Its seconds are not those of the reader.
+            # A simulated bench has a clock of its own: estimate from the time that has really passed.
             left = (time.monotonic() - self._began_s) * (1 - self._share) / self._share if self._share else None
-        self._say(doing, left)
+        self._report(doing, left)
 
-    def _say(self, doing: str, remaining_s: float | None) -> None:
+    def _report(self, doing: str, remaining_s: float | None) -> None:
         elapsed = time.monotonic() - self._began_s
         self._progress = {"doing": doing, "share": self._share, "elapsed_s": elapsed, "remaining_s": remaining_s}
-        if time.monotonic() - self._told_s > TELL_EVERY_S:
-            self._told_s = time.monotonic()
-            self._tell()
+        if time.monotonic() - self._published_s > PUBLISH_EVERY_S:
+            self._published_s = time.monotonic()
+            self._publish()
 
     def _tick(self) -> None:
         if self._stop.is_set():
@@ -215,11 +215,11 @@ class Run:
             return None
         self._answered.clear()
         self._prompt = text
-        self._tell()
-        # Stop may have been pressed between the look at it and the clearing.
+        self._publish()
+        # Stop may have been pressed just before the clear above.
         while not self._stop.is_set() and not self._answered.wait(1.0):
             pass
         self._prompt = ""
-        self._tell()
-        # The run writes the answer down before it stops.
+        self._publish()
+        # Returned rather than raised: the run records the answer before it stops.
         return "stop" if self._stop.is_set() else self._answer

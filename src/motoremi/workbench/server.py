@@ -18,29 +18,29 @@ from motoremi.workbench.routes import Workbench, make_app
 from motoremi.workbench.shelf import Shelf
 
 LOOPBACK = "127.0.0.1"
-# Streams of open pages are cut after this long when the workbench ends.
-FAREWELL_S = 1
-# A request that has not said by then what it wants is cut off; longer than an idle connection is kept (uvicorn: 5 s).
+# Open event streams are closed this long after the workbench is told to stop.
+SHUTDOWN_S = 1
+# Connections whose request headers are not complete by then are closed; longer than uvicorn keeps an idle connection (5 s).
 HEADER_DEADLINE_S = 8.0
 
 
 class Deadlined(H11Protocol):
-    """A connection whose next request must be there in time; uvicorn itself waits for ever once a byte has come, or none."""
+    """A connection with a deadline for request headers: uvicorn alone would wait without limit for a request that never completes."""
 
     _late: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin."""
+        """Start the deadline for the first request."""
         super().connection_made(transport)
         self._await_request()
 
     def on_response_complete(self) -> None:
-        """The next request may come."""
+        """Restart the deadline for the next request."""
         self._await_request()
         super().on_response_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The end."""
+        """Cancel the deadline."""
         if self._late is not None:
             self._late.cancel()
         super().connection_lost(exc)
@@ -56,7 +56,7 @@ class Deadlined(H11Protocol):
 
 
 class Server(uvicorn.Server):
-    """Ends the streams of open pages before it waits for their connections."""
+    """Closes event streams first: otherwise shutdown would wait for the connections of open pages."""
 
     def __init__(self, app: ASGIApp, workbench: Workbench) -> None:
         config = uvicorn.Config(
@@ -67,7 +67,7 @@ class Server(uvicorn.Server):
             lifespan="off",
             ws="none",
             server_header=False,
-            timeout_graceful_shutdown=FAREWELL_S,
+            timeout_graceful_shutdown=SHUTDOWN_S,
         )
         super().__init__(config)
         self._workbench = workbench
@@ -94,14 +94,14 @@ def serve(
     port : int
         0 takes a free one.
     ready : callable
-        Told the address, token and all, as soon as it answers.
+        Called with the address, including the token, as soon as the server accepts connections.
     profile : Path, optional
-        The laboratory that signs the reports.
+        The laboratory profile used for reports.
 
     Raises
     ------
     BadInput
-        If the port is taken, or the folder is none.
+        If the port is taken, or the folder does not exist.
     """
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder")
@@ -110,7 +110,7 @@ def serve(
     with _listening(port) as listener:
         actual = listener.getsockname()[1]
         app = make_app(workbench, token, {f"{LOOPBACK}:{actual}", f"localhost:{actual}"})
-        # The socket listens already: whoever reads the address may come at once.
+        # The socket is listening already, so the address can be used at once.
         ready(f"http://{LOOPBACK}:{actual}/?token={token}")
         try:
             Server(app, workbench).run(sockets=[listener])

@@ -1,4 +1,4 @@
-"""Which sessions the page may see: those named at the start, those made here, and those in the workbench's own folder."""
+"""The sessions offered to pages: those named at the start, those made here, and those in the workbench's own folder."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from motoremi.data.text_file import show_name
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
 
-# What a folder is not named with, on any system.
+# Characters to avoid in folder names, on any system.
 _OTHER = re.compile(r"[^A-Za-z0-9._-]+")
 LONGEST = 80
 
 
 class Shelf:
-    """Sessions by identifier; a page never names a path.
+    """The sessions by identifier: a page never names a path.
 
     Parameters
     ----------
     folder : Path
-        Where new sessions are made, and whose sessions are offered.
+        Where new sessions are created; its sessions are offered.
     named : iterable of Path
-        Sessions from elsewhere, named by who started the workbench.
+        Sessions elsewhere, named when the workbench was started.
     """
 
     def __init__(self, folder: Path, named: Iterable[Path] = ()) -> None:
@@ -40,7 +40,7 @@ class Shelf:
             self.first = self.place(path)
 
     def place(self, path: Path) -> str:
-        """Offer a session; returns its identifier."""
+        """Offer a session and return its identifier."""
         resolved = path.resolve()
         identifier = hashlib.sha256(str(resolved).encode("utf-8", "surrogateescape")).hexdigest()[:12]
         with self._turn:
@@ -50,7 +50,7 @@ class Shelf:
     def offered(self) -> dict[str, Path]:
         """Every session that can be opened, newest first."""
         for path in self.folder.iterdir():
-            # A link could lead anywhere: only real folders are offered.
+            # Only real folders are offered: a link could point anywhere.
             if path.is_dir() and not path.is_symlink() and (path / SESSION).is_file():
                 self.place(path)
         with self._turn:
@@ -58,12 +58,12 @@ class Shelf:
         return dict(sorted(there.items(), key=lambda entry: -(entry[1] / SESSION).stat().st_mtime))
 
     def desk(self, identifier: str) -> Desk:
-        """An opened session.
+        """An open session.
 
         Raises
         ------
         BadInput
-            If nothing was offered under this identifier.
+            If no session is offered under this identifier.
         """
         with self._turn:
             path = self._paths.get(identifier)
@@ -72,12 +72,12 @@ class Shelf:
             return self._desks.setdefault(identifier, Desk(path))
 
     def named(self, wish: str) -> Path:
-        """A new folder with the name that somebody wishes, as far as a folder can have it.
+        """The path of a new folder with the wished name, reduced to safe characters.
 
         Raises
         ------
         BadInput
-            If there is one of that name.
+            If a folder of that name exists.
         """
         name = _OTHER.sub("-", wish).strip("-._")[:LONGEST]
         if not name:
@@ -88,5 +88,5 @@ class Shelf:
         return path
 
     def fresh(self, prefix: str) -> Path:
-        """A new folder's name."""
+        """The path of a new folder, named by prefix and time."""
         return self.folder / f"motoremi-{prefix}-{datetime.now(UTC):%Y%m%dT%H%M%S%f}Z"

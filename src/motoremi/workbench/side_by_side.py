@@ -1,4 +1,4 @@
-"""Several sessions side by side, as their report has them: overlays and tables; each against the first."""
+"""The view Compare: overlays and tables of several sessions, as in their common report; each compared with the first."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def side_by_side(desks: Sequence[Desk], band_hz: Band | None = None) -> JsonDict
     Raises
     ------
     BadInput
-        For less than two sessions, or more than can be told apart.
+        For fewer than two sessions, or more than a plot can distinguish.
     """
     together = Together(_materials(desks))
     parameters, bands = together.parameters(), together.bands()
@@ -43,7 +43,7 @@ def report_file(desks: Sequence[Desk], name: str) -> bytes:
     Raises
     ------
     BadInput
-        As `side_by_side`, and if it has no such file.
+        As `side_by_side`, and if there is no such file.
     """
     files = render_together(build_together(_materials(desks)))
     if name not in files:
@@ -55,7 +55,7 @@ def _materials(desks: Sequence[Desk]) -> dict[str, Materials]:
     named: dict[str, Materials] = {}
     for desk in desks:
         if desk.path.name in named:
-            raise BadInput(f"two of these sessions are called {desk.path.name}: rename one folder, or nobody could tell them apart")
+            raise BadInput(f"two of these sessions are called {desk.path.name}: rename one folder, so that they can be distinguished")
         session, steps = desk.session, desk.steps
         comparison = desk.comparison(steps[-1]) if steps else None
         named[desk.path.name] = Materials(session, tuple(steps), comparison, session.analysis("diagnosis"))
@@ -65,8 +65,8 @@ def _materials(desks: Sequence[Desk]) -> dict[str, Materials]:
 def _sweep(sweep: Any, band_hz: Band | None) -> JsonDict:
     kept = seen(sweep.frequency_hz, np.log(np.abs(sweep.mean_ohm)), np.angle(sweep.mean_ohm), band_hz=band_hz)
     frequency, impedance = sweep.frequency_hz[kept], sweep.mean_ohm[kept]
-    told = {"frequency_hz": rounded(frequency), "magnitude_ohm": rounded(np.abs(impedance)), "phase_deg": rounded(np.degrees(np.angle(impedance)))}
-    return {"termination": sweep.termination, "points": len(sweep.frequency_hz), **told}
+    curve = {"frequency_hz": rounded(frequency), "magnitude_ohm": rounded(np.abs(impedance)), "phase_deg": rounded(np.degrees(np.angle(impedance)))}
+    return {"termination": sweep.termination, "points": len(sweep.frequency_hz), **curve}
 
 
 def _change(change: Any, band_hz: Band | None) -> JsonDict:
@@ -77,8 +77,8 @@ def _change(change: Any, band_hz: Band | None) -> JsonDict:
 
 def _spectrum(spectrum: Any, band_hz: Band | None) -> JsonDict:
     kept = seen(spectrum.frequency_hz, spectrum.level_dbuv, band_hz=band_hz)
-    told = {"frequency_hz": rounded(spectrum.frequency_hz[kept]), "level_dbuv": rounded(spectrum.level_dbuv[kept])}
-    return {"detector": spectrum.detector, "points": len(spectrum.frequency_hz), **told}
+    curve = {"frequency_hz": rounded(spectrum.frequency_hz[kept]), "level_dbuv": rounded(spectrum.level_dbuv[kept])}
+    return {"detector": spectrum.detector, "points": len(spectrum.frequency_hz), **curve}
 
 
 def _table(table: Table) -> JsonDict:

@@ -1,4 +1,4 @@
-"""The models of an opened session's spectra: source and path, kept in memory as `Desk` keeps those of the sweeps."""
+"""The models of an open session's spectra (source and path), cached as `Desk` caches those of the sweeps."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class SourceDesk(Ladder[EmissionFit]):
     Parameters
     ----------
     desk : OpenedSession
-        Of the same session.
+        The open session.
     """
 
     BASE = "source and motor alone"
@@ -75,7 +75,7 @@ class SourceDesk(Ladder[EmissionFit]):
 
     @property
     def possible(self) -> bool:
-        """Whether the session holds what a model of the spectra needs."""
+        """Whether the session holds all that a model of the spectra needs."""
         session = self._desk.session
         return has_motor(session) and bool(split(session.corrected_spectra)[0])
 
@@ -101,19 +101,19 @@ class SourceDesk(Ladder[EmissionFit]):
             raise BadInput("the stored model of the spectra cannot be read: predict this session again with its set-up") from error
 
     def fit(self, shown: str | None = None, progress: Progress | None = None) -> None:
-        """Fit source and path anew, without any effect."""
+        """Fit source and path anew, without effects."""
         self._work(lambda store: fit_source(store, progress), shown)
 
     def diagnose(self, progress: Progress | None = None, shown: str | None = None) -> None:
-        """Which effect of source or path is missing from the model that stands. Its fits are kept."""
+        """Find the effect of source or path missing from the current model. Its fits are kept."""
         found = self._work(lambda store: diagnose_emission_session(store, progress=progress), shown)
         if found.base.figures() == self.top.figures():
             self._keep_all((one.effect.name, one.fit) for one in found.candidates)
 
-    def _signed(self) -> list[object]:
+    def _identity(self) -> list[object]:
         return [self._desk.standing, *([*step.effects, step.log_evidence] for step in self.steps)]
 
-    def _grown(self, before: EmissionFit, effect: str) -> EmissionFit:
+    def _with_effect(self, before: EmissionFit, effect: str) -> EmissionFit:
         find_source_effect(effect)
         if effect in before.effects:
             raise BadInput(f"{effect} is in the model already; drop it first or add another effect")
@@ -134,9 +134,9 @@ class SourceDesk(Ladder[EmissionFit]):
             known = self._stamp
 
             def unless_moved(store: Store) -> None:
-                # Under the lock of an open session: from here on nobody else writes.
+                # The session is open and locked: no other writer can interfere from here on.
                 if self._desk.file_stamp(STORED) != known:
-                    raise BadInput("this session has just been changed by somebody else; look at it again before you change it")
+                    raise BadInput("this session has just been changed elsewhere; look at it again before you change it")
                 action(store)
 
             self._desk.change(unless_moved)

@@ -1,4 +1,4 @@
-"""The predicted spectrum beside the measured one and the limit."""
+"""The view Emission: the predicted spectrum, the measured one and the limit."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import rounded
-from motoremi.workflow_emission import predict_session
+from motoremi.workflow_emission import has_motor, predict_session
 
 
 def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
-    """Measured spectra, the prediction with its limit if one was made, and the limits to choose from."""
+    """Measured spectra, the prediction with its limit if there is one, and the limits to choose from."""
     session = desk.session
     return {
         "spectra": [
@@ -31,21 +31,22 @@ def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
             for kept in (seen(one.frequency_hz, one.level_dbuv, band_hz=band_hz),)
         ],
         "prediction": session.analysis("prediction"),
+        "modelled": has_motor(session),
         "usual_limit": DEFAULT_LIMIT,
         "limits": {name: find_limit(name).title for name in limit_names()},
     }
 
 
 def predict(desk: Desk, limit: str) -> None:
-    """Predict the spectrum from the model that stands, and judge against a limit.
+    """Judge the spectra against a limit, and predict them from the current model; without an open-circuit sweep there is no prediction.
 
     Raises
     ------
     BadInput
-        For any other than the limits that come along: a page names no files.
+        For any limit that is not built in: a page cannot name files.
     """
     if limit and limit not in limit_names():
         raise BadInput(f"there is no limit of that name; choose one of {', '.join(limit_names())}")
-    if not desk.steps:
+    if has_motor(desk.session) and not desk.steps:
         raise BadInput("a prediction needs the motor's model: fit this session first (view Story)")
     desk.change(lambda store: predict_session(store, None, limit or None))

@@ -1,4 +1,4 @@
-"""What changes with a session's log and its measured files, whoever writes them: names, times and sizes."""
+"""Names, modification times and sizes of a session's log and measured files, to notice any change."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TypeAlias
 
 from motoremi.data.paths import SESSION
 
-# Analyses are replaced before the log says so: for a moment they do not belong together, and that is no damage.
+# Without analyses: each is replaced just before the log records it, so for a moment the two differ without being damaged.
 FOLDERS = ("sweeps", "spectra")
 Stamp: TypeAlias = tuple[tuple[str, int, int], ...]
 
 
 def stamp_of(path: Path) -> Stamp:
-    """Empty where there is no session.
+    """The stamp of a session; empty if there is none.
 
     Parameters
     ----------
@@ -29,13 +29,13 @@ def stamp_of(path: Path) -> Stamp:
 
 
 def _files(folder: Path) -> list[tuple[str, int, int]]:
-    told = []
+    stamps = []
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
                 found = entry.stat(follow_symlinks=False)
-                told.append((f"{folder.name}/{entry.name}", found.st_mtime_ns, found.st_size))
+                stamps.append((f"{folder.name}/{entry.name}", found.st_mtime_ns, found.st_size))
     except OSError:
-        # No such folder, or a file that has just gone: the next look tells.
+        # The folder does not exist, or a file was deleted during the scan: the next scan notices.
         pass
-    return sorted(told)
+    return sorted(stamps)

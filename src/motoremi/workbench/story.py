@@ -1,6 +1,6 @@
-"""The story of a session on one screen, of its sweeps and of its spectra alike: curves, error, ladder, effects, and what comes next.
+"""The data of the view Story: curves, error, ladder, effects and the next step, in one format for sweeps and for spectra.
 
-Nothing is computed here: each side shows what the rooms of the models computed, in one form, so that the page needs to know only one.
+Nothing is computed here: the models' own packages do that, and each `Side` brings their results into the common format.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from motoremi.workbench.challenge_view import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.ladder import Ladder
 from motoremi.workbench.thinning import Band, seen
-from motoremi.workbench.views import diagnosis, readable, rounded, step_of
+from motoremi.workbench.views import diagnosis, readable, resumable, rounded, step_of
 from motoremi.workflow_emission import DIAGNOSIS, PREDICTION
 
 Of: TypeAlias = Literal["impedance", "emission"]
-# What a curve is to its reader: the page chooses how it looks.
+# What a curve means; the page chooses how it is drawn.
 Role: TypeAlias = Literal["measured", "model", "preview", "floor", "tolerance", "fails"]
 Curves: TypeAlias = Mapping[Role, tuple[str, FloatArray]]
-# Verdicts that leave the motor unexplained.
+# Verdicts after which the motor is still unexplained.
 UNEXPLAINED = ("unexplained", "data")
 ENTRY = ("title", "group", "formula", "signature", "deciding", "source")
 
 
 class Side(ABC):
-    """What of a session the story is told of.
+    """One side of a session: its sweeps or its spectra.
 
     Parameters
     ----------
     desk : Desk
     band_hz : tuple of float, optional
-        What the plots are zoomed to.
+        The span that the plots are zoomed to.
     """
 
     of: Of
@@ -61,41 +61,46 @@ class Side(ABC):
     @property
     @abstractmethod
     def ladder(self) -> Ladder[Any]:
-        """Its models."""
+        """The models of this side."""
 
     @property
     @abstractmethod
     def measured(self) -> bool:
-        """Whether the session holds what is to be explained."""
+        """Whether the session holds measurements of this side."""
+
+    @property
+    def modelled(self) -> bool:
+        """Whether a model of them is possible."""
+        return self.measured
 
     @abstractmethod
     def step(self, fit: Any) -> JsonDict:
-        """One model: what was added, its error and the floor, in `unit`."""
+        """One model: the effect added last, its error and the floor, in `unit`."""
 
     @abstractmethod
     def panels(self) -> list[JsonDict]:
-        """Curves of what was measured and of the model that stands."""
+        """Curves of the measurement and of the current model."""
 
     @abstractmethod
     def preview(self, now: Any, after: Any) -> list[list[list[float | None]]]:
-        """For each frame of each panel the curve of the model with one more effect."""
+        """The curves of the model with one more effect, one for each frame of each panel."""
 
     @abstractmethod
     def catalogue(self) -> list[JsonDict]:
-        """Effects that could be added, and those that were."""
+        """The effects that can be added, and those in the model."""
 
     @abstractmethod
     def next_after(self) -> JsonDict | None:
-        """What comes once everything is explained, before the report."""
+        """The step between a complete explanation and the report, if there is one."""
 
     def _unexplained(self, name: str, title: str, unit: str, frequency_hz: FloatArray, values: FloatArray, log: bool = False) -> JsonDict:
-        """What was measured, before there is a model."""
+        """A measured curve, before the first fit."""
         kept = seen(frequency_hz, values, band_hz=self.band_hz)
         return _panel(name, frequency_hz, kept, [_frame(title, unit, {"measured": ("measured", values[kept])}, log)])
 
 
 class Sweeps(Side):
-    """The impedance."""
+    """The impedance sweeps."""
 
     of = "impedance"
     diagnosed_as = "diagnosis"
@@ -123,7 +128,7 @@ class Sweeps(Side):
         top = self.desk.top
         errors, comparison = top.errors(), self.desk.comparison(top)
         limit = comparison.tolerance.error_percent
-        told = []
+        panels = []
         for sweep in top.measurement.sweeps:
             kept = self._seen_of(sweep, errors[sweep.termination])
             ratio, curve = 1 + errors[sweep.termination][kept], comparison.curves[sweep.termination]
@@ -144,42 +149,43 @@ class Sweeps(Side):
                 ),
                 _frame("error", "%", judged, log=True),
             ]
-            told.append(_panel(sweep.termination, sweep.frequency_hz, kept, frames))
-        return told
+            panels.append(_panel(sweep.termination, sweep.frequency_hz, kept, frames))
+        return panels
 
     def preview(self, now: Fit, after: Fit) -> list[list[list[float | None]]]:
         before_error, after_error = now.errors(), after.errors()
-        told = []
+        panels = []
         for sweep in now.measurement.sweeps:
             kept = self._seen_of(sweep, before_error[sweep.termination])
             ratio = np.abs(1 + after_error[sweep.termination][kept])
             given_db = 20 * np.log10(ratio / np.abs(1 + before_error[sweep.termination][kept]))
             error_percent = 100 * np.abs(after_error[sweep.termination][kept])
-            told.append([rounded(np.abs(sweep.mean_ohm[kept]) * ratio), rounded(given_db), rounded(error_percent)])
-        return told
+            panels.append([rounded(np.abs(sweep.mean_ohm[kept]) * ratio), rounded(given_db), rounded(error_percent)])
+        return panels
 
     def catalogue(self) -> list[JsonDict]:
         if not self.desk.steps:
             return []
         top = self.desk.top
-        # What only describes is never a cause, but a person may add it.
+        # Effects that only describe are never named as a cause, but a user may add them.
         described = [name for name in identifiers() if find_effect(name).effect.describes and find_effect(name).fits(top.motor)]
         possible = (*possible_effects(top), *described)
         named = dict.fromkeys((*possible, *top.effects))
         return [{**entry_of(find_effect(name).effect, name, name in possible), "accumulates": accumulates(name)} for name in named]
 
     def next_after(self) -> JsonDict | None:
-        source = self.desk.source
-        return {"do": "turn", "text": "Go on to the spectra"} if source.possible and not source.steps else None
+        spectra = Spectra(self.desk)
+        begun = spectra.ladder.steps if spectra.modelled else self.desk.session.analysis(PREDICTION)
+        return {"do": "turn", "text": "Go on to the spectra"} if spectra.measured and not begun else None
 
     def _seen_of(self, sweep: RepeatedSweep, error: ComplexArray) -> NDArray[np.intp]:
-        """Which points are shown, with and without another effect alike."""
+        """The points that are shown, the same with and without another effect."""
         magnitude = np.abs(sweep.mean_ohm)
         return seen(sweep.frequency_hz, magnitude, magnitude * np.abs(1 + error), np.abs(error), band_hz=self.band_hz)
 
 
 class Spectra(Side):
-    """The conducted emission."""
+    """The spectra of the conducted emission."""
 
     of = "emission"
     diagnosed_as = DIAGNOSIS
@@ -192,6 +198,10 @@ class Spectra(Side):
 
     @property
     def measured(self) -> bool:
+        return any(not one.is_background for one in self.desk.session.spectra)
+
+    @property
+    def modelled(self) -> bool:
         return self.desk.source.possible
 
     def step(self, fit: EmissionFit) -> JsonDict:
@@ -202,7 +212,7 @@ class Spectra(Side):
             running = [one for one in self.desk.session.corrected_spectra if not one.is_background]
             return [self._unexplained(one.detector, "level", "dBµV", one.frequency_hz, one.level_dbuv) for one in running]
         top = self.ladder.top
-        told = []
+        panels = []
         for detector, (frequency_hz, error_db) in top.error_db().items():
             measured, sigma_db = top.problem.measured_dbuv[top.problem.where[detector]], top.problem.sigma_db[top.problem.where[detector]]
             kept = seen(frequency_hz, measured, band_hz=self.band_hz)
@@ -211,16 +221,16 @@ class Spectra(Side):
                 _frame("level", "dBµV", {"measured": ("measured", measured), "model": ("model", measured - error_db)}),
                 _frame("error", "dB", {"model": ("error", np.abs(error_db)), "floor": ("scatter and formulas", sigma_db)}),
             ]
-            told.append(_panel(detector, frequency_hz, kept, frames))
-        return told
+            panels.append(_panel(detector, frequency_hz, kept, frames))
+        return panels
 
     def preview(self, now: EmissionFit, after: EmissionFit) -> list[list[list[float | None]]]:
-        told = []
+        panels = []
         for detector, (frequency_hz, error_db) in after.error_db().items():
             measured = after.problem.measured_dbuv[after.problem.where[detector]]
             kept = seen(frequency_hz, measured, band_hz=self.band_hz)
-            told.append([rounded(measured[kept] - error_db[kept]), rounded(np.abs(error_db[kept]))])
-        return told
+            panels.append([rounded(measured[kept] - error_db[kept]), rounded(np.abs(error_db[kept]))])
+        return panels
 
     def catalogue(self) -> list[JsonDict]:
         effects = self.ladder.top.effects if self.ladder.steps else ()
@@ -228,7 +238,7 @@ class Spectra(Side):
 
     def next_after(self) -> JsonDict | None:
         stored = self.desk.session.analysis(PREDICTION)
-        if stored is not None and stored.get("effects") == list(self.ladder.top.effects):
+        if stored is not None and stored.get("effects") == list(_effects(self.ladder.steps)):
             return None
         return {"do": "predict", "text": "Judge against the limit"}
 
@@ -237,16 +247,16 @@ SIDES: Mapping[str, type[Side]] = {"impedance": Sweeps, "emission": Spectra}
 
 
 def side(desk: Desk, of: str, band_hz: Band | None = None) -> Side:
-    """One side of the story; without a name the one that the session can tell."""
-    if not of:
-        return Sweeps(desk, band_hz)
+    """One side of a session by name; without a name, or where nothing of that kind was measured, the one that was."""
+    if not of or (of in SIDES and not SIDES[of](desk).measured):
+        of = next((name for name, kind in SIDES.items() if kind(desk).measured), "impedance")
     if of not in SIDES:
-        raise BadInput(f"there is no such story; choose one of {', '.join(SIDES)}")
+        raise BadInput(f"there is no story of that name; choose one of {', '.join(SIDES)}")
     return SIDES[of](desk, band_hz)
 
 
 def story(desk: Desk, of: str, state: str, band_hz: Band | None = None) -> JsonDict:
-    """Everything that the screen shows.
+    """All data of the view.
 
     Parameters
     ----------
@@ -254,18 +264,19 @@ def story(desk: Desk, of: str, state: str, band_hz: Band | None = None) -> JsonD
     of : str
         "impedance", "emission", or empty.
     state : str
-        Of the session, as in the list.
+        The session's state, as in the list of sessions.
     band_hz : tuple of float, optional
-        What the plots are zoomed to.
+        The span that the plots are zoomed to.
     """
     chosen = side(desk, of, band_hz)
     steps = chosen.ladder.steps
     found, stored = _found(chosen)
     explained = readable(lambda: _explained(stored, _effects(steps)))
-    told = {
+    data = {
         "of": chosen.of,
         "sides": [name for name, kind in SIDES.items() if kind(desk).measured],
         "unit": chosen.unit,
+        "modelled": chosen.modelled,
         "sealed": is_open_challenge(desk.session),
         "standing": chosen.ladder.standing,
         "ladder": [chosen.step(step) for step in steps],
@@ -278,16 +289,16 @@ def story(desk: Desk, of: str, state: str, band_hz: Band | None = None) -> JsonD
         "fit": chosen.fit_text,
     }
     coming = _next(chosen, stored, explained, state)
-    return {**told, "next": coming, "stages": _stages(chosen, stored, explained, coming)}
+    return {**data, "next": coming, "stages": _stages(chosen, stored, explained, coming)}
 
 
 def panels(desk: Desk, of: str, band_hz: Band | None) -> JsonDict:
-    """The curves alone, for a plot that was zoomed."""
+    """The curves alone, for a zoomed plot."""
     return {"panels": side(desk, of, band_hz).panels()}
 
 
 def look(desk: Desk, of: str, effect: str, band_hz: Band | None = None) -> JsonDict:
-    """What an effect would do: the curves of the model with it, and the error before and after."""
+    """A preview of an effect: the curves of the model with it, and the error before and after."""
     chosen = side(desk, of, band_hz)
     glanced = chosen.ladder.glance(effect)
     if glanced is None:
@@ -297,9 +308,9 @@ def look(desk: Desk, of: str, effect: str, band_hz: Band | None = None) -> JsonD
 
 
 def entry_of(effect: Any, name: str, possible: bool) -> JsonDict:
-    """An effect of either catalogue, for its reader; `possible` if it can be added to the model that stands."""
-    family, told = getattr(effect, "family", effect.group), {key: getattr(effect, key) for key in ENTRY}
-    return {"id": name, "family": family, **told, "look_alikes": list(effect.look_alikes), "possible": possible}
+    """An effect of either catalogue, for display; `possible` if it can be added to the current model."""
+    family, texts = getattr(effect, "family", effect.group), {key: getattr(effect, key) for key in ENTRY}
+    return {"id": name, "family": family, **texts, "look_alikes": list(effect.look_alikes), "possible": possible}
 
 
 def _step(fit: Fit | EmissionFit, error: float, floor: float) -> JsonDict:
@@ -320,7 +331,7 @@ def _effects(steps: Sequence[Any]) -> tuple[str, ...]:
 
 
 def _found(chosen: Side) -> tuple[JsonDict | None, JsonDict | None]:
-    """The diagnosis for a reader, and as it is stored."""
+    """The diagnosis, prepared for display and as stored."""
     session = chosen.desk.session
     stored = None if is_open_challenge(session) else session.analysis(chosen.diagnosed_as)
     if stored is None:
@@ -333,7 +344,7 @@ def _base(stored: JsonDict) -> tuple[str, ...]:
 
 
 def _explained(stored: JsonDict | None, effects: tuple[str, ...]) -> bool | None:
-    """Whether the ladder holds what the diagnosis named; None if it went elsewhere since, or if there is no diagnosis."""
+    """Whether the model holds the effects that the diagnosis named; None if it holds others as well, or if there is no diagnosis."""
     if stored is None:
         return None
     base, named = _base(stored), set(stored["effects"])
@@ -344,13 +355,16 @@ def _explained(stored: JsonDict | None, effects: tuple[str, ...]) -> bool | None
 
 
 def _next(chosen: Side, stored: JsonDict | None, explained: bool | None, state: str) -> JsonDict:
-    """The one thing that comes next."""
+    """The next step, for the primary button."""
     desk, session = chosen.desk, chosen.desk.session
     if state == "measuring":
         return {"do": "go", "view": "bench", "text": "Watch the run"}
+    if resumable(session) and not chosen.ladder.steps:
+        return {"do": "resume", "text": "Resume the run"}
     if not chosen.measured:
-        # Spectra alone are judged and reported without a model.
-        return _report(session) if session.spectra else {"do": "go", "view": "bench", "text": "Measure on the bench"}
+        return {"do": "go", "view": "bench", "text": "Measure on the bench"}
+    if not chosen.modelled:
+        return chosen.next_after() or _report(session)
     if not chosen.ladder.steps:
         return {"do": "fit", "text": chosen.fit_text}
     if is_open_challenge(session):
@@ -364,7 +378,7 @@ def _next(chosen: Side, stored: JsonDict | None, explained: bool | None, state: 
 
 
 def _report(session: Session) -> JsonDict:
-    """Write it, or look at it if it is of the session as it stands."""
+    """Write the report, or open it if nothing has changed since it was written."""
     last = next((one for one in reversed(session.documents) if one["kind"] == "analysis" or _is_report(one)), None)
     if last is not None and _is_report(last):
         return {"do": "go", "view": "report", "text": "Open the report"}
@@ -376,15 +390,17 @@ def _is_report(document: JsonDict) -> bool:
 
 
 def _stages(chosen: Side, stored: JsonDict | None, explained: bool | None, coming: JsonDict) -> list[JsonDict]:
-    """The steps of the story: which are done, and where more is to be seen of each."""
+    """The steps of the story: whether each is done, and the view that shows its details."""
     fitted, of, diagnosed = bool(chosen.ladder.steps), chosen.of, stored is not None
-    told = (
-        ("Measured", chosen.measured, "session" if of == "impedance" else "emission"),
+    stages = [
+        ("Measured", chosen.measured and coming["do"] != "resume", "session" if of == "impedance" else "emission"),
         ("Fitted", fitted, "session" if of == "impedance" else "emission"),
         ("Where it fails", fitted and diagnosed, "fails" if of == "impedance" else ""),
         ("What is missing", fitted and diagnosed and explained is not None, "next" if of == "impedance" else ""),
-        # That nothing was named to be added is no explanation.
+        # A diagnosis that names no effect explains nothing.
         ("Explained", bool(explained) and stored is not None and stored["verdict"] not in UNEXPLAINED, ""),
         ("Report", coming["do"] == "go" and coming["view"] == "report", "report"),
-    )
-    return [{"title": title, "done": done, "view": view} for title, done, view in told]
+    ]
+    if chosen.measured and not chosen.modelled:
+        stages = [stages[0], ("Judged", coming["do"] != "predict", "emission"), stages[-1]]
+    return [{"title": title, "done": done, "view": view} for title, done, view in stages]

@@ -1,4 +1,4 @@
-"""Long curves as a plot needs them: no more points than can be seen, and every peak and dip among them."""
+"""Thins long curves for plots: no more points than can be seen, with every peak and dip kept."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from motoremi.arrays import FloatArray
 
-# Up to so many points a curve is sent whole; of a longer one this many cells, each with its first point and the extremes of every curve.
+# Curves of up to WHOLE points are sent complete; longer ones in CELLS, each with its first point and the extremes of every curve.
 WHOLE = 2000
 CELLS = 700
-# The part of the span that is shown.
+# The span that is shown.
 Band: TypeAlias = tuple[float, float]
 
 
@@ -25,9 +25,9 @@ def seen(frequency_hz: FloatArray, *curves: FloatArray, band_hz: Band | None = N
     frequency_hz : ndarray, shape (n,)
         Increasing.
     curves : ndarray, shape (n,)
-        What is drawn; points that are not finite are passed over.
+        The curves that are drawn; non-finite points are ignored.
     band_hz : tuple of float, optional
-        What the plot is zoomed to: its points are thinned by themselves, beside those of the whole span.
+        The span that the plot is zoomed to: its points are thinned separately and added to those of the whole span.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def seen(frequency_hz: FloatArray, *curves: FloatArray, band_hz: Band | None = N
     kept = _thinned(frequency_hz, curves)
     if band_hz is None or len(kept) == len(frequency_hz):
         return kept
-    # One more on each side: curves go on to the edge of the plot.
+    # One more point on each side, so that curves reach the edges of the plot.
     first, last = np.searchsorted(frequency_hz, band_hz)
     begin, end = max(int(first) - 1, 0), int(last) + 1
     if begin >= len(frequency_hz) or end - begin < 2:
@@ -57,7 +57,7 @@ def _thinned(frequency_hz: FloatArray, curves: Sequence[FloatArray]) -> NDArray[
     for curve in curves:
         for sign in (1.0, -1.0):
             values = np.where(np.isfinite(curve), sign * curve, -np.inf)
-            # By cell, then by value: the last of each cell is its highest.
+            # Sorted by cell, then by value: the last point of each cell is its highest.
             order = np.lexsort((values, cell))
             kept.append(order[np.append(begins[1:], count) - 1])
     return np.unique(np.concatenate(kept))

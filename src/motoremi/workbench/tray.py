@@ -1,4 +1,4 @@
-"""Files that were dropped on the page, until they become a session or are put away: in memory only."""
+"""Files dropped on the page, kept in memory until they become a session or are removed."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ MOST_FILES = 60
 MOST_BYTES = 256 * 1024**2
 LONGEST_NAME, LONGEST_TEXT = 120, 200
 LEFT_OUT, SPECTRUM, CORRECTIONS = "leave out", "spectrum", "corrections"
-# What a page may say of the files.
+# What the form on the page may state about the files.
 TEXTS = ("analyser", "band", "accuracy", "motor", "serial", "operator", "ambient")
 
 
 @dataclass
 class Dropped:
-    """One file.
+    """One dropped file.
 
     Parameters
     ----------
     name : str
-        The last part of what it is called, control characters written out.
+        The last part of its name, control characters escaped.
     data : bytes
     used_as : str
         "short", "open", "spectrum", "corrections" or "leave out".
     found : Recognised, optional
-        Its sweep or spectra.
+        The sweep or spectra read from it.
     tables : frozenset of str, optional
-        Of a file with corrections: the files that it names.
+        For a corrections file: the tables that it names.
     trouble : str
-        Why it cannot be used.
+        Why the file cannot be used; empty if it can.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Dropped:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """What it can be used as."""
+        """The uses that can be chosen for it."""
         if self.tables is not None:
             return CORRECTIONS, LEFT_OUT
         if self.found is None:
@@ -67,7 +67,7 @@ class Dropped:
         return (*(TERMINATIONS if self.found.sweep is not None else (SPECTRUM,)), LEFT_OUT)
 
     def look(self, fixture: str | None) -> None:
-        """Read it as it is used now; the first time find out what it is."""
+        """Read the file for its chosen use; the first time, recognise what it is."""
         given = next((termination for termination in TERMINATIONS if termination == self.used_as), None)
         unknown = self.found is None and self.tables is None
         self.trouble = ""
@@ -82,17 +82,17 @@ class Dropped:
             self.used_as = CORRECTIONS if self.tables is not None else LEFT_OUT if self.found is None else self.found.used_as
 
     def to_dict(self) -> JsonDict:
-        """For a page."""
-        told = {"name": self.name, "bytes": len(self.data), "used_as": self.used_as, "choices": self.choices, "trouble": self.trouble}
+        """Plain data for the page."""
+        data = {"name": self.name, "bytes": len(self.data), "used_as": self.used_as, "choices": self.choices, "trouble": self.trouble}
         found = self.found
         if found is None:
-            return {**told, "kind": CORRECTIONS if self.tables is not None else ""}
+            return {**data, "kind": CORRECTIONS if self.tables is not None else ""}
         ones = [found.sweep] if found.sweep is not None else list(found.spectra)
         first = ones[0].metadata
         notes = [found.doubt, *(str(change) for change in first.get("changes", []))]
         notes += [f"{text} is assumed" for key, text in _ASSUMED.items() if any(one.metadata.get(key) for one in ones)]
         return {
-            **told,
+            **data,
             "kind": "impedance sweep" if found.sweep is not None else f"spectrum: {', '.join(one.detector for one in found.spectra)}",
             "points": sum(len(one) for one in ones),
             "span": show_band(float(ones[0].frequency_hz[0]), float(ones[0].frequency_hz[-1])),
@@ -106,12 +106,12 @@ _ASSUMED = {"detector_assumed": "the detector", "rbw_assumed": "a bandwidth of 9
 
 
 class Tray:
-    """All of them.
+    """All dropped files.
 
     Parameters
     ----------
     changed : callable
-        Told when something has changed.
+        Called after every change.
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
@@ -122,22 +122,22 @@ class Tray:
         self._next = 1
 
     def to_dict(self) -> JsonDict:
-        """For a page."""
+        """Plain data for the page."""
         with self._turn:
             tables = {name for one in self._files.values() if one.used_as == CORRECTIONS for name in one.tables or ()}
-            told = [{"id": number, **one.to_dict()} for number, one in self._files.items()]
-            for one in told:
+            files = [{"id": number, **one.to_dict()} for number, one in self._files.items()]
+            for one in files:
                 if one["name"] in tables:
                     one |= {"kind": "table of the corrections", "trouble": ""}
-            return {"files": told, "fixture": self._fixture or "", "fixtures": list(FIXTURES)}
+            return {"files": files, "fixture": self._fixture or "", "fixtures": list(FIXTURES)}
 
     def take(self, name: str, data: bytes) -> JsonDict:
-        """Look at a file and keep it in memory; one that is a text but cannot be used is kept with the reason.
+        """Read a file and keep it in memory; a text file that cannot be used is kept with the reason.
 
         Raises
         ------
         BadInput
-            If it is no text, or kept already, or there are too many.
+            If it is not text, is in the list already, or the list is full.
         """
         shown = last_part(name)
         refuse_empty(data, shown)
@@ -148,10 +148,10 @@ class Tray:
             one.look(self._fixture)
             self._files[self._next] = one
             self._next += 1
-        return self._told()
+        return self._changed_list()
 
     def change(self, number: int, used_as: object) -> JsonDict:
-        """Use a file as something else."""
+        """Change the use of a file."""
         with self._turn:
             one = self._one(number)
             if used_as not in one.choices:
@@ -161,10 +161,10 @@ class Tray:
                 one.look(self._fixture)
             elif one.found is not None:
                 one.trouble = ""
-        return self._told()
+        return self._changed_list()
 
     def choose_fixture(self, fixture: object) -> JsonDict:
-        """How the motor stood between the two ports of Touchstone files."""
+        """Choose how the motor was connected between the two ports of Touchstone files."""
         if fixture not in FIXTURES:
             raise BadInput(f"the fixture must be one of {', '.join(FIXTURES)}")
         with self._turn:
@@ -172,28 +172,28 @@ class Tray:
             for one in self._files.values():
                 if one.found is None or one.found.sweep is not None:
                     one.look(self._fixture)
-        return self._told()
+        return self._changed_list()
 
     def remove(self, number: int) -> JsonDict:
-        """Forget one file."""
+        """Remove one file."""
         with self._turn:
             self._one(number)
             del self._files[number]
-        return self._told()
+        return self._changed_list()
 
     def clear(self) -> JsonDict:
-        """Forget all."""
+        """Remove all files."""
         with self._turn:
             self._files.clear()
-        return self._told()
+        return self._changed_list()
 
     def imported(self, body: Mapping[str, Any]) -> Import:
-        """What the chosen files become, as `motoremi import` makes it.
+        """The session that the chosen files become, as `motoremi import` would make it.
 
         Raises
         ------
         BadInput
-            If nothing is chosen, or what the page says cannot be used with these files.
+            If no file is chosen, or the form does not fit these files.
         """
         texts = {key: body.get(key, "") for key in TEXTS}
         for key, text in texts.items():
@@ -208,11 +208,11 @@ class Tray:
             if not chosen:
                 raise BadInput("choose at least one file as short, open or spectrum")
             found = [one.found for one in chosen if one.found is not None]
-            told = ImportOptions(analyser=analyser, corrections=self._corrections(), **{key: text.strip() for key, text in texts.items()})
+            stated = ImportOptions(analyser=analyser, corrections=self._corrections(), **{key: text.strip() for key, text in texts.items()})
         sweeps = [one.sweep for one in found if one.sweep is not None]
-        return prepared(sweeps, [item for one in found for item in one.spectra], told, [one.name for one in chosen])
+        return prepared(sweeps, [item for one in found for item in one.spectra], stated, [one.name for one in chosen])
 
-    def _told(self) -> JsonDict:
+    def _changed_list(self) -> JsonDict:
         self._changed()
         return self.to_dict()
 
@@ -232,7 +232,7 @@ class Tray:
             raise BadInput(f"{new.name}: the files are larger than {MOST_BYTES // 1024**2} MiB together; use motoremi import for such files")
 
     def _corrections(self) -> Corrections:
-        """What stood between motor and instruments; the tables that the file names are looked for among the dropped files only."""
+        """The corrections; the tables that the file names are looked up among the dropped files only."""
         files = [one for one in self._files.values() if one.used_as == CORRECTIONS]
         if not files:
             return NO_CORRECTIONS
@@ -252,12 +252,12 @@ class Tray:
 
 
 def _tables(data: bytes, name: str) -> frozenset[str]:
-    """The files that a file with corrections names.
+    """The tables that a corrections file names.
 
     Raises
     ------
     BadInput
-        If it holds none.
+        If it holds no corrections.
     """
     try:
         listed = tomllib.loads(decode(data, name)).get("correction")
@@ -269,6 +269,6 @@ def _tables(data: bytes, name: str) -> frozenset[str]:
 
 
 def last_part(name: str) -> str:
-    """A name to look at and to record; a browser sends any text."""
+    """The last part of a file's name, safe to show and to record; a browser may send any text."""
     shown = clean_text(re.split(r"[/\\]", name)[-1], LONGEST_NAME).strip()
     return shown if shown.strip(".") else "unnamed"

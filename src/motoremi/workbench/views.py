@@ -1,4 +1,4 @@
-"""What each view shows, as plain data; nothing is computed here that another room does not compute."""
+"""The data of each view; the computations themselves are in other packages."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
 
 T = TypeVar("T")
-# More digits than any instrument here resolves; they make the page's data half as long.
+# More digits than any instrument resolves, and half the data to transfer.
 DIGITS = 8
 
 
 def rounded(values: FloatArray) -> list[float | None]:
-    """Numbers for a plot; None where there is none."""
+    """Numbers for a plot, rounded; None in place of NaN and infinity."""
     array = np.asarray(values, dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = 10.0 ** (DIGITS - 1 - np.floor(np.log10(np.abs(array))))
@@ -38,7 +38,7 @@ def rounded(values: FloatArray) -> list[float | None]:
 
 
 def head(desk: Desk, identifier: str) -> JsonDict:
-    """What the session is, and where its analysis stands."""
+    """The session: its start document, measurements, instruments, and the state of its analysis."""
     session = desk.session
     start = session.start
     return {
@@ -46,7 +46,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "name": desk.path.name,
         "status": session.status,
         "interrupted": session.interrupted,
-        "resumable": "procedure" in start and (session.status != "done" or session.interrupted),
+        "resumable": resumable(session),
         "start": {key: str(start.get(key, "")) for key in ("motor", "title", "operator", "time", "software", "backend")},
         "instruments": _instruments(session),
         "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
@@ -62,9 +62,14 @@ def head(desk: Desk, identifier: str) -> JsonDict:
     }
 
 
+def resumable(session: Session) -> bool:
+    """Whether a run of this session ended early and can be resumed."""
+    return "procedure" in session.start and (session.status != "done" or session.interrupted)
+
+
 def _instruments(session: Session) -> list[JsonDict]:
-    """Who measured; whoever goes on with a session asks the same instruments again."""
-    told: list[JsonDict] = []
+    """The instruments of the session, each once: a resumed run identifies them again."""
+    instruments: list[JsonDict] = []
     for document in session.documents:
         if document["kind"] == "instrument":
             one = {
@@ -72,9 +77,9 @@ def _instruments(session: Session) -> list[JsonDict]:
                 "resource": str(document.get("resource", "")),
                 "identity": _texts(document.get("identity")),
             }
-            if one not in told:
-                told.append(one)
-    return told
+            if one not in instruments:
+                instruments.append(one)
+    return instruments
 
 
 def _texts(value: object) -> dict[str, str]:
@@ -82,12 +87,12 @@ def _texts(value: object) -> dict[str, str]:
 
 
 def ladder(desk: Desk) -> list[JsonDict]:
-    """The steps with their errors and parameters."""
+    """All steps with their errors and parameters."""
     return [step_of(step) for step in desk.steps]
 
 
 def step_of(step: Fit) -> JsonDict:
-    """One model."""
+    """One model with its error and parameters."""
     return {
         "effects": list(step.effects),
         "added": step.effects[-1] if step.effects else "",
@@ -103,7 +108,7 @@ def step_of(step: Fit) -> JsonDict:
 
 
 def curves(desk: Desk, band_hz: Band | None = None) -> JsonDict:
-    """Measured sweeps, and the model that stands if there is one, with error and uncertainty."""
+    """The measured sweeps and, after a fit, the current model with error and uncertainty."""
     session, steps = desk.session, desk.steps
     if not session.sweeps:
         raise BadInput("this session holds no impedance sweep")
@@ -112,12 +117,12 @@ def curves(desk: Desk, band_hz: Band | None = None) -> JsonDict:
         return {"model": False, "sweeps": [_measured(*one, seen(one[1], *_drawn(one[2]), band_hz=band_hz)) for one in measured]}
     top = steps[-1]
     errors, comparison = top.errors(), desk.comparison(top)
-    told = []
+    sweeps = []
     for sweep in top.measurement.sweeps:
         model, curve = sweep.mean_ohm * (1 + errors[sweep.termination]), comparison.curves[sweep.termination]
         drawn = (*_drawn(sweep.mean_ohm), *_drawn(model), curve.error_percent, curve.error_percent * curve.fails)
         kept = seen(sweep.frequency_hz, *drawn, band_hz=band_hz)
-        told.append(
+        sweeps.append(
             {
                 **_measured(sweep.termination, sweep.frequency_hz, sweep.mean_ohm, kept),
                 "repeats": sweep.repeats,
@@ -128,7 +133,7 @@ def curves(desk: Desk, band_hz: Band | None = None) -> JsonDict:
                 "fails": curve.fails[kept].tolist(),
             }
         )
-    return {"model": True, "tolerance": asdict(comparison.tolerance), "sweeps": told}
+    return {"model": True, "tolerance": asdict(comparison.tolerance), "sweeps": sweeps}
 
 
 def _first(session: Session) -> list[Any]:
@@ -137,7 +142,7 @@ def _first(session: Session) -> list[Any]:
 
 
 def _drawn(impedance_ohm: ComplexArray) -> tuple[FloatArray, ...]:
-    """What a plot shows of it, in whichever units."""
+    """Everything that a plot may show of an impedance, in any of its units."""
     return np.abs(impedance_ohm), np.angle(impedance_ohm), impedance_ohm.real, impedance_ohm.imag
 
 
@@ -152,35 +157,35 @@ def _measured(termination: str, frequency_hz: FloatArray, impedance_ohm: Complex
 
 
 def fails(desk: Desk) -> JsonDict:
-    """Error per sweep and band, and the spans that hold most of it."""
+    """The error of each sweep and band, and the spans that contribute most."""
     comparison: Comparison = desk.comparison(desk.top)
-    told = comparison.to_dict()
-    for entry in (*told["bands"], *told["where"]):
+    data = comparison.to_dict()
+    for entry in (*data["bands"], *data["where"]):
         entry["band"] = show_band(*entry["band_hz"])
-    return told
+    return data
 
 
 def diagnosis(stored: JsonDict) -> JsonDict:
-    """A stored diagnosis with its parameters written out.
+    """A stored diagnosis, prepared for display.
 
     Raises
     ------
     BadInput
-        If it is not one of this software.
+        If it was not written by this software.
     """
     return readable(lambda: _diagnosis(stored))
 
 
 def _diagnosis(stored: JsonDict) -> JsonDict:
-    told = {key: stored[key] for key in ("verdict", "effects", "families", "confidence", "base", "best", "next_measurement")}
-    told |= {"sentence": in_words(stored), "mood": mood_of(str(stored["verdict"])), "reasons": reasons_of(stored)}
-    told["findings"] = [{**{key: one[key] for key in ("id", "why", "remedy", "serious")}, "place": place_of(one)} for one in findings_of(stored)]
-    told["described"] = described(stored["unexplained_percent"]) if "unexplained_percent" in stored else ""
-    told["where"] = [{**span, "band": show_band(*span["band_hz"])} for span in stored["where"]]
-    told["caveats"] = list(stored.get("caveats", []))
-    told["observations"] = [str(one["text"]) for one in stored.get("observations", [])]
+    data = {key: stored[key] for key in ("verdict", "effects", "families", "confidence", "base", "best", "next_measurement")}
+    data |= {"sentence": in_words(stored), "mood": mood_of(str(stored["verdict"])), "reasons": reasons_of(stored)}
+    data["findings"] = [{**{key: one[key] for key in ("id", "why", "remedy", "serious")}, "place": place_of(one)} for one in findings_of(stored)]
+    data["described"] = described(stored["unexplained_percent"]) if "unexplained_percent" in stored else ""
+    data["where"] = [{**span, "band": show_band(*span["band_hz"])} for span in stored["where"]]
+    data["caveats"] = list(stored.get("caveats", []))
+    data["observations"] = [str(one["text"]) for one in stored.get("observations", [])]
     error = "rms_error_db" if stored.get("of") == "emission" else "rms_error_percent"
-    told["candidates"] = [
+    data["candidates"] = [
         {
             **{key: one[key] for key in ("effect", "family", "chi2_reduced", "delta_bic", "plausible")},
             "error": one[error],
@@ -189,11 +194,11 @@ def _diagnosis(stored: JsonDict) -> JsonDict:
         }
         for one in stored["candidates"]
     ]
-    return told
+    return data
 
 
 def following(desk: Desk) -> JsonDict:
-    """The next measurement."""
+    """The measurement that the diagnosis suggests next."""
     session = desk.session
     if is_open_challenge(session):
         raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
@@ -207,7 +212,7 @@ def following(desk: Desk) -> JsonDict:
 
 
 def readable(read: Callable[[], T]) -> T:
-    """A stored analysis is a file: anybody may have written it."""
+    """Read a stored analysis; a file with unexpected content becomes one sentence."""
     try:
         return read()
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -215,12 +220,12 @@ def readable(read: Callable[[], T]) -> T:
 
 
 def inspection(desk: Desk, element: str, band_hz: Band | None = None) -> JsonDict:
-    """What an element would have to be."""
+    """What an element would have to be at each frequency."""
     if element not in (*ELEMENTS, *desk.top.effects):
         raise BadInput(f"{element!r} is no element of this model; choose one of {', '.join((*ELEMENTS, *desk.top.effects))}")
     found = desk.inspection(element)
-    told = found.to_dict()
-    for sweep, curve in zip(told["sweeps"], found.curves, strict=True):
+    data = found.to_dict()
+    for sweep, curve in zip(data["sweeps"], found.curves, strict=True):
         kept = seen(curve.frequency_hz, *_drawn(np.where(curve.known, curve.value, np.nan)), *_drawn(curve.model), band_hz=band_hz)
         sweep["points"] = len(curve.frequency_hz)
         for key in ("frequency_hz", "real", "imag", "sigma", "model_real", "model_imag", "known"):
@@ -229,10 +234,10 @@ def inspection(desk: Desk, element: str, band_hz: Band | None = None) -> JsonDic
         if tried and curve.known.any():
             law = tried[0].value(curve.frequency_hz[kept])
             sweep["law_name"], sweep["law_real"], sweep["law_imag"] = tried[0].law.name, rounded(law.real), rounded(law.imag)
-    told["lines"] = repr(found).splitlines()
-    return told
+    data["lines"] = repr(found).splitlines()
+    return data
 
 
-def glossary() -> JsonDict:
-    """The catalogue for the bench's list of hidden effects."""
+def effect_titles() -> JsonDict:
+    """Titles of all effects by identifier."""
     return {identifier: effect.title for effect in catalogue() for identifier in effect.identifiers}

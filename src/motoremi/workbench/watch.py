@@ -1,4 +1,4 @@
-"""Tells pages what changed on disk, whoever changed it: another tab, a run, the command line."""
+"""Notifies pages of changes on disk, whether by another tab, a run or the command line."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from motoremi.workbench.events import Events
 from motoremi.workbench.listing import Listing
 from motoremi.workbench.stamps import Stamp
 
-LOOK_EVERY_S = 0.5
+CHECK_EVERY_S = 0.5
 
 
 class Watch:
-    """Looks at the sessions' files as long as a page is open.
+    """Checks the sessions' files for changes while a page is open.
 
     Parameters
     ----------
@@ -33,24 +33,24 @@ class Watch:
         self._task: asyncio.Task[None] | None = None
 
     def begin(self) -> None:
-        """A page has come; called from the event loop."""
+        """Start checking, when a page connects; called from the event loop."""
         if self._task is None or self._task.done():
             self._task = asyncio.get_running_loop().create_task(self._go_on())
 
     def look(self) -> None:
-        """Tell what has changed since the last look."""
+        """Publish what has changed since the last check."""
         with self._turn:
             stamps, before = self._listing.stamps(), self._stamps
             self._stamps = stamps
-            entries, told = self._listing.entries(), self._entries
+            entries, entries_before = self._listing.entries(), self._entries
             self._entries = entries
         for identifier, stamp in stamps.items():
             if identifier in before and before[identifier] != stamp:
                 self._events.publish("changed", {"session": identifier})
-        if entries != told:
+        if entries != entries_before:
             self._events.publish("sessions", {"sessions": entries})
 
     async def _go_on(self) -> None:
-        while self._events.heard:
+        while self._events.connected:
             await run_in_threadpool(self.look)
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(CHECK_EVERY_S)

@@ -1,4 +1,4 @@
-// Requests to the workbench; trouble arrives as one sentence.
+// Requests to the workbench; a failure is thrown as Trouble with one sentence.
 
 export class Trouble extends Error {}
 
@@ -22,7 +22,7 @@ export const get = (path) => ask(path);
 export const post = (path, body = {}) =>
   ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
 
-// The same address, with the span of frequency that a plot shows.
+// A path with the frequency span that a plot shows.
 export const within = (path, span) => (span ? `${path}${path.includes("?") ? "&" : "?"}low=${span[0]}&high=${span[1]}` : path);
 
 export const sessionPath = (id, rest = "") => `/api/sessions/${encodeURIComponent(id)}${rest}`;

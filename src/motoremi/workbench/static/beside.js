@@ -1,4 +1,4 @@
-// What the curves say where the cursor is, beside the cursor. Screen readers are told by the line below the plots.
+// The values of the curves at the cursor, beside the cursor. For screen readers the line below the plots says the same.
 
 import { h } from "./dom.js";
 

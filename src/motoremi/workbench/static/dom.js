@@ -1,4 +1,4 @@
-// Elements are made from text, never from markup: nothing that a file or an instrument says can become one.
+// Builds elements from text, never from markup, so that text from files or instruments cannot become elements.
 
 export function h(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -19,7 +19,7 @@ export function svg(tag, attributes = {}, ...children) {
   return element;
 }
 
-// A value and its unit stay in one line.
+// Cells shorter than this do not wrap, so that a value and its unit stay together.
 const BRIEF = 24;
 export const brief = (cell) => (typeof cell === "string" && cell.length < BRIEF ? "brief" : null);
 
@@ -30,14 +30,14 @@ export function table(head, rows, attributes = {}) {
     h("tbody", {}, rows.map((row) => (row instanceof HTMLTableRowElement ? row : h("tr", {}, cells("td", row)))))));
 }
 
-// Names and what they stand for; a list that needs no head.
+// A table of names and values without a head.
 export function facts(rows, attributes = {}) {
   return scroller(h("table", attributes, h("tbody", {}, rows.map(([name, ...values]) => h("tr", {}, h("th", { scope: "row" }, name), values.map((value) => h("td", {}, value)))))));
 }
 
-// Where a table is wider than its place, the keys reach it too.
+// A table wider than its place can be focused, so that the arrow keys scroll it.
 function scroller(inner) {
-  const box = h("div", { class: "scroll" }, inner), reached = { tabindex: 0, role: "group", "aria-label": "A table that is wider than its place: the arrow keys move it" };
+  const box = h("div", { class: "scroll" }, inner), reached = { tabindex: 0, role: "group", "aria-label": "Wide table: the arrow keys scroll it" };
   new ResizeObserver(() => {
     const wide = box.scrollWidth > box.clientWidth;
     for (const [name, value] of Object.entries(reached)) {

@@ -1,11 +1,11 @@
-// Files dropped anywhere on the page are taken in and shown on the view Files.
+// Files dropped anywhere on the page are sent to the workbench and shown in the view Files.
 
 import { ask } from "./api.js";
 
-// As the workbench counts; a file that is larger is not even sent.
+// The workbench's own limit; larger files are not sent.
 const LARGEST = 64 * 1024 ** 2;
 
-// Sentences on what was not taken in; the view shows them.
+// One sentence for each refused file; the view shows them.
 export const refused = [];
 
 export function acceptDrops(page) {
@@ -40,12 +40,12 @@ export async function take(files, page) {
 }
 
 async function send(file) {
-  if (file.size > LARGEST) throw new Error(`${file.name}: is larger than 64 MiB, which no sweep is; export fewer points`);
+  if (file.size > LARGEST) throw new Error(`${file.name}: is larger than 64 MiB, the most that a measurement file may have; export fewer points`);
   let content;
   try {
     content = await file.arrayBuffer();
   } catch {
-    throw new Error(`${file.name}: cannot be read; is it a folder, or gone?`);
+    throw new Error(`${file.name}: cannot be read; it may be a folder, or have been deleted`);
   }
   return ask(`/api/files?name=${encodeURIComponent(file.name)}`, { method: "POST", headers: { "Content-Type": "application/octet-stream" }, body: content });
 }

@@ -1,5 +1,5 @@
-// The ladder as falling steps: the error of each model on a logarithmic scale, down to what noise would leave. One row for each, so that no label
-// meets another. It is the history too: a click on a step goes back to it, a click on one that was dropped puts back all up to it.
+// The ladder: one row for each model with its error on a logarithmic scale, down to the floor that noise would leave. A click on a step goes back
+// to it; a click on a dropped step puts back all steps up to it.
 
 import { button, h } from "./dom.js";
 

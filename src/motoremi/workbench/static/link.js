@@ -1,11 +1,11 @@
-// The connection to the workbench: what it tells by itself, and whether it is still there.
+// The connection to the workbench: its events, and whether it still answers.
 
-// The workbench is heard every half second; a page that hears nothing for longer asks, and waits no longer than this for the answer.
+// The workbench sends something every half second. After a longer silence the page sends a request and waits this long for the answer.
 const SILENCE_MS = 1000, ANSWER_MS = 600, LOOK_MS = 250;
-const STOPPED = "The workbench does not answer: it was stopped, or its terminal was closed. Nothing can be changed until it is back; this page goes on by itself then.";
-const ANOTHER_KEY = "The workbench was started anew and has another key: open the address that it printed.";
+const STOPPED = "The workbench does not answer: it was stopped, or its terminal was closed. Nothing can be changed until it runs again; this page then continues by itself.";
+const ANOTHER_KEY = "The workbench was restarted and has a new key: open the address that it printed.";
 
-// kinds: what is done with each kind of event; gone(why) and back() when the workbench goes and comes.
+// kinds: a handler for each kind of event; gone(why) and back() are called when the workbench is lost and when it answers again.
 export function connect(kinds, { gone, back }) {
   let stream = null, heard = 0, lost = false, asking = false;
 
@@ -50,7 +50,7 @@ export function connect(kinds, { gone, back }) {
   setInterval(look, LOOK_MS);
 }
 
-// Why the workbench cannot be reached; nothing if it can.
+// Why the workbench cannot be reached; empty if it can.
 async function absent() {
   try {
     const answer = await fetch("/api/alive", { signal: AbortSignal.timeout(ANSWER_MS) });

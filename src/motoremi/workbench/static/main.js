@@ -1,4 +1,4 @@
-// The frame of the page: which session, which view, keys, theme, and what the workbench tells by itself.
+// The frame of the page: session, view, keys, theme, and the workbench's events.
 
 import { get, sessionPath, Trouble } from "./api.js";
 import { button, h, table } from "./dom.js";
@@ -23,7 +23,7 @@ import { together } from "./views/together.js";
 
 const VIEWS = { files, bench, story, session, fails, inspect, next, emission, report, challenge, together };
 const WITHOUT_SESSION = new Set(["files", "bench", "challenge", "together"]);
-// Views that have no key of their own are counted.
+// Views without a key of their own are numbered.
 const VIEW_KEYS = Object.fromEntries([...Object.entries(VIEWS).filter(([, view]) => view.key).map(([name, view]) => [view.key.toLowerCase(), name]),
   ...Object.keys(VIEWS).filter((name) => !VIEWS[name].key).map((name, index) => [String(index + 1), name])]);
 const KEYS = [
@@ -32,11 +32,11 @@ const KEYS = [
   ["A B", "in plots: set marks"], ["N", "in Story: what comes next"], ["Enter", "on an effect: add it"], ["D R", "in Story: drop the effect that was added last, put it back"], ["U", "in Session: units"],
 ];
 const NO_SESSION = ["There is no session yet: ", h("a", { href: "#files" }, "make one from your files"), ", ", h("a", { href: "#bench" }, "run a procedure on the bench"), ", or ", h("a", { href: "#challenge" }, "take a challenge"), "."];
-const VANISHED = "The folder of this session has gone: it was moved, renamed or deleted. What you see was read before; nothing more can be done with it here. Choose another session, or put the folder back.";
+const VANISHED = "The folder of this session is gone: it was moved, renamed or deleted. What is shown was read before; nothing more can be done with it here. Choose another session, or put the folder back.";
 const main = document.getElementById("main");
 const element = (id) => document.getElementById(id);
 
-// What the views share.
+// State and functions that the views share.
 export const page = {
   session: "", head: null, run: null, sessions: [], listeners: new Set(), viewKey: null,
 
@@ -44,25 +44,25 @@ export const page = {
     page.session = id;
     await refreshSessions();
     await page.refresh();
-    tellAddress(true);
+    writeAddress(true);
   },
 
   async refresh() {
     page.head = page.session ? await get(sessionPath(page.session)) : null;
-    tellStand();
+    writeModel();
   },
 
   go(view) {
     location.hash = `#${view}`;
   },
 
-  // Does something that may take a while or go wrong; says so either way.
+  // Runs an action that may take a while or fail; shows either on the page.
   async work(doing, action) {
     quiet();
     const waiting = setTimeout(() => busy(doing), 150);
     try {
-      const told = await occupied(action);
-      if (!told?.cancelled) return told;
+      const result = await occupied(action);
+      if (!result?.cancelled) return result;
       complain("Cancelled: the session is as it was.", "note");
       return undefined;
     } catch (trouble) {
@@ -80,7 +80,7 @@ export const page = {
   attempt,
 };
 
-// Several things may be going on at once.
+// Several actions may run at once.
 let occupations = 0;
 
 async function occupied(action) {
@@ -93,18 +93,18 @@ async function occupied(action) {
   }
 }
 
-// Session and view stand in the address: reload keeps both, and so does a bookmark as long as the workbench runs.
+// Session and view are part of the address: a reload keeps both, and a bookmark works while the workbench runs.
 const sessionInAddress = () => new URLSearchParams(location.search).get("session") ?? "";
 
-function tellAddress(step = false) {
-  const told = new URL(location.href);
-  if (page.session) told.searchParams.set("session", page.session);
-  else told.searchParams.delete("session");
-  told.hash = wanted();
-  if (told.href !== location.href) history[step ? "pushState" : "replaceState"](null, "", told);
+function writeAddress(step = false) {
+  const address = new URL(location.href);
+  if (page.session) address.searchParams.set("session", page.session);
+  else address.searchParams.delete("session");
+  address.hash = wanted();
+  if (address.href !== location.href) history[step ? "pushState" : "replaceState"](null, "", address);
 }
 
-function tellStand() {
+function writeModel() {
   const head = page.head;
   element("stands").textContent = "";
   if (!head) return;
@@ -129,21 +129,21 @@ function busy(text) {
 }
 
 async function refreshSessions() {
-  const told = await get("/api/sessions");
-  if (page.session && !told.sessions.some((one) => one.id === page.session)) {
-    complain("The session in this address is not on this workbench's list; the list above has those that are.");
+  const { first, sessions } = await get("/api/sessions");
+  if (page.session && !sessions.some((one) => one.id === page.session)) {
+    complain("The session in this address is not on this workbench's list: choose another one from the list above.");
     page.session = "";
   }
-  if (!page.session) page.session = told.first || told.sessions[0]?.id || "";
-  list(told.sessions);
+  if (!page.session) page.session = first || sessions[0]?.id || "";
+  list(sessions);
 }
 
 function list(sessions) {
   page.sessions = sessions;
   const choice = element("session-choice");
-  const told = sessions.map((one) => [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "));
-  // Where two say the same, their folders tell them apart.
-  choice.replaceChildren(...sessions.map((one, index) => h("option", { value: one.id, title: one.name }, told.indexOf(told[index]) === told.lastIndexOf(told[index]) ? told[index] : `${told[index]} · ${one.name}`)));
+  const names = sessions.map((one) => [one.motor || one.name, when(one.began), one.state].filter(Boolean).join(" · "));
+  // Where two names are the same, their folders are added.
+  choice.replaceChildren(...sessions.map((one, index) => h("option", { value: one.id, title: one.name }, names.indexOf(names[index]) === names.lastIndexOf(names[index]) ? names[index] : `${names[index]} · ${one.name}`)));
   if (!sessions.length) choice.append(h("option", { value: "" }, "none yet"));
   choice.value = page.session;
 }
@@ -151,7 +151,7 @@ function list(sessions) {
 const wanted = () => (location.hash.slice(1) in VIEWS ? location.hash.slice(1) : page.session ? "story" : "files");
 let drawing = 0;
 
-// The view is built beside the page and put in at once when it is complete. A view that is drawn anew keeps what its reader was doing.
+// Draws the current view once its data have been read. With `keep`, focus, zoom and typed text are kept.
 async function redraw(keep = false) {
   const name = wanted(), turn = ++drawing;
   markTab(name);
@@ -160,23 +160,23 @@ async function redraw(keep = false) {
     const view = VIEWS[name];
     if (page.session) await page.refresh();
     const missing = page.session || WITHOUT_SESSION.has(name) ? lacks(view) && view.without : NO_SESSION;
-    const told = missing ? null : await view.load?.(page);
+    const data = missing ? null : await view.load?.(page);
     if (turn !== drawing) return;
     const restore = keep && stay(main);
     leaveAll();
     page.listeners.clear();
     main.replaceChildren(h("h1", { class: "unseen" }, view.title));
     if (missing) main.append(h("p", { class: "empty" }, missing));
-    else view.draw(main, told, page);
+    else view.draw(main, data, page);
     main.dataset.view = name;
-    tellAddress();
+    writeAddress();
     if (keep) restore();
     else scrollTo(0, 0);
   };
-  // What the reader has just been told stays to be read.
+  // When a view is kept, the message above it is kept too.
   await (keep ? attempt(read) : page.work("reading", read));
   if (turn === drawing && main.dataset.view !== name) {
-    // The view could not be read; the sentence that says why stands above.
+    // The view's data could not be read; the message above says why.
     leaveAll();
     main.replaceChildren();
     main.dataset.view = name;
@@ -198,12 +198,12 @@ function markTab(name) {
     const current = link.hash === `#${name}`;
     if (current) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
-    // On a telephone the row of tabs is wider than the screen.
+    // On a phone the row of tabs is wider than the screen.
     if (current) link.parentElement.scrollLeft = link.offsetLeft - (link.parentElement.clientWidth - link.offsetWidth) / 2;
   }
 }
 
-// Somebody changed the session: this tab, another one, a run or the command line.
+// The session was changed: by this tab, another one, a run or the command line.
 function follow() {
   const view = VIEWS[wanted()];
   if (view.changed) page.listeners.forEach((listener) => listener("changed"));
@@ -249,44 +249,44 @@ function keydown(event) {
 }
 
 function listen() {
-  const tell = (kind, data) => [...page.listeners].forEach((listener) => listener(kind, data));
+  const notify = (kind, data) => [...page.listeners].forEach((listener) => listener(kind, data));
   connect({
-    state(told) {
-      // A run that begins tells of itself only.
-      if (told.jobs) showJobs(told.jobs, page);
-      page.run = told.run;
-      tell("run", page.run);
+    state(data) {
+      // Sent without the jobs when a run begins.
+      if (data.jobs) showJobs(data.jobs, page);
+      page.run = data.run;
+      notify("run", page.run);
     },
     run(now) {
       page.run = { ...page.run, ...now };
-      tell("run", page.run);
+      notify("run", page.run);
     },
     document({ session, document }) {
       // After a reconnection the state and the stream may overlap.
       if (page.run?.session !== session || page.run.documents.some((one) => one.seq === document.seq)) return;
       page.run.documents.push(document);
-      tell("document", document);
+      notify("document", document);
     },
-    jobs(told) {
-      showJobs(told.jobs, page);
+    jobs(data) {
+      showJobs(data.jobs, page);
     },
     files() {
-      tell("files");
+      notify("files");
     },
-    sessions(told) {
-      list(told.sessions);
-      tell("sessions");
-      if (page.session && !told.sessions.some((one) => one.id === page.session)) complain(VANISHED);
-      const state = told.sessions.find((one) => one.id === page.session)?.state;
+    sessions(data) {
+      list(data.sessions);
+      notify("sessions");
+      if (page.session && !data.sessions.some((one) => one.id === page.session)) complain(VANISHED);
+      const state = data.sessions.find((one) => one.id === page.session)?.state;
       if (page.head && state && state !== page.head.state) follow();
     },
-    changed(told) {
-      if (told.session === page.session) follow();
+    changed(data) {
+      if (data.session === page.session || VIEWS[wanted()].shows?.(data.session)) follow();
     },
   }, { gone, back });
 }
 
-// What needs the workbench is off while it is gone; focus returns to where it was.
+// Controls are disabled while the workbench is gone; afterwards the focus returns to where it was.
 let focused = null;
 
 function gone(why) {
@@ -314,7 +314,7 @@ async function start() {
   const kept = localStorage.getItem("motoremi-theme");
   if (kept) document.documentElement.dataset.theme = kept;
   element("views").append(...Object.entries(VIEW_KEYS).map(([key, name]) => h("a", { href: `#${name}`, id: name }, h("kbd", {}, key.toUpperCase()), ` ${VIEWS[name].title}`)));
-  // The address names the view: a jump within it is no other view.
+  // The hash names the view, so the skip link must not change it.
   document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
   element("theme").addEventListener("click", otherTheme);
   element("help").addEventListener("click", keys);
@@ -322,7 +322,7 @@ async function start() {
     await page.work("reading", () => page.choose(event.target.value));
     await redraw();
   });
-  // The machine may change between light and dark by itself.
+  // The system may change between light and dark.
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   document.addEventListener("keydown", keydown);
   acceptDrops(page);
@@ -331,7 +331,7 @@ async function start() {
     await Promise.all([loadTerms(), refreshSessions()]);
     await page.refresh();
   });
-  // From here on: a view asked for earlier is the first one drawn.
+  // Only from here on: the view of the address is drawn first.
   addEventListener("hashchange", () => {
     page.viewKey = null;
     redraw();

@@ -1,4 +1,4 @@
-// What a group of plots shows, as a picture or as a table, saved where the browser saves.
+// Save what a group of plots shows, as a picture or as a table.
 
 import { h } from "./dom.js";
 
@@ -6,13 +6,13 @@ const HEAD = 44, FOOT = 18, MARGIN = 8, SWATCH = 22;
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const FORMULA = /^[=+\-@\t\r]/;
 
-// The plots as they stand on the screen, with their titles, the legend, the session's name and the marks.
+// The plots as shown on the screen, with titles, legend, the session's name and the marks.
 export function savePicture(group) {
   const shown = group.plots.filter((frame) => frame.holder.clientWidth), around = group.host.getBoundingClientRect(), density = window.devicePixelRatio || 1;
-  const told = group.marked() ? group.readout.textContent.split("\n") : [];
+  const lines = group.marked() ? group.readout.textContent.split("\n") : [];
   const canvas = document.createElement("canvas"), context = canvas.getContext("2d");
   canvas.width = (around.width + 2 * MARGIN) * density;
-  canvas.height = (around.height + HEAD + FOOT * told.length + 2 * MARGIN) * density;
+  canvas.height = (around.height + HEAD + FOOT * lines.length + 2 * MARGIN) * density;
   context.scale(density, density);
   context.fillStyle = color("--card");
   context.fillRect(0, 0, canvas.width, canvas.height);
@@ -27,11 +27,11 @@ export function savePicture(group) {
     write(context, [frame.title], box.left - around.left, box.top + down + 8);
     context.drawImage(frame.plot.ctx.canvas, plot.left - around.left, plot.top + down, plot.width, plot.height);
   }
-  told.forEach((line, index) => write(context, [line], 0, HEAD + around.height + FOOT * (index + 0.5)));
+  lines.forEach((line, index) => write(context, [line], 0, HEAD + around.height + FOOT * (index + 0.5)));
   canvas.toBlob((content) => save(content, "png"));
 }
 
-// Every point that is drawn within the span that is shown, a row each.
+// One row for each drawn point within the shown span.
 export function saveTable(group) {
   const rows = ["plot,curve,unit,frequency_hz,value"];
   for (const { x, series, title, unit, plot } of group.plots) {
@@ -51,7 +51,7 @@ function write(context, texts, x, y, font = "12px system-ui, sans-serif") {
   for (const text of texts) context.fillText(text, x, y);
 }
 
-// One entry of the legend; where the next may begin.
+// Draw one entry of the legend; returns where the next one begins.
 function key(context, one, x, y) {
   context.strokeStyle = color(one.color);
   context.lineWidth = one.points ? 4 : 2;
@@ -65,7 +65,7 @@ function key(context, one, x, y) {
   return x + SWATCH + 5 + context.measureText(one.label).width + 14;
 }
 
-// No spreadsheet takes a text for a formula.
+// Escaped, so that no spreadsheet reads text as a formula.
 const cell = (text) => `"${(FORMULA.test(text) ? `'${text}` : text).replace(/"/g, '""')}"`;
 
 const sessionName = () => document.getElementById("session-choice").selectedOptions[0]?.title ?? "";

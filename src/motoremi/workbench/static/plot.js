@@ -1,4 +1,4 @@
-// A sweep over log frequency: drag to zoom, a cursor with units, two marks, and all of it by keyboard.
+// Plots over log frequency: drag to zoom, a cursor with values, two marks, all of it also by keyboard.
 
 import { besideCursor } from "./beside.js";
 import { button, h, svg } from "./dom.js";
@@ -11,10 +11,10 @@ import { show } from "./units.js";
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const live = new Set();
 const NARROW = 380;
-// A zoom that goes on asks for no points.
+// Omitted points are requested once the zoom has rested for this time.
 const REST_MS = 150;
 
-// Plots that share the frequency axis, the cursor and the marks; all groups of a view share the zoom.
+// A group of plots with common frequency axis, cursor and marks; all groups of a view share the zoom.
 export class Plots {
   constructor(where) {
     this.where = where;
@@ -28,7 +28,7 @@ export class Plots {
       button("Zoom in", () => this.zoom(0.5), { title: "+" }), button("Zoom out", () => this.zoom(2), { title: "-" }), button("Show all", () => this.all(), { title: "0" }),
       button("Mark A", () => this.mark("A"), { title: "A" }), button("Mark B", () => this.mark("B"), { title: "B" }),
       button("Save picture", () => savePicture(this), { title: "What is shown, as PNG" }), button("Save data", () => saveTable(this), { title: "What is shown, as CSV" }));
-    // What the cursor says is part of its text: focus finds it again by its number.
+    // The number by which `stay` finds this group again.
     this.host.dataset.plots = live.size;
     where.append(this.tools, this.host, this.readout);
     live.add(this);
@@ -36,14 +36,14 @@ export class Plots {
     this.watch.observe(this.host);
   }
 
-  // All frames at once: the arguments of `add`. Where curves are sent thinned, ask(span) answers with the same frames and the points of that span.
+  // Add all frames, each the arguments of `add`. For thinned curves, ask(span) returns the same frames with the points of that span.
   draw(frames, ask = null) {
     for (const frame of frames) this.add(...frame);
     this.ask = ask;
   }
 
   // series: [{label, values, color, unit, width, dash, points, band}]; x in hertz. Without a height it fills its place.
-  // Plots of one panel are read together; a bare one leaves its legend and its labels of the frequency to others.
+  // Plots of one panel share their readout; `bare` leaves out legend or frequency labels.
   add(title, x, series, { log = false, unit = "", height = 230, digits = 4, panel = "", bare = {}, hold = false } = {}) {
     const caption = h("figcaption", {}, title, ...series.filter((one) => one.label && !bare.legend).map((one) => legend(one)));
     const holder = h("figure", {}, caption);
@@ -58,7 +58,7 @@ export class Plots {
     const axis = { stroke: color("--text"), grid: { stroke: color("--grid"), width: 1 }, ticks: { stroke: color("--soft"), width: 1 }, font: "12px system-ui, sans-serif" };
     return {
       ...sizeOf(frame), legend: { show: false }, focus: { alpha: 1 },
-      // A line across would look like a limit.
+      // No horizontal cursor line: it would look like a limit.
       cursor: { y: false, sync: { key: this.key, setSeries: false }, drag: { x: true, y: false, setScale: true }, points: { size: 6 } },
       scales: {
         x: { distr: 3, time: false, range: (plot, low, high) => [low, high] },
@@ -82,7 +82,7 @@ export class Plots {
     };
   }
 
-  // A frame that holds does not draw its range in when its curves come closer, as long as all of the frequency is shown.
+  // With `hold`, the range never shrinks while the whole span is shown, so that a falling error is seen to fall.
   held(frame, plot, [low, high]) {
     const [first, last] = [frame.x[0], frame.x.at(-1)], { min, max } = plot.scales.x;
     if (!frame.hold || min > first || max < last) return [low, high];
@@ -97,7 +97,7 @@ export class Plots {
     if (there) {
       this.at = plot.data[0][index];
       this.panel = frame.panel;
-      this.tell();
+      this.updateReadout();
     }
     besideCursor(frame, there && plot.over.matches(":hover") ? this.linesAt(frame) : []);
   }
@@ -115,7 +115,7 @@ export class Plots {
     return this.marks.A !== null || this.marks.B !== null;
   }
 
-  tell() {
+  updateReadout() {
     if (this.at === undefined) return;
     const lines = [`${show(this.at, "Hz", 6)}: ${this.valuesAt(this.at)}`];
     const { A, B } = this.marks;
@@ -125,18 +125,18 @@ export class Plots {
     this.readout.textContent = lines.join("\n");
   }
 
-  // The plots that are read together.
-  read() {
+  // The plots that share the readout.
+  together() {
     return this.plots.filter((frame) => !this.panel || frame.panel === this.panel);
   }
 
   valuesAt(hertz) {
-    return this.read().flatMap((frame) => valuesOf(frame, nearest(frame.x, hertz))).join(", ");
+    return this.together().flatMap((frame) => valuesOf(frame, nearest(frame.x, hertz))).join(", ");
   }
 
   // How much the curves change between two frequencies.
   changeFrom(low, high) {
-    return this.read().flatMap((frame) => {
+    return this.together().flatMap((frame) => {
       const [from, to] = [low, high].map((hertz) => nearest(frame.x, hertz));
       return frame.series.filter((one) => one.label && one.values[from] != null && one.values[to] != null && one.values[to] !== one.values[from]).map((one) => `${one.label} ${show(one.values[to] - one.values[from], frame.unit, frame.digits)}`);
     }).join(", ");
@@ -153,7 +153,7 @@ export class Plots {
     if (this.ask) this.resting = setTimeout(() => this.fill(), REST_MS);
   }
 
-  // The other groups of the view show the same span, as far as they have it. Who was led does not lead.
+  // Make the other groups of the view show the same span, as far as they have it; a group that follows does not lead in turn.
   lead({ min, max }) {
     if (this.led === `${min} ${max}`) return;
     this.led = "";
@@ -167,7 +167,7 @@ export class Plots {
     }
   }
 
-  // The points that were left out, of the span that is shown.
+  // Load the omitted points of the shown span.
   async fill() {
     const span = this.zoomed(), key = JSON.stringify(span);
     if (key === this.filled) return;
@@ -192,7 +192,7 @@ export class Plots {
     return [Math.min(...this.plots.map((frame) => frame.x[0])), Math.max(...this.plots.map((frame) => frame.x.at(-1)))];
   }
 
-  // The span that is shown, if it is not all of it.
+  // The shown span, if it is not the whole one.
   zoomed() {
     const scale = this.plots[0]?.plot.scales.x;
     if (!scale) return null;
@@ -207,7 +207,7 @@ export class Plots {
   mark(name) {
     this.marks[name] = this.at ?? Math.sqrt(this.whole()[0] * this.whole()[1]);
     this.at ??= this.marks[name];
-    this.tell();
+    this.updateReadout();
     for (const frame of this.plots) frame.plot.redraw(false);
   }
 
@@ -224,7 +224,7 @@ export class Plots {
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
-      // On the outer side of its line, readable over any curve: marks may be close together.
+      // The letter stands on the outer side of its line, on a background: marks may be close together.
       const px = devicePixelRatio, wide = ctx.measureText(name).width + 6 * px, left = name === first && x - wide > bbox.left;
       ctx.fillStyle = color("--card");
       ctx.fillRect(left ? x - wide - px : x + px, bbox.top, wide, 15 * px);
@@ -245,7 +245,7 @@ export class Plots {
     for (const one of this.plots) one.plot.setCursor({ left: one.plot.valToPos(this.at, "x"), top: 10 });
     this.moving = false;
     for (const one of this.plots) besideCursor(one, one === frame ? this.linesAt(one) : []);
-    this.tell();
+    this.updateReadout();
   }
 
   keydown(event) {
@@ -268,7 +268,7 @@ export class Plots {
     }
   }
 
-  // Other curves in the same frame; what is shown of the frequency stays.
+  // Replace the curves of a frame; the shown span is kept.
   change(frame, series, x = frame.x) {
     frame.series = series;
     frame.x = x;
@@ -291,7 +291,7 @@ export class Plots {
   }
 }
 
-// Colours are read when a plot is made.
+// Redraw all plots after a change of theme: colours are read when a plot is made.
 export function repaint() {
   for (const group of live) {
     for (const frame of group.plots) {
@@ -304,7 +304,7 @@ export function repaint() {
   }
 }
 
-// Zoom, cursor and marks of a view's plots, for the same plots drawn anew.
+// Zoom, cursor and marks of a view's plots, for when the view is drawn again.
 export function keptPlots() {
   return [...live].map((group) => ({ at: group.at, marks: group.marks, span: group.zoomed() }));
 }
@@ -315,7 +315,7 @@ export function restorePlots(kept) {
     group.at = kept[index].at;
     group.marks = kept[index].marks;
     if (kept[index].span) group.span(...kept[index].span);
-    group.tell();
+    group.updateReadout();
   });
 }
 
@@ -328,7 +328,7 @@ export function leaveAll() {
 }
 
 export function legend(one) {
-  // Drawn as the curve is: sessions that are compared differ in their dashes alone for who sees no colours.
+  // Drawn with the curve's dashes, which distinguish curves without colour.
   const dashes = one.points ? "0 7" : (one.dash ?? []).join(" ");
   return h("span", { class: `legend c${one.color.slice(1)}` }, svg("svg", { viewBox: "0 0 26 6", "aria-hidden": "true" }, svg("line", { x1: 2, y1: 3, x2: 25, y2: 3, "stroke-width": one.points ? 4 : 2.5, "stroke-dasharray": dashes, "stroke-linecap": one.points ? "round" : "butt" })), one.label);
 }
@@ -345,7 +345,7 @@ function nearest(x, value) {
   return value - x[low] < x[high] - value ? low : high;
 }
 
-// An axis with its ticks: a line for each tick with a label, a short mark for the minor ones.
+// The ticks of an axis: a grid line for labelled ticks, a short mark for minor ones.
 function ticked(axis, ticks, unit, most, bare = false) {
   const at = (plot, side) => ticks(...bounds(plot, side), most(plot));
   const bounds = (plot, side) => { const { min, max } = plot.scales[plot.axes[side].scale]; return [min, max]; };

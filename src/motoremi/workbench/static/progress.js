@@ -1,10 +1,10 @@
-// Work that takes its time: what is done, how far it is, how long it took and will take, and Cancel.
+// Shows running jobs: what is done, progress, elapsed and remaining time, and Cancel.
 
 import { post, sessionPath } from "./api.js";
 import { button, h } from "./dom.js";
 import { duration } from "./units.js";
 
-// What is over sooner is not worth a word.
+// Jobs that are over sooner are not shown.
 const AFTER_S = 0.4, TICK_MS = 500;
 const place = () => document.getElementById("jobs");
 const shown = new Map();
@@ -15,7 +15,7 @@ export function times({ elapsed_s: elapsed, remaining_s: remaining }) {
   return `${duration(elapsed)} so far${left}`;
 }
 
-// jobs: all that are going on now; of other sessions too, told by name.
+// jobs: all running jobs, including those of other sessions, which are named.
 export function showJobs(jobs, page) {
   const now = performance.now();
   for (const job of jobs) {
@@ -44,7 +44,7 @@ function made(job, page) {
   return entry;
 }
 
-// Between two messages the clock goes on here.
+// Called on a timer as well: elapsed and remaining time go on between two messages.
 function draw() {
   const now = performance.now();
   for (const { job, at, element, text, time, bar, cancel, page } of shown.values()) {

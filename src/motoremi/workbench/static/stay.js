@@ -1,10 +1,10 @@
-// A view that is drawn anew under its reader's hands: focus, what is being typed, zoom and marks stay where they were.
+// Keeps focus, typed text, zoom and marks when a view is drawn again.
 
 import { keptPlots, restorePlots } from "./plot.js";
 
 const FOCUSABLE = "a[href], button, input, select, summary, [tabindex]";
 
-// Call before the view is taken away; what it returns is called when the new one stands.
+// Call before the view is removed; call what it returns when the new one is in place.
 export function stay(where) {
   const plots = keptPlots(), put = focusIn(where);
   return () => {

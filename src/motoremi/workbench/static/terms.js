@@ -1,4 +1,4 @@
-// Terms of the field: dotted underline, explained on hover and on focus.
+// Technical terms: dotted underline, explained on hover and on focus.
 
 import { get } from "./api.js";
 import { h } from "./dom.js";

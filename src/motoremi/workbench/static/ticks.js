@@ -1,4 +1,4 @@
-// Where an axis has its ticks, and what is written at them.
+// Positions and labels of axis ticks.
 
 import { prefixed } from "./units.js";
 
@@ -8,7 +8,7 @@ const ANGLES = [5, 15, 45, 90, 180];
 export function logTicks(low, high, most) {
   if (!(low > 0) || high / low <= 8) return linearTicks(low, high, most);
   const decades = Math.log10(high / low), every = Math.max(1, Math.ceil(decades / most)), leads = decades * 3 <= most ? [1, 2, 5] : [1];
-  // Where a decade is low, the higher ones of 1 to 9 would run into each other.
+  // On a low axis the marks from 6 to 9 would run into each other.
   const minors = decades * 1.5 > most ? [1, 2, 5] : [1, 2, 3, 4, 5, 6, 7, 8, 9];
   const all = [], labelled = new Set(), first = Math.floor(Math.log10(low));
   for (let power = first; power <= Math.ceil(Math.log10(high)); power++) {
@@ -27,7 +27,7 @@ export function linearTicks(low, high, most) {
   return stepped(low, high, [1, 2, 5, 10].map((lead) => lead * unit).find((one) => one >= rough * (1 - 1e-9)));
 }
 
-// An angle is read against quarter and half right angles.
+// Angles have ticks at multiples of 45 and 90 degrees where they fit.
 export function angleTicks(low, high, most) {
   const step = ANGLES.find((one) => (high - low) / one <= most);
   return !step || high - low < 2 * step ? linearTicks(low, high, most) : stepped(low, high, step);
@@ -39,11 +39,11 @@ function stepped(low, high, step) {
   return { all, labelled: new Set(all) };
 }
 
-// One prefix for the axis where it does not span decades, and as many decimals as tell neighbours apart.
+// One prefix for an axis that does not span decades, and enough decimals to distinguish neighbouring labels.
 export function tickLabels(values, labelled, unit) {
   const shown = values.filter((value) => labelled.has(value));
   const steps = shown.slice(1).map((value, index) => value - shown[index]);
-  // Of two alone nobody can tell whether their axis is logarithmic: decades apart, each is written with its own prefix.
+  // Two labels alone may belong to a logarithmic axis: if they are decades apart, each has its own prefix.
   const even = steps.length > 0 && Math.max(...steps) < 1.5 * Math.min(...steps) && (shown.length > 2 || !(shown[1] >= 10 * shown[0]));
   const largest = Math.max(...shown.map(Math.abs));
   return values.map((value) => (labelled.has(value) ? prefixed(value, unit, even ? { scale: largest, step: steps[0] } : {}) : ""));

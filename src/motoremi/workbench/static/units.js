@@ -1,9 +1,9 @@
-// Numbers as engineers write them.
+// Numbers in engineering notation.
 
 const PREFIXES = ["f", "p", "n", "µ", "m", "", "k", "M", "G", "T"];
 const PLAIN = new Set(["", "1", "%", "dB", "°", "deg", "dBµV", "dBΩ"]);
 
-// Plain numbers beyond these are written with a power of ten that is a multiple of three.
+// Unit-less numbers outside this range are written with a power of ten that is a multiple of three.
 const LARGE = 1e4, SMALL = 1e-3;
 const SUPERSCRIPTS = Object.fromEntries([..."-0123456789"].map((digit, index) => [digit, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"[index]]));
 
@@ -16,7 +16,7 @@ export function show(value, unit = "", digits = 4) {
   return join(short(rounded / 1000 ** step, digits), PREFIXES[step + 5] + unit);
 }
 
-// A label of an axis: with the prefix of its largest value, and decimals that show its step.
+// A tick label: with the prefix of the axis' largest value, and enough decimals for its step.
 export function prefixed(value, unit, { scale, step } = {}) {
   if (!step) return show(value, unit, 5);
   const power = PLAIN.has(unit) ? 0 : prefixOf(scale), divisor = 1000 ** power;
@@ -42,17 +42,17 @@ function short(value, digits) {
 
 export const percent = (value) => show(value, "%", 3);
 
-// How likely something is: never certain, never impossible.
+// A probability, never shown as certain or impossible.
 export function chance(value) {
   if (value > 0.995) return "> 99\u00a0%";
   return value < 0.0005 ? "< 0.1\u00a0%" : share(value);
 }
 
-// Beyond this it does not matter how far behind.
+// Larger differences are not shown exactly.
 const FAR = 1000;
 export const lag = (value) => (value > FAR ? `> ${FAR}` : show(value, "", 3));
 
-// Seconds as people say them.
+// A duration in hours, minutes and seconds.
 export function duration(seconds) {
   const whole = Math.max(0, Math.round(seconds)), minutes = Math.floor(whole / 60), two = (number) => String(number).padStart(2, "0");
   if (minutes < 1) return `${whole}\u00a0s`;
@@ -60,11 +60,11 @@ export function duration(seconds) {
   return `${Math.floor(minutes / 60)}\u00a0h ${two(minutes % 60)}\u00a0min`;
 }
 
-// Files and the command line write units in ASCII.
+// Replaces the ASCII units of files and command line by symbols.
 export const symbols = (text) => text.replace(/([\d.] ?[a-zA-Z]?)Ohm\b/g, "$1Ω").replace(/(\d ?)u([HFsAV])\b/g, "$1µ$2").replace(/(\d ?)uΩ/g, "$1µΩ").replace(/dBuV/g, "dBµV");
 
 export const share = (value) => `${(100 * value).toFixed(value < 0.0995 && value > 0 ? 1 : 0)}\u00a0%`;
-// A time of the session, as this computer's clock shows it.
+// A time of the session, in local time.
 export function when(text, seconds = false) {
   const time = new Date(text);
   if (!text || Number.isNaN(time.getTime())) return "";

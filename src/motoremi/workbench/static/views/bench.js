@@ -1,4 +1,4 @@
-// The bench: what answers, run a procedure, watch the sweeps arrive, answer prompts, stop.
+// The view Bench: identify instruments, run a procedure, watch the sweeps arrive, answer prompts, stop.
 
 import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";
@@ -7,7 +7,7 @@ import { times } from "../progress.js";
 import { term } from "../terms.js";
 import { band } from "../units.js";
 
-// What is filled in outlives a reload, in this tab.
+// Key in sessionStorage: the form's values survive a reload of this tab.
 const FORM = "motoremi-bench";
 const MEASURED = new Set(["sweep", "spectrum", "standard"]);
 
@@ -16,8 +16,8 @@ export const bench = {
   follows: false,
   load: () => get("/api/bench"),
 
-  draw(where, told, page) {
-    const place = { told, page, traces: [] };
+  draw(where, data, page) {
+    const place = { data, page, traces: [] };
     place.live = h("div", {}, card("Run", h("p", { class: "note" }, "No run yet: what is measured is drawn here as it arrives.")))
     where.append(h("div", { class: "columns" }, h("div", {}, form(place)), place.live));
     if (page.run) drawRun(place);
@@ -29,8 +29,8 @@ export const bench = {
 };
 
 function form(place) {
-  const { told, page } = place;
-  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: page.procedure ?? "full_motor_test", bench: told.real ? "real" : "simulated", motor: "", operator: told.operator, seed: 1, hides: "something", ask: false };
+  const { data, page } = place;
+  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: page.procedure ?? "full_motor_test", bench: data.real ? "real" : "simulated", motor: "", operator: data.operator, seed: 1, hides: "something", ask: false };
   if (page.procedure) kept.procedure = page.procedure;
   page.procedure = null;
   const resume = page.resume;
@@ -43,7 +43,7 @@ function form(place) {
   const update = () => {
     sessionStorage.setItem(FORM, JSON.stringify(kept));
     for (const element of simulated) element.hidden = kept.bench !== "simulated";
-    const procedure = told.procedures.find((one) => one.name === kept.procedure);
+    const procedure = data.procedures.find((one) => one.name === kept.procedure);
     steps.replaceChildren(h("details", {}, h("summary", {}, `${procedure.steps.length} steps with ${Object.entries(procedure.instruments).map(([role, driver]) => `${role} ${driver}`).join(", ")}`),
       h("ol", {}, procedure.steps.map((step) => h("li", {}, `${step.do} ${Object.entries(step.parameters).map(([key, value]) => `${key} ${value}`).join(", ")}`)))));
   };
@@ -52,23 +52,23 @@ function form(place) {
     page.work("starting", async () => page.choose((await post("/api/run", kept)).session));
   };
   const look = async () => {
-    const answers = await page.work("asking the instruments who they are", () => post("/api/bench/look", kept));
+    const answers = await page.work("identifying the instruments", () => post("/api/bench/look", kept));
     if (!answers) return;
-    found.replaceChildren(table(["role", "where", "who answers"], answers.found.map((one) => [one.role, one.resource, one.identity ? h("span", {}, Object.values(one.identity).join(" ")) : h("span", { class: "bad" }, one.trouble)])));
+    found.replaceChildren(table(["role", "address", "instrument"], answers.found.map((one) => [one.role, one.resource, one.identity ? h("span", {}, Object.values(one.identity).join(" ")) : h("span", { class: "bad" }, one.trouble)])));
   };
-  const hidden = { something: "something, nobody is told what", nothing: "nothing", ...Object.fromEntries(Object.entries(told.hideable).map(([id, title]) => [id, `${id}: ${title}`])) };
+  const hidden = { something: "something, chosen at random and not shown", nothing: "nothing", ...Object.fromEntries(Object.entries(data.hideable).map(([id, title]) => [id, `${id}: ${title}`])) };
   const box = card("Run a procedure",
     h("form", { class: "fields", onsubmit: submit },
-      h("span", {}, label("Procedure", "procedure"), " ", term("procedure", "?")), select("procedure", Object.fromEntries(told.procedures.map((one) => [one.name, `${one.name}: ${one.title}`]))),
+      h("span", {}, label("Procedure", "procedure"), " ", term("procedure", "?")), select("procedure", Object.fromEntries(data.procedures.map((one) => [one.name, `${one.name}: ${one.title}`]))),
       steps,
-      h("span", {}, label("Bench", "bench"), " ", term("bench", "?")), select("bench", { simulated: "simulated instruments and motor", ...(told.real ? { real: "the instruments of the bench file" } : {}) }),
+      h("span", {}, label("Bench", "bench"), " ", term("bench", "?")), select("bench", { simulated: "simulated instruments and motor", ...(data.real ? { real: "the instruments of the bench file" } : {}) }),
       label("Motor", "motor"), field("motor", h("input", { type: "text", maxlength: 200, value: kept.motor, placeholder: "type and serial number" })),
       h("span", {}, label("Operator", "operator"), " ", term("operator", "?")), field("operator", h("input", { type: "text", maxlength: 200, value: kept.operator })),
       only(h("span", {}, label("Number of the motor", "seed"), " ", term("seed", "?"))), only(field("seed", h("input", { type: "number", min: 0, step: 1, value: kept.seed }))),
       only(label("The motor hides", "hides")), only(select("hides", hidden)),
       only(h("label", { class: "wide" }, field("ask", h("input", { type: "checkbox", checked: kept.ask })), " ask me before each connection, as on a real bench")),
-      h("div", { class: "row wide" }, h("button", { type: "submit", class: "main", id: "run" }, "Run"), button("What answers?", look, { id: "look" }),
-        resume && button("Go on with the interrupted run", () => page.work("going on", () => post(sessionPath(resume.session, "/resume"), { ...kept, bench: resume.bench })), { class: "main", id: "resume" }))),
+      h("div", { class: "row wide" }, h("button", { type: "submit", class: "main", id: "run" }, "Run"), button("Identify instruments", look, { id: "look" }),
+        resume && button("Resume the interrupted run", () => page.work("resuming", () => post(sessionPath(resume.session, "/resume"), { ...kept, bench: resume.bench })), { class: "main", id: "resume" }))),
     found);
   update();
   return box;
@@ -107,7 +107,7 @@ function drawState(place) {
   place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.doing ? `: ${times(progress)}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
   place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, asked(run.prompt), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
-  // One thing at a time.
+  // Only one run at a time.
   document.getElementById("run").disabled = running;
   if (place.shown === `${run.session} ${run.status}`) return;
   place.shown = `${run.session} ${run.status}`;
@@ -116,7 +116,7 @@ function drawState(place) {
     : button("Show the session", async () => { await page.choose(run.session); page.go("story"); }, { class: "main", id: "show-session" }));
 }
 
-// The sentence, which goes over as many lines as it needs, and the drawing of the connections as it is.
+// The prompt: its sentence, wrapped as needed, and the drawing of the connections with its line breaks.
 function asked(lines) {
   const blank = lines.findIndex((line) => !line.trim()), until = blank < 0 ? lines.length : blank;
   return [h("p", {}, lines.slice(0, until).join(" ")), until < lines.length && h("pre", {}, lines.slice(until + 1).join("\n"))];
@@ -135,9 +135,9 @@ function arrived(place, document) {
 async function trace(place, document) {
   const label = [document.termination, document.detector, document.standard, document.condition].filter(Boolean).join(" ");
   place.latest = document.seq;
-  let told;
+  let data;
   try {
-    told = await get(`/api/run/trace/${document.seq}`);
+    data = await get(`/api/run/trace/${document.seq}`);
   } catch (trouble) {
     place.page.complain(trouble.message);
     return;
@@ -146,9 +146,9 @@ async function trace(place, document) {
   if (place.latest !== document.seq || !place.trace.isConnected) return;
   place.plots?.destroy();
   place.plots = new Plots(place.trace);
-  const [values, unit] = told.kind === "spectrum" ? [told.level_dbuv, "dBµV"] : [told.real.map((value, index) => Math.hypot(value, told.imag[index])), "Ω"];
+  const [values, unit] = data.kind === "spectrum" ? [data.level_dbuv, "dBµV"] : [data.real.map((value, index) => Math.hypot(value, data.imag[index])), "Ω"];
   place.trace.querySelector("#arriving").textContent = `${label} ${document.kind}, ${document.points} points, ${band(...document.span_hz)} → ${document.file}`;
-  place.plots.add(told.kind === "spectrum" ? "level" : "magnitude |Z|", told.frequency_hz, [{ label, values, color: "--measured" }], { unit, log: told.kind !== "spectrum", height: 260 });
+  place.plots.add(data.kind === "spectrum" ? "level" : "magnitude |Z|", data.frequency_hz, [{ label, values, color: "--measured" }], { unit, log: data.kind !== "spectrum", height: 260 });
 }
 
 function note(place, document) {

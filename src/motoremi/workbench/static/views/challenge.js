@@ -25,11 +25,11 @@ export const challenge = {
     return { revealed: await get(sessionPath(page.session, "/challenge")) };
   },
 
-  draw(where, told, page) {
-    where.append(card("A sealed motor", h("p", {}, term("challenge", "How this works"), ": a simulated motor may hide one effect, two, one that is in no catalogue, or nothing. Look at the sweeps, try effects, then answer."),
-      button("New challenge", () => begin(page), { id: "new-challenge", class: told.sealed ? "" : "main" })));
-    if (told.sealed) where.append(answer(told.sealed, page));
-    if (told.revealed) where.append(score(told.revealed));
+  draw(where, data, page) {
+    where.append(card("A sealed motor", h("p", {}, term("challenge", "How this works"), ": a simulated motor may hide one effect, two effects, one that is not in the catalogue, or nothing. Look at the sweeps, try effects, then answer."),
+      button("New challenge", () => begin(page), { id: "new-challenge", class: data.sealed ? "" : "main" })));
+    if (data.sealed) where.append(answer(data.sealed, page));
+    if (data.revealed) where.append(score(data.revealed));
   },
 };
 
@@ -40,29 +40,29 @@ async function begin(page) {
   await page.redraw();
 }
 
-// What is ticked stays so when the view is drawn anew.
+// The choice is kept when the view is drawn again.
 const ticked = new Map();
 
-function answer(told, page) {
+function answer(data, page) {
   if (!ticked.has(page.session)) ticked.set(page.session, new Set());
   const chosen = ticked.get(page.session);
   const box = (value, text) => h("label", { class: "row" }, h("input", { type: "checkbox", value, checked: chosen.has(value), onchange: (event) => (event.target.checked ? chosen.add(value) : chosen.delete(value)) }), text);
   const give = (names) => async () => {
-    const done = await page.work("the tool diagnoses the same motor", () => post(sessionPath(page.session, "/challenge"), { answer: names ?? [...chosen] }));
+    const done = await page.work("diagnosing the same motor", () => post(sessionPath(page.session, "/challenge"), { answer: names ?? [...chosen] }));
     if (done) await page.redraw();
   };
   return card("Your answer",
-    h("p", {}, "What does this motor hide? The views Story, Session, Fails and Inspect work on it as on any other."),
-    h("div", { class: "row" }, button("Nothing is missing", give(["adequate"]), { id: "say-adequate" }), button("Something that is in no catalogue", give(["unexplained"]))),
-    h("fieldset", { class: "choices" }, h("legend", {}, "or one or two effects"), told.catalogue.filter((one) => !one.accumulates).map((one) => box(one.id, `${one.id}: ${one.title}`))),
+    h("p", {}, "What does this motor hide? The views Story, Session, Fails and Inspect work as for any other motor."),
+    h("div", { class: "row" }, button("Nothing is missing", give(["adequate"]), { id: "say-adequate" }), button("Something that is not in the catalogue", give(["unexplained"]))),
+    h("fieldset", { class: "choices" }, h("legend", {}, "or one or two effects"), data.catalogue.filter((one) => !one.accumulates).map((one) => box(one.id, `${one.id}: ${one.title}`))),
     button("Answer with the chosen effects", give(null), { class: "main", id: "say-effects" }));
 }
 
-function score(told) {
-  const tool = told.tool.answer;
-  const toolSaid = tool.effects.length ? `${tool.effects.join(" + ")}${tool.families.length ? ` (not told apart: ${tool.families.map((one) => one.join(", ")).join("; ")})` : ""}` : tool.verdict;
+function score(data) {
+  const tool = data.tool.answer;
+  const toolSaid = tool.effects.length ? `${tool.effects.join(" + ")}${tool.families.length ? ` (not distinguished: ${tool.families.map((one) => one.join(", ")).join("; ")})` : ""}` : tool.verdict;
   const mood = (outcome) => h("span", { class: outcome === "right" || outcome === "family" ? "good" : "bad" }, outcome);
   return card("The seal is open",
-    h("p", { class: "large", id: "hidden" }, told.hidden.length ? told.hidden.join(" + ") : "it hid nothing"),
-    table(["who", "answer", "outcome"], [["you", told.yours.answer.join(" + "), mood(told.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(told.tool.outcome)]], { id: "score" }));
+    h("p", { class: "large", id: "hidden" }, data.hidden.length ? data.hidden.join(" + ") : "nothing was hidden"),
+    table(["who", "answer", "outcome"], [["you", data.yours.answer.join(" + "), mood(data.yours.outcome)], ["the tool", `${toolSaid}, confidence ${share(tool.confidence)}`, mood(data.tool.outcome)]], { id: "score" }));
 }

@@ -1,4 +1,4 @@
-// Emission spectra: measured, background, and prediction and limit where there are any.
+// The view Emission: measured spectra and background, with prediction and limit where there are any.
 
 import { get, post, sessionPath, within } from "../api.js";
 import { button, card, h, table } from "../dom.js";
@@ -12,11 +12,11 @@ export const emission = {
   title: "Emission",
   load: (page) => get(sessionPath(page.session, "/emission")),
 
-  draw(where, told, page) {
-    const { spectra, prediction } = told;
-    const limit = h("select", { id: "limit" }, Object.entries(told.limits).map(([name, title]) => h("option", { value: name, selected: name === (prediction?.limit?.name ?? told.usual_limit) }, title)));
-    if (spectra.length && page.head.ladder.length) {
-      where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(prediction ? "Predict again" : "Predict from the fitted motor", () => predict(page, limit.value), { class: "main", id: "predict" })));
+  draw(where, data, page) {
+    const { spectra, prediction } = data;
+    const limit = h("select", { id: "limit" }, Object.entries(data.limits).map(([name, title]) => h("option", { value: name, selected: name === (prediction?.limit?.name ?? data.usual_limit) }, title)));
+    if (spectra.length && (page.head.ladder.length || !data.modelled)) {
+      where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(data.modelled ? (prediction ? "Predict again" : "Predict from the fitted motor") : "Judge against the limit", () => predict(page, limit.value), { class: "main", id: "predict" })));
     }
     if (!spectra.length) where.append(h("p", { class: "empty" }, "No spectrum in this session: run 'emission only' or the full motor test (view Bench)."));
     const columns = h("div", { class: "columns" });
@@ -27,7 +27,7 @@ export const emission = {
       box.firstChild.append(term(detector, `${detector} detector`));
       columns.append(box);
       const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, "/emission"), span)), detector));
-      new Plots(box).draw(frames(told, detector), own.some((one) => one.points > one.frequency_hz.length) && more);
+      new Plots(box).draw(frames(data, detector), own.some((one) => one.points > one.frequency_hz.length) && more);
     }
     if (prediction) where.append(verdict(prediction));
   },
@@ -37,13 +37,13 @@ function frames({ spectra, prediction }, detector) {
   const lines = spectra.filter((one) => one.detector === detector).map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
   const predicted = prediction?.predicted_dbuv?.[detector];
   if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
-  for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--bad", dash });
-  // Spectra may stand on different frequencies.
+  for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--limit", dash });
+  // Spectra may have different frequencies.
   const [x, ...values] = uPlot.join(lines.map((one) => [one.x, one.values]));
   return [["level", x, lines.map((one, index) => ({ ...one, values: values[index] })), { unit: "dBµV", height: 300 }]];
 }
 
-// A level of the peak detector is judged against the limits of the others: where it is below them, they are kept.
+// Peak levels are judged against the limits of the other detectors: levels below those limits pass.
 function limits(prediction, detector) {
   const known = prediction?.limit_dbuv ?? {};
   if (known[detector]) return [["limit", known[detector], [8, 4]]];
@@ -54,9 +54,9 @@ function verdict(prediction) {
   const { judged = [], error_bands: bands = [], remarks = [] } = prediction;
   return card("Verdict",
     h("p", { id: "limit-verdict", class: prediction.verdict === "pass" ? "large good" : "large bad" }, String(prediction.verdict).toUpperCase()),
-    h("p", {}, `Judged is what was ${prediction.judged_what ?? "measured"}, against ${prediction.limit?.title ?? "the limit"}.`),
+    h("p", {}, `The ${prediction.judged_what ?? "measured"} levels, judged against ${prediction.limit?.title ?? "the limit"}.`),
     judged.map((one) => h("p", {}, `${one.detector}: ${one.verdict ?? "no verdict"}, ${one.why}`)),
-    bands.length > 0 && table(["detector", "band", "measured from predicted, mean", "rms"], bands.map((one) => [one.detector, band(...one.band_hz), show(one.mean_error_db, "dB", 3), show(one.rms_error_db, "dB", 3)])),
+    bands.length > 0 && table(["detector", "band", "measured minus predicted, mean", "rms"], bands.map((one) => [one.detector, band(...one.band_hz), show(one.mean_error_db, "dB", 3), show(one.rms_error_db, "dB", 3)])),
     remarks.map((text) => h("p", { class: "note" }, text)));
 }
 

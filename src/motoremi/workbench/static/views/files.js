@@ -1,4 +1,4 @@
-// Files that become a session, and the list of sessions: open one, compare several.
+// The view Files: make a session from files, open a session, compare several.
 
 import { get, post } from "../api.js";
 import { button, card, h, table } from "../dom.js";
@@ -7,7 +7,7 @@ import { term } from "../terms.js";
 import { when } from "../units.js";
 import { compare } from "./together.js";
 
-// What is filled in outlives a reload, in this tab.
+// Key in sessionStorage: the form's values survive a reload of this tab.
 const FORM = "motoremi-files";
 const FIELDS = {
   motor: ["Motor", "type and serial number"], name: ["Name of the session", "as the motor's, if left empty"], accuracy: ["Accuracy in %", "not stated"], band: ["Band", "all; or 150kHz:30MHz"], operator: ["Operator", ""],
@@ -21,24 +21,24 @@ export const files = {
 
   load: () => get("/api/files"),
 
-  draw(where, told, page) {
-    where.append(h("div", { class: "columns" }, h("div", {}, dropped(told, page)), h("div", {}, sessions(page))));
+  draw(where, data, page) {
+    where.append(h("div", { class: "columns" }, h("div", {}, dropped(data, page)), h("div", {}, sessions(page))));
     page.listeners.add((kind) => (kind === "files" || kind === "sessions") && page.redraw(true));
   },
 };
 
-function dropped(told, page) {
+function dropped(data, page) {
   const input = h("input", { type: "file", multiple: true, id: "file-input", class: "unseen", tabindex: -1, "aria-hidden": "true", onchange: () => take([...input.files], page) });
   return card("Make a session from files",
     h("div", { class: "drop-zone", id: "drop-zone" },
-      h("p", {}, "Drop sweeps and spectra here, or ", button("choose files", () => input.click(), { class: told.files.length ? "" : "main", id: "choose-files" }), input),
-      h("p", { class: "note" }, "CSV, Touchstone, and what analysers and receivers save; also a corrections file (TOML) with its tables. Nothing is kept before you make a session.")),
+      h("p", {}, "Drop sweeps and spectra here, or ", button("choose files", () => input.click(), { class: data.files.length ? "" : "main", id: "choose-files" }), input),
+      h("p", { class: "note" }, "CSV, Touchstone, and the formats of analysers and receivers; also a corrections file (TOML) with its tables. Nothing is stored before you make a session.")),
     refused.length > 0 && h("ul", { id: "refused", role: "alert" }, refused.map((sentence) => h("li", { class: "bad" }, sentence))),
-    told.files.length > 0 && list(told, page),
-    told.files.length > 0 && form(told, page));
+    data.files.length > 0 && list(data, page),
+    data.files.length > 0 && form(data, page));
 }
 
-function list(told, page) {
+function list(data, page) {
   const act = (doing, path, body) => page.work(doing, async () => { await post(`/api/files${path}`, body); await page.redraw(true); });
   const row = (one) => {
     const use = h("select", { id: `use-${one.id}`, "aria-label": `use ${one.name} as`, onchange: (event) => act("reading", `/${one.id}`, { used_as: event.target.value }) },
@@ -49,22 +49,22 @@ function list(told, page) {
       h("td", {}, use),
       h("td", {}, button("Remove", () => act("removing", `/${one.id}/remove`), { "aria-label": `remove ${one.name}` })));
   };
-  const ports = told.files.some((one) => /\.s2p$/i.test(one.name));
+  const ports = data.files.some((one) => /\.s2p$/i.test(one.name));
   const fixture = h("select", { id: "fixture", onchange: (event) => act("reading", "/fixture", { fixture: event.target.value }) },
-    h("option", { value: "", disabled: true, selected: !told.fixture }, "choose"), told.fixtures.map((name) => h("option", { value: name, selected: name === told.fixture }, name)));
+    h("option", { value: "", disabled: true, selected: !data.fixture }, "choose"), data.fixtures.map((name) => h("option", { value: name, selected: name === data.fixture }, name)));
   return h("div", {},
-    table(["file", "use as", "put away"], told.files.map(row), { id: "files-read" }),
+    table(["file", "use as", "remove"], data.files.map(row), { id: "files-read" }),
     ports && h("p", {}, h("label", {}, "The motor stood between the two ports in ", fixture)),
     h("div", { class: "row" }, button("Remove all", () => act("removing", "/clear"), { id: "clear-files" })));
 }
 
-function form(told, page) {
+function form(data, page) {
   const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? {};
   const keep = (name) => (event) => { kept[name] = event.target.value; sessionStorage.setItem(FORM, JSON.stringify(kept)); };
   const label = (name, text) => h("label", { for: `import-${name}` }, text);
   const field = ([name, [text, hint]]) => [label(name, text), h("input", { type: "text", id: `import-${name}`, maxlength: 200, value: kept[name] ?? "", placeholder: hint, oninput: keep(name) })];
   const analyser = h("select", { id: "import-analyser", onchange: keep("analyser") },
-    h("option", { value: "" }, "as the files say, or not known"), Object.entries(told.analysers).map(([name, title]) => h("option", { value: name, selected: name === kept.analyser }, `${name}: ${title}`)));
+    h("option", { value: "" }, "as the files say, or not known"), Object.entries(data.analysers).map(([name, title]) => h("option", { value: name, selected: name === kept.analyser }, `${name}: ${title}`)));
   const submit = async (event) => {
     event.preventDefault();
     const made = await page.work("making the session", () => post("/api/files/session", kept));
@@ -81,8 +81,8 @@ function form(told, page) {
 }
 
 function sessions(page) {
-  if (!page.sessions.length) return card("Sessions", h("p", { class: "note" }, "None yet. Files make one, and so does a run on the bench (view Bench)."));
-  const start = button("Compare the chosen ones", () => compare([...chosen], page), { id: "compare", disabled: true });
+  if (!page.sessions.length) return card("Sessions", h("p", { class: "note" }, "None yet. Make one from files, or by a run on the bench (view Bench)."));
+  const start = button("Compare chosen sessions", () => compare([...chosen], page), { id: "compare", disabled: true });
   const count = () => { start.disabled = chosen.size < 2; start.className = chosen.size < 2 ? "" : "main"; };
   for (const id of chosen) if (!page.sessions.some((one) => one.id === id)) chosen.delete(id);
   count();
@@ -91,7 +91,7 @@ function sessions(page) {
     h("td", {}, button(one.motor || one.name, async () => { await page.work("reading", () => page.choose(one.id)); page.go("story"); }, { "data-session": one.id }), one.motor && h("div", { class: "note" }, one.name)),
     h("td", { class: "brief" }, when(one.began)), h("td", { class: "brief" }, one.state));
   return card("Sessions",
-    h("p", { class: "note" }, "Open one, or choose two or more to compare: the one chosen first is what the others are held against."),
+    h("p", { class: "note" }, "Open one, or choose two or more to compare with the one chosen first."),
     table(["compare", "motor", "began", "state"], page.sessions.map(row), { id: "sessions" }),
     h("div", { class: "row" }, start));
 }

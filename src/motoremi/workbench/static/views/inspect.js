@@ -1,4 +1,4 @@
-// What one element would have to be, at each frequency, for the model to be exact.
+// The view Inspect: what one element would have to be at each frequency for the model to be exact.
 
 import { get, sessionPath, within } from "../api.js";
 import { card, h } from "../dom.js";
@@ -22,20 +22,20 @@ export const inspect = {
     return get(sessionPath(page.session, `/inspect?element=${encodeURIComponent(element)}`));
   },
 
-  draw(where, told, page) {
+  draw(where, data, page) {
     const choice = h("select", { id: "element", onchange: (event) => { element = event.target.value; page.redraw(true); } },
       page.head.elements.map((name) => h("option", { value: name, selected: name === element }, name)));
     where.append(h("div", { class: "row" }, h("label", {}, "Element ", choice), h("span", {}, term("inspect", "what this shows"))));
     const columns = h("div", { class: "columns" });
     where.append(columns);
-    for (const sweep of told.sweeps) {
-      const box = card(`${told.element} as the ${sweep.sweep}-circuit sweep wants it`, h("p", {}, symbols(sweep.reading)));
+    for (const sweep of data.sweeps) {
+      const box = card(`${data.element} as the ${sweep.sweep}-circuit sweep requires it`, h("p", {}, symbols(sweep.reading)));
       columns.append(box);
       const frames = ({ sweeps, unit }) => framesOf(sweeps.find((one) => one.sweep === sweep.sweep), unit);
-      const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, `/inspect?element=${encodeURIComponent(told.element)}`), span))));
-      new Plots(box).draw(frames(told), sweep.points > sweep.frequency_hz.length && more);
+      const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, `/inspect?element=${encodeURIComponent(data.element)}`), span))));
+      new Plots(box).draw(frames(data), sweep.points > sweep.frequency_hz.length && more);
     }
-    where.append(card("In words", h("pre", { class: "text", tabindex: 0, "aria-label": "The inspection in words" }, symbols(told.lines.join("\n")))));
+    where.append(card("In words", h("pre", { class: "text", tabindex: 0, "aria-label": "The inspection in words" }, symbols(data.lines.join("\n")))));
   },
 };
 

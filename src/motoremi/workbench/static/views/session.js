@@ -1,4 +1,4 @@
-// Measured against model, for each termination: magnitude and phase (or R and X), and the error.
+// The view Session: measurement and model for each termination, magnitude and phase (or R and X), and the error.
 
 import { get, sessionPath, within } from "../api.js";
 import { button, card, facts, h, table } from "../dom.js";
@@ -21,18 +21,18 @@ export const session = {
   draw(where, { head, curves }, page) {
     const choice = h("select", { id: "units", value: units, onchange: (event) => { units = event.target.value; page.redraw(true); } },
       Object.entries(UNITS).map(([key, text]) => h("option", { value: key, selected: key === units }, text)));
-    const resume = head.resumable && button("Go on with this run", () => goOn(page), { class: "main" });
+    const resume = head.resumable && button("Resume this run", () => resumeRun(page), { class: "main" });
     const measuring = head.state === "measuring";
     where.append(h("div", { class: "row" },
       h("label", {}, "Units ", choice),
       resume,
-      measuring && h("p", { id: "measuring" }, "This session is being measured: what has arrived so far is shown here, and the run on the view Bench.")));
+      measuring && h("p", { id: "measuring" }, "This session is being measured. The data so far are shown here, the run itself in the view Bench.")));
     const columns = h("div", { class: "columns" });
     where.append(columns);
     for (const sweep of curves.sweeps) {
-      const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it sees"), `; ${sweep.points} points`));
+      const box = card(`${sweep.termination}-circuit sweep`, h("p", { class: "note" }, term(sweep.termination, "what it shows"), `; ${sweep.points} points`));
       columns.append(box);
-      const frames = (told) => framesOf(told.sweeps.find((one) => one.termination === sweep.termination), told);
+      const frames = (data) => framesOf(data.sweeps.find((one) => one.termination === sweep.termination), data);
       const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(head.id, "/curves"), span))));
       new Plots(box).draw(frames(curves), sweep.points > sweep.frequency_hz.length && more);
     }
@@ -51,7 +51,7 @@ export const session = {
   },
 };
 
-function goOn(page) {
+export function resumeRun(page) {
   page.resume = { session: page.session, bench: page.head.start.backend === "sim" ? "simulated" : "real" };
   page.go("bench");
 }
@@ -79,7 +79,7 @@ export function errorSeries(sweep, tolerance) {
   return [
     { label: "error", values: sweep.error_percent.map((value) => Math.max(value, 1e-6)), color: "--model" },
     { label: "uncertainty", values: sweep.uncertainty_percent, color: "--other", dash: [6, 4] },
-    ...(tolerance.error_percent === null ? [] : [{ label: "tolerance", values: sweep.frequency_hz.map(() => tolerance.error_percent), color: "--bad", dash: [2, 4] }]),
+    ...(tolerance.error_percent === null ? [] : [{ label: "tolerance", values: sweep.frequency_hz.map(() => tolerance.error_percent), color: "--limit", dash: [2, 4] }]),
   ];
 }
 
@@ -107,7 +107,7 @@ function identity(head) {
   return card("Session",
     facts(rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
-    head.instruments.length > 0 && table(["role", "who answered", "where"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
+    head.instruments.length > 0 && table(["role", "instrument", "address"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
     head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && h("h3", {}, "Measured"),
-    head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && table(["what", "how much"], [...[...head.sweeps, ...head.conditioned].map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.values.map((one) => [one.name, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
+    head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && table(["measurement", "extent"], [...[...head.sweeps, ...head.conditioned].map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.values.map((one) => [one.name, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
 }
