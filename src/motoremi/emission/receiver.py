@@ -102,9 +102,20 @@ class Receiver:
         weigh : bool
             Whether the quasi-peak levels, which cost most of the time, are wanted; without it they are left out.
         """
+        return self.on_steady(source, frequency_hz, transfer, self.steady(source, frequency_hz, transfer, lines, weigh), noise, weigh)
+
+    def on_steady(
+        self,
+        source: Source,
+        frequency_hz: FloatArray,
+        transfer: ComplexArray,
+        steady: Readings | None,
+        noise: Readings | None = None,
+        weigh: bool = True,
+    ) -> dict[Detector, FloatArray]:
+        """Levels in dBuV of all detectors, as `read` gives them, from what `steady` gave."""
         if noise is None:
             noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
-        steady = self._steady(source, frequency_hz, transfer, lines, weigh)
         ground = _steady_in_noise(steady, noise)
         if source.step_v or source.arc is not None:
             ground = self._with_events(ground, steady, noise, source, frequency_hz, np.abs(transfer), weigh)
@@ -115,8 +126,10 @@ class Receiver:
         """Gaussian noise of a given average reading, shape (n,), on all detectors."""
         return noise_unit(self.band, self.dwell_s).scaled(1e-6 * 10 ** (average_dbuv / 20))
 
-    def _steady(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, lines: Readings | None, weigh: bool) -> Readings | None:
-        """What does not hang on the speed of the motor: the chopper's comb, the paper's source, lines from outside."""
+    def steady(
+        self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, lines: Readings | None = None, weigh: bool = True
+    ) -> Readings | None:
+        """What does not depend on the speed of the motor: the chopper's comb, the paper's source, lines from outside; None without any."""
         parts = [] if lines is None else [lines]
         if source.chopper is not None:
             chopper = source.chopper
