@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
+import command_line
 import pytest
 
 from motoremi.cli.settings import hoisted
 
 
 def motoremi(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from motoremi.cli import main; main()", *(str(a) for a in arguments)]
-    clean = {key: value for key, value in os.environ.items() if not key.startswith("MOTOREMI_")}
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=300, cwd=cwd, env={**clean, "HOME": str(cwd), **environment}, check=False
-    )
+    """With a home that holds no settings but those of the test."""
+    return command_line.motoremi(*arguments, cwd=cwd, HOME=str(cwd), **environment)
 
 
 def test_a_file_of_settings(tmp_path):
@@ -62,9 +59,9 @@ def test_global_options_may_stand_anywhere():
 
 
 def test_completion(tmp_path):
-    done = motoremi(cwd=tmp_path, _MOTOREMI_COMPLETE="complete_bash", COMP_WORDS="motoremi fl", COMP_CWORD="1")
+    done = command_line.motoremi_process(cwd=tmp_path, _MOTOREMI_COMPLETE="complete_bash", COMP_WORDS="motoremi fl", COMP_CWORD="1")
     assert done.stdout.split() == ["fleet"]
-    assert "_MOTOREMI_COMPLETE" in motoremi("--show-completion", "bash", cwd=tmp_path, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1").stdout
+    assert "_MOTOREMI_COMPLETE" in command_line.motoremi_process("--show-completion", "bash", cwd=tmp_path, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1").stdout
 
 
 def test_a_start_loads_nothing_heavy(tmp_path):

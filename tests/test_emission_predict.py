@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import document, motoremi
 
 import motoremi as me
 from motoremi.data.csvfiles import write_impedance_csv, write_spectrum_csv
@@ -24,16 +24,6 @@ from motoremi.simulate.motor import SimulatedMotor
 
 DATA = Path(__file__).parent / "data"
 SEED = 8
-
-
-def motoremi(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from motoremi.cli import main; main()", *(str(a) for a in arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-
-
-def document(done: subprocess.CompletedProcess[str]) -> dict:
-    assert "Traceback" not in done.stderr
-    return json.loads(done.stdout)
 
 
 def motor_ohm(frequency_hz: np.ndarray) -> np.ndarray:
@@ -256,8 +246,6 @@ def test_spectra_that_cannot_be_used(tmp_path, text, words):
     done = motoremi("import", tmp_path / "out", "--spectrum", file)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
-    import re
-
     assert re.search(words, done.stderr), done.stderr
     assert not (tmp_path / "out").exists()
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import motoremi, motoremi_process
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -20,12 +19,6 @@ from motoremi.model.effects import catalogue, catalogue_sha256, find_effect
 from motoremi.model.effects.own import VARIABLE
 
 EXAMPLE = Path(__file__).parents[1] / "docs" / "examples" / "ferrite_bead.py"
-
-
-def motoremi(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from motoremi.cli import main; main()", *(str(a) for a in arguments)]
-    clean = {key: value for key, value in os.environ.items() if not key.startswith("MOTOREMI_")}
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, env={**clean, **environment}, check=False)
 
 
 @pytest.fixture
@@ -49,7 +42,7 @@ def test_own_effect_from_the_command_line_is_named_added_reported_and_exported(t
         write_impedance_csv(tmp_path / f"{sweep.termination}{number % 3}.csv", beaded)
     files = [f"--{kind}={tmp_path / f'{kind}{n}.csv'}" for kind in ("short", "open") for n in range(3)]
     assert motoremi("import", tmp_path / "s", *files, "--analyser", "4294a").returncode == 0
-    done = motoremi("diagnose", tmp_path / "s", "--effects-from", EXAMPLE, "--json")
+    done = motoremi_process("diagnose", tmp_path / "s", "--effects-from", EXAMPLE, "--json")
     assert f"running the code of {EXAMPLE}" in done.stderr
     found = json.loads(done.stdout)
     assert found["effects"][0] == "ferrite-bead"
@@ -61,7 +54,7 @@ def test_own_effect_from_the_command_line_is_named_added_reported_and_exported(t
     assert "ferrite-bead" in (tmp_path / "s" / "report" / "report.html").read_text()
     assert "L_bead_L" in (tmp_path / "m.cir").read_text()
     # Without the file its name means nothing, and that is told in a line.
-    forgot = motoremi("fit", tmp_path / "s")
+    forgot = motoremi_process("fit", tmp_path / "s")
     assert forgot.returncode == 2
     assert "ferrite-bead" in forgot.stderr
 

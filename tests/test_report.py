@@ -15,7 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from report_cases import HOSTILE, diagnosed_session, parsed, rendered
+from report_cases import HOSTILE, diagnosed_session, parsed, rendered, together
 
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
@@ -85,7 +85,7 @@ def test_junit_fails_where_a_band_fails(session):
         assert root.find(".//testcase[@name='diagnosis']/skipped") is not None
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", together(HOSTILE))
 def test_hostile_text_is_shown_not_obeyed(tmp_path, measure, text):
     sweeps, _ = measure(2)
     with SessionWriter.create(tmp_path / "s", {"title": text, "motor": text, "operator": text, "imported": [text]}) as writer:
@@ -109,7 +109,7 @@ def test_hostile_text_is_shown_not_obeyed(tmp_path, measure, text):
     assert json.loads(files["report/report.json"])["motor"] == text or "\x00" in text
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", together(HOSTILE))
 def test_hostile_diagnosis_is_shown_not_obeyed(session, text):
     current = load(session)
     diagnosis = current.analysis("diagnosis")

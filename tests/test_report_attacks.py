@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pypdfium2
 import pytest
-from report_cases import HOSTILE, parsed, whole_session
+from report_cases import HOSTILE, parsed, together, whole_session
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -96,7 +96,7 @@ def attacked(path: Path, sound: me.Session, poison: Poison) -> Path:
     return path
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", together(HOSTILE))
 def test_every_field_is_shown_and_none_obeyed(tmp_path, sound, text):
     poison = Poison(text)
     path = attacked(tmp_path / "session", sound, poison)
@@ -123,7 +123,7 @@ def test_every_field_is_shown_and_none_obeyed(tmp_path, sound, text):
     assert {len(row) for row in csv.reader(io.StringIO(files["parameters.csv"].decode()))} == {7}
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", together(HOSTILE))
 def test_terminal_shows_and_does_not_obey(tmp_path, sound, text):
     path = attacked(tmp_path / "session", sound, Poison(text))
     for words in (("next",), ("ladder",), ("report",), ("verify",)):

@@ -15,9 +15,9 @@ from xml.etree import ElementTree
 
 import pypdfium2
 import pytest
+from command_line import motoremi
 from laboratory_cases import PROFILE, measured_session, pages_of, profile, spectrum, squeezed
-from report_cases import HOSTILE, diagnosed_session, parsed
-from test_cli_settings import motoremi
+from report_cases import HOSTILE, diagnosed_session, parsed, together
 from test_report_attacks import Poison
 from typer.testing import CliRunner
 
@@ -124,7 +124,7 @@ def test_a_profile_in_the_settings_is_every_reports(tmp_path, session, monkeypat
     monkeypatch.chdir(tmp_path)
     profile(tmp_path)
     Path("motoremi.toml").write_text('[report]\nprofile = "lab.toml"\nform = "short"\n')
-    done = motoremi("report", session, cwd=tmp_path)
+    done = motoremi("report", session, cwd=tmp_path, HOME=str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert {Path(line).name for line in done.stdout.split()} == {"short.html", "short.pdf"}
     assert load(session).analysis("laboratory")["laboratory"]["name"] == "EMC Laboratory North"
@@ -164,7 +164,7 @@ def test_a_kept_profile_that_cannot_be_used_is_one_line(session):
         report(session)
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", together(HOSTILE))
 def test_every_field_of_a_profile_is_shown_and_none_obeyed(tmp_path, session, text):
     poison = Poison(text)
     content = {name: poison(name) for name in ("name", "authoriser", "statement", "series")}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from report_cases import HOSTILE, parsed
+from report_cases import HOSTILE, parsed, together
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -100,7 +100,7 @@ def test_points_need_not_be_the_same(tmp_path, pair, measure):
     assert all(abs(band["largest_db"]) < 0.05 for band in data["bands"])
 
 
-@pytest.mark.parametrize("text", [text for text in HOSTILE if "/" not in text and "\x00" not in text])
+@pytest.mark.parametrize("text", together([text for text in HOSTILE if "/" not in text and "\x00" not in text]))
 def test_hostile_names_are_shown_not_obeyed(tmp_path, pair, measure, text):
     path = tmp_path / text
     with SessionWriter.create(path, {"title": text, "motor": text, "serial": text}) as writer:

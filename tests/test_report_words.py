@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import pytest
 from laboratory_cases import pages_of
 from report_cases import HOSTILE, diagnosed_session, parsed
+from report_cases import together as several_in_one
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -156,7 +157,7 @@ def test_data_that_contradict_themselves_are_told_everywhere(session: Path, stor
     assert INTERFERENCE["why"] not in told["reasons"]
 
 
-@pytest.mark.parametrize("text", [text for text in HOSTILE if "\x00" not in text])
+@pytest.mark.parametrize("text", several_in_one([text for text in HOSTILE if "\x00" not in text]))
 def test_findings_are_shown_not_obeyed(session: Path, stored: dict[str, Any], tmp_path: Path, text: str) -> None:
     stored["findings"] = [{**INTERFERENCE, "id": text, "sweep": text, "why": text, "remedy": text}]
     folder = with_diagnosis(session, tmp_path / "hostile", stored)
