@@ -33,6 +33,37 @@ FIELDS: Mapping[Detector, str] = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What the receiver reads without the commutation.
+
+    Parameters
+    ----------
+    steady : Readings, optional
+        Of lines: a chopper, stations.
+    noise : Readings
+    ground : Readings
+        Of both.
+    """
+
+    steady: Readings | None
+    noise: Readings
+    ground: Readings
+
+    @classmethod
+    def of(cls, steady: Readings | None, noise: Readings) -> Standing:
+        """Lines in noise."""
+        if steady is None:
+            return cls(None, noise, noise)
+        ground = Readings(
+            np.hypot(steady.peak, noise.peak),
+            np.hypot(steady.quasi_peak, noise.quasi_peak),
+            rician_mean(steady.average, noise.average),
+            np.hypot(steady.rms_average, noise.rms_average),
+        )
+        return cls(steady, noise, ground)
+
+
 @dataclass(frozen=True)
 class Receiver:
     """Settings of the receiver.
@@ -102,23 +133,18 @@ class Receiver:
         weigh : bool
             Whether the quasi-peak levels, which cost most of the time, are wanted; without it they are left out.
         """
-        return self.on_steady(source, frequency_hz, transfer, self.steady(source, frequency_hz, transfer, lines, weigh), noise, weigh)
-
-    def on_steady(
-        self,
-        source: Source,
-        frequency_hz: FloatArray,
-        transfer: ComplexArray,
-        steady: Readings | None,
-        noise: Readings | None = None,
-        weigh: bool = True,
-    ) -> dict[Detector, FloatArray]:
-        """Levels in dBuV of all detectors, as `read` gives them, from what `steady` gave."""
         if noise is None:
             noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
-        ground = _steady_in_noise(steady, noise)
+        standing = Standing.of(self.steady(source, frequency_hz, transfer, lines, weigh), noise)
+        return self.read_over(standing, source, frequency_hz, transfer, weigh)
+
+    def read_over(
+        self, standing: Standing, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, weigh: bool = True
+    ) -> dict[Detector, FloatArray]:
+        """Levels in dBuV of all detectors, as `read` gives them, from what does not depend on the speed of the motor."""
+        ground = standing.ground
         if source.step_v or source.arc is not None:
-            ground = self._with_events(ground, steady, noise, source, frequency_hz, np.abs(transfer), weigh)
+            ground = self._with_events(standing, source, frequency_hz, np.abs(transfer), weigh)
         wanted = {detector: name for detector, name in FIELDS.items() if weigh or detector != "quasi-peak"}
         return {detector: 20 * np.log10(getattr(ground, name) / 1e-6) for detector, name in wanted.items()}
 
@@ -148,16 +174,8 @@ class Receiver:
             both = Readings(*(np.hypot(getattr(both, name), getattr(part, name)) for name in dict.fromkeys(FIELDS.values())))
         return both
 
-    def _with_events(
-        self,
-        ground: Readings,
-        steady: Readings | None,
-        noise: Readings,
-        source: Source,
-        frequency_hz: FloatArray,
-        gain: FloatArray,
-        weigh: bool,
-    ) -> Readings:
+    def _with_events(self, standing: Standing, source: Source, frequency_hz: FloatArray, gain: FloatArray, weigh: bool) -> Readings:
+        ground, steady, noise = standing.ground, standing.steady, standing.noise
         coming = source.repetition_hz * (1 - source.missing_share)
         density = np.abs(source.density(frequency_hz)) * gain
         events = read_events(frequency_hz, density, source.repetition_hz, self.band, source.jitter_s, source.missing_share, weigh)
@@ -185,12 +203,3 @@ def _higher(one: FloatArray, other: FloatArray) -> FloatArray:
     return mean
 
 
-def _steady_in_noise(steady: Readings | None, noise: Readings) -> Readings:
-    if steady is None:
-        return noise
-    return Readings(
-        np.hypot(steady.peak, noise.peak),
-        np.hypot(steady.quasi_peak, noise.quasi_peak),
-        rician_mean(steady.average, noise.average),
-        np.hypot(steady.rms_average, noise.rms_average),
-    )
