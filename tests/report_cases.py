@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shutil
 from collections.abc import Sequence
 from html.parser import HTMLParser
@@ -100,32 +98,44 @@ def _make_diagnosed_session(path: Path, measure) -> None:
         add_to_session(store, found.effects[0])
 
 
-def whole_session(path: Path, measure, seed: int = 3, effects: tuple[str, ...] = ("dielectric-loss@Cf",), **start: object) -> Path:
-    """Sweeps, spectra with an arc, and every analysis that a session can hold; made once, then copied."""
-    which = hashlib.sha256(json.dumps((seed, effects, start)).encode()).hexdigest()[:16]
-    shutil.copytree(made_once(f"whole-session-{which}", lambda target: _make_whole_session(target, measure, seed, effects, start)), path)
+def whole_session(path: Path, measure, **start: object) -> Path:
+    """Sweeps, spectra with an arc, and every analysis that a session can hold; made once, then copied. `start` adds to how it began."""
+    made = made_once("whole-session", lambda target: _make_whole_session(target, measure))
+    if start:
+        whole = load(made)
+        _write_whole_session(path, whole.sweeps, whole.spectra, start)
+        with opened(path) as store:
+            for name in whole.analyses:
+                store.save_analysis(name, whole.analysis(name))
+    else:
+        shutil.copytree(made, path)
     return path
 
 
-def _make_whole_session(path: Path, measure, seed: int, effects: tuple[str, ...], start: dict[str, object]) -> None:
-    sweeps, motor = measure(seed, effects)
+def _make_whole_session(path: Path, measure) -> None:
+    seed = 3
+    sweeps, motor = measure(seed, ("dielectric-loss@Cf",))
     frequency_hz = scan_frequencies()
-    stand = Stand.random(seed, ("arc-breakdown",))
-    read = measure_spectra(motor, stand, frequency_hz, seed, quasi_peak=False)
-    with SessionWriter.create(path, {"title": "All of it", "motor": f"motor {seed}", **start}) as writer:
-        identity = {"vendor": "HP", "model": "4294A", "serial": "JP1KG00123", "firmware": "REV1.11"}
-        writer.emit("instrument", role="analyser", driver="4294a", resource="GPIB0::17::INSTR", identity=identity, settings={"points": 401})
-        for sweep in sweeps:
-            writer.add_sweep(sweep)
-        for detector in ("peak", "average"):
-            writer.add_spectrum(me.Spectrum(detector, frequency_hz, read.level(detector)))
-        writer.close("done")
+    read = measure_spectra(motor, Stand.random(seed, ("arc-breakdown",)), frequency_hz, seed, quasi_peak=False)
+    spectra = [me.Spectrum(detector, frequency_hz, read.level(detector)) for detector in ("peak", "average")]
+    _write_whole_session(path, sweeps, spectra, {})
     with opened(path) as store:
         for effect in diagnose_session(store).effects:
             add_to_session(store, effect)
         compare_session(store, me.Tolerance(error_percent=1.0))
         diagnose_emission_session(store)
         predict_session(store)
+
+
+def _write_whole_session(path: Path, sweeps: Sequence[me.ImpedanceSweep], spectra: Sequence[me.Spectrum], start: dict[str, object]) -> None:
+    with SessionWriter.create(path, {"title": "All of it", "motor": "motor 3", **start}) as writer:
+        identity = {"vendor": "HP", "model": "4294A", "serial": "JP1KG00123", "firmware": "REV1.11"}
+        writer.emit("instrument", role="analyser", driver="4294a", resource="GPIB0::17::INSTR", identity=identity, settings={"points": 401})
+        for sweep in sweeps:
+            writer.add_sweep(sweep)
+        for spectrum in spectra:
+            writer.add_spectrum(spectrum)
+        writer.close("done")
 
 
 def rendered(path: Path) -> dict[str, bytes]:

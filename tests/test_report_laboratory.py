@@ -17,7 +17,7 @@ import pypdfium2
 import pytest
 from command_line import motoremi
 from laboratory_cases import PROFILE, measured_session, pages_of, profile, spectrum, squeezed
-from report_cases import HOSTILE, diagnosed_session, parsed, together
+from report_cases import HOSTILE, diagnosed_session, parsed
 from test_report_attacks import Poison
 from typer.testing import CliRunner
 
@@ -164,7 +164,7 @@ def test_a_kept_profile_that_cannot_be_used_is_one_line(session):
         report(session)
 
 
-@pytest.mark.parametrize("text", together(HOSTILE))
+@pytest.mark.parametrize("text", HOSTILE)
 def test_every_field_of_a_profile_is_shown_and_none_obeyed(tmp_path, session, text):
     poison = Poison(text)
     content = {name: poison(name) for name in ("name", "authoriser", "statement", "series")}
