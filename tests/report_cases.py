@@ -6,11 +6,13 @@ import shutil
 from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 from made_once import made_once
 
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
+from motoremi.data.text import clean_text
 from motoremi.emission.setup import scan_frequencies
 from motoremi.report.files import render_all
 from motoremi.report.model import Materials, build_report
@@ -39,6 +41,40 @@ HOSTILE = [
 def together(texts: Sequence[str]) -> list[str]:
     """The same texts, several in one: a report takes a second or more, and each field is given every one of them all the same."""
     return [" ".join(texts[first::3]) for first in range(3)]
+
+
+# Read by programs, not shown: what kind of file, which sweep, which unit.
+KEPT = frozenset({"schema", "of", "unit", "sweep", "setup"})
+
+
+class Poison:
+    """Puts one text, each time with a number of its own, into every field, and remembers which number went where."""
+
+    def __init__(self, text: str) -> None:
+        self.text, self.places = text, {}
+
+    def __call__(self, place: str) -> str:
+        number = f"Q{len(self.places)}Q"
+        self.places[number] = place
+        return f"{number} {self.text}"
+
+    def found_in(self, shown: str, text: str) -> set[str]:
+        """The numbers that stand in front of the whole text, controls written out; verdicts are shown in capitals."""
+        upper, whole = squeezed(shown).upper(), squeezed(clean_text(text)).upper()
+        return {number for number in self.places if number + whole in upper}
+
+    def into(self, value: Any, place: str) -> Any:
+        """Every text inside plain data, names of parameters among them."""
+        if isinstance(value, str):
+            return self(place)
+        if isinstance(value, list):
+            return [self.into(item, place) for item in value]
+        if isinstance(value, dict):
+            named = place.endswith(".parameters")
+            return {
+                (self(f"{place} name") if named else key): item if key in KEPT else self.into(item, f"{place}.{key}") for key, item in value.items()
+            }
+        return value
 
 
 class Page(HTMLParser):
@@ -144,3 +180,8 @@ def rendered(path: Path) -> dict[str, bytes]:
     steps = tuple(ladder_of(session))
     comparison = me.compare(steps[-1], me.Tolerance(error_percent=1.0)) if steps else None
     return render_all(build_report(Materials(session, steps, comparison, session.analysis("diagnosis"))))
+
+
+def squeezed(text: str) -> str:
+    """Without blanks and joints, at which lines break."""
+    return "".join(text.replace("\u200b", "").replace("\ufffe", "").split())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import inspect
 import re
 import tomllib
@@ -84,7 +85,7 @@ def test_no_command_controls_two_settings(name: str) -> None:
 
 def test_the_built_in_drivers_are_the_published_ones() -> None:
     """The list for source trees must not drift from the entry points."""
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     assert project["project"]["entry-points"][DRIVER_GROUP] == BUILT_IN
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import copy
 from datetime import date
 from pathlib import Path
@@ -169,7 +170,7 @@ def test_a_quantity_that_is_no_number_is_told_as_that(text: str) -> None:
 
 def test_the_tolerance_of_a_comparison_without_tolerances_is_the_documented_one() -> None:
     usual = f"{PAPER_TOLERANCE.error_percent:g} %"
-    documented = [CompareStep.__doc__, compare_.__doc__, (Path(__file__).parents[1] / "docs" / "procedures.md").read_text(encoding="utf-8")]
+    documented = [CompareStep.__doc__, compare_.__doc__, (ROOT / "docs" / "procedures.md").read_text(encoding="utf-8")]
     assert all(text is not None and f"at first {usual}" in text.replace("that is an error of ", "") for text in documented)
 
 

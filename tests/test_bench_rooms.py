@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import ast
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
 # Modules directly below `motoremi` that every package may use.
 PLAIN = {"arrays", "errors", "interrupts", "quantities"}
 MAY_IMPORT = {

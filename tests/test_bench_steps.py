@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import copy
 import json
 import sys
@@ -27,7 +28,7 @@ from motoremi.schema.procedure import load_procedure, parse_procedure, ready_pro
 from motoremi.schema.procedure_steps import Check
 from motoremi.virtual.simulated_bench import SimulatedBench
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = ROOT / "docs"
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import TESTS
 import builtins
 import errno
 import json
@@ -22,7 +23,6 @@ from motoremi.virtual.simulated_bench import SimulatedBench
 
 # `make kills` does 200.
 KILLS = 40
-HERE = Path(__file__).parent
 # What takes half a minute on a slow machine ends here at the latest.
 DEADLINE_S = 300
 
@@ -35,7 +35,7 @@ def ignore_ctrl_c() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="no fork there")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGINT"])
 def test_stopped_at_random_moments_loses_no_sweep_and_goes_on(number: str) -> None:
-    command = [sys.executable, HERE / "kill_run.py", str(KILLS), number, "impedance_only"]
+    command = [sys.executable, TESTS / "kill_run.py", str(KILLS), number, "impedance_only"]
     env = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=env, timeout=DEADLINE_S, preexec_fn=ignore_ctrl_c)
     told = json.loads(done.stdout)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA, ROOT
 import json
 import sys
 from pathlib import Path
@@ -14,7 +15,6 @@ from motoremi.cli.arguments import expanded
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
 
-DATA = Path(__file__).parent / "data"
 
 
 @pytest.fixture(scope="module")
@@ -270,7 +270,7 @@ def test_sweeps_of_different_span_are_judged_each_over_its_own(tmp_path, files, 
 
 def test_run_without_an_instrument_is_status_3(tmp_path):
     procedure = tmp_path / "p.toml"
-    text = (Path(__file__).parents[1] / "procedures" / "impedance_only.toml").read_text()
+    text = (ROOT / "procedures" / "impedance_only.toml").read_text()
     procedure.write_text(text.replace("GPIB0::17::INSTR", "TCPIP::127.0.0.1::9::SOCKET"))
     done = motoremi("run", procedure, "--out", tmp_path / "r")
     assert done.returncode == 3

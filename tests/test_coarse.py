@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_fitting import impedance
+from paper_circuit import impedance
 
 import motoremi as me
 from motoremi.data.coarse import MOST_POINTS, bins_of, coarse, of_points, scattered

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_fitting import FREQUENCY_HZ, impedance
+from paper_circuit import FREQUENCY_HZ, impedance
 
 import motoremi as me
 

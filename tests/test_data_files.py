@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 import os
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
-DATA = Path(__file__).parent / "data"
 NATIVE = DATA / "eth_4294A_inductor" / "impedance.txt"
 MOTOR = DATA / "motor_1p5hp_dm_cc_by" / "motor_1p5hp_A1_B1C1_subset.csv"
 FREQUENCY = np.geomspace(150e3, 30e6, 12)

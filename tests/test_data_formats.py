@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 import re
 import tempfile
 from collections.abc import Callable
@@ -15,7 +16,6 @@ from hypothesis import strategies as st
 from motoremi.data.files import read_impedance, read_spectra, read_spectrum
 from motoremi.errors import BadInput
 
-DATA = Path(__file__).parent / "data"
 FREQUENCY = np.geomspace(150e3, 30e6, 16)
 S = 2j * np.pi * FREQUENCY
 # A winding with its resonance and a capacitive insulation, of ordinary size.

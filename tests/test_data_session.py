@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 import errno
 import hashlib
 import json
@@ -26,7 +27,7 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep
 from motoremi.errors import BadInput
 
-NATIVE = Path(__file__).parent / "data" / "eth_4294A_inductor" / "impedance.txt"
+NATIVE = DATA / "eth_4294A_inductor" / "impedance.txt"
 FREQUENCY = np.geomspace(150e3, 30e6, 10)
 REPORT = b"<p>\xc3\xa9</p>\r\n"
 

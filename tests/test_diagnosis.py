@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+from diagnosis_contract import check_contract
 from scipy.optimize import least_squares
 
 import motoremi as me
@@ -18,46 +19,6 @@ from motoremi.diagnosis.compare import Tolerance
 from motoremi.diagnosis.diagnosis import _closeness
 from motoremi.errors import BadInput
 from motoremi.simulate.effects import DEMO_EFFECTS
-
-VERDICTS = {"adequate", "missing-effect", "family", "instrument", "data", "unexplained"}
-FIGURES = {"effects", "chi2_reduced", "rms_error_percent", "rms_error_db", "corrected_error_percent", "analyser_sigma"}
-FINDINGS = {
-    "interference", "drift", "correlated-noise", "sweeps-disagree", "beyond-specification", "not-compensated", "range-step", "too-little",
-    "not-as-declared", "not-as-asked",
-}  # fmt: skip
-
-
-def check_contract(document):
-    assert document["schema"] == "motoremi.diagnosis/2"
-    assert document["verdict"] in VERDICTS
-    assert 0 <= document["confidence"] <= 1
-    for name in ("base", "best"):
-        assert set(document[name]) >= FIGURES
-        assert all(np.isfinite(document[name][key]) and document[name][key] >= 0 for key in FIGURES - {"effects"})
-    left = document["unexplained_percent"]
-    assert 0 <= left["low"] <= left["value"] <= left["high"]
-    assert 0 < document["noise_percent"] <= document["floor_percent"]
-    for span in document["where"]:
-        assert span["sweep"] in ("short", "open")
-        assert span["band_hz"][0] < span["band_hz"][1]
-        assert 0 < span["share"] <= 1
-    for finding in document["findings"]:
-        assert finding["id"] in FINDINGS
-        assert finding["why"]
-        assert finding["remedy"]
-        assert isinstance(finding["serious"], bool)
-        assert finding["sweep"] in ("short", "open", None)
-        assert finding["band_hz"] is None or finding["band_hz"][0] <= finding["band_hz"][1]
-    if document["verdict"] in ("adequate", "data", "unexplained"):
-        assert document["effects"] == document["families"] == []
-    assert sum(c["probability"] for c in document["candidates"]) <= 1 + 1e-9
-    for candidate in document["candidates"]:
-        assert set(candidate) >= {"effect", "family", "probability", "chi2_reduced", "delta_bic", "rms_error_percent", "parameters", "plausible"}
-        for parameter in candidate["parameters"].values():
-            assert set(parameter) >= {"value", "sigma", "at_bound"}
-    assert set(document["next_measurement"]) >= {"id", "why"}
-    json.dumps(document, allow_nan=False)
-
 
 @pytest.mark.parametrize("effect", DEMO_EFFECTS)
 def test_hidden_effect_is_named_and_the_error_falls_to_the_noise(measure, effect):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import os
 import re
 import shlex
@@ -16,7 +17,6 @@ import pytest
 from command_line import motoremi
 from nbclient import NotebookClient
 
-ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if path.name != "architecture.md")
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,7 +34,6 @@ from motoremi.errors import BadInput
 from motoremi.simulate.emission import OFFSET_DB, RIPPLE_DB, SOURCE_EFFECTS, Stand, measure, motor_off
 from motoremi.simulate.motor import SimulatedMotor
 
-DATA = Path(__file__).parent / "data"
 SCAN_HZ = scan_frequencies()
 
 

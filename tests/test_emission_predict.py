@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 import json
 import re
 import shutil
@@ -22,7 +23,6 @@ from motoremi.errors import BadInput
 from motoremi.simulate.emission import Stand, measure
 from motoremi.simulate.motor import SimulatedMotor
 
-DATA = Path(__file__).parent / "data"
 SEED = 8
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ from motoremi.emission.weighting import pulse_weight
 from motoremi.errors import BadInput
 from motoremi.simulate.receiver import TimeDomainReceiver, read_waveform
 
-DATA = Path(__file__).parent / "data"
 DETECTORS = ("peak", "quasi_peak", "average", "rms_average")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path as File
 import numpy as np
 import pytest
 from ngspice import needs_ngspice
-from test_export_spice import DB, DEG, SPAN, control, motor_with, run
+from spice_decks import DB, DEG, SPAN, control, motor_with, run
 from typer.testing import CliRunner
 
 from motoremi.cli.app import app

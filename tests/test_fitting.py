@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ngspice import needs_ngspice, solve
+from paper_circuit import DAMPED, FREQUENCY_HZ, PRINTED, impedance
 
 import motoremi as me
 from motoremi.data.analyser import error_basis
@@ -20,24 +21,6 @@ from motoremi.fitting.result import restore
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import dc_motor
-
-FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
-# Table 1 of the paper with Rr in ohm, and Ra as a winding with core loss has it.
-DAMPED = {"Ra": 20.0, "La": 12.1e-6, "Ca": 22e-12, "Rr": 39.8, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
-# Table 1 as printed.
-PRINTED = {**DAMPED, "Ra": 21.3e-3, "Rr": 39.8e3}
-
-
-def impedance(values: dict[str, float], termination: str, frequency_hz: np.ndarray = FREQUENCY_HZ) -> np.ndarray:
-    """Equations (1) and (2) of the paper, written out."""
-    s = 2j * np.pi * frequency_hz
-    v = values
-    winding = (v["Ra"] + s * v["La"]) / (1 + s * v["Ra"] * v["Ca"] + s**2 * v["La"] * v["Ca"])
-    if termination == "short":
-        return winding
-    branch = v["Rr"] + s * v["Lr"] + 1 / (s * v["Cr"])
-    return winding + 1 / (1 / branch + s * v["Cf"])
-
 
 def noisy(values: dict[str, float], sigma: float, seed: int, repeats: int = 1, stated: bool = False) -> list[me.ImpedanceSweep]:
     rng = np.random.default_rng(seed)

@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from test_diagnosis import check_contract
-from test_measurement_model import complex_normal
+from diagnosis_contract import check_contract
+from covariances import complex_normal
 from typer.testing import CliRunner
 
 import motoremi as me

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_fitting import DAMPED, impedance
+from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.blind.disturbances import warming

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from motoremi.model import materials
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import dc_motor
 
-MACHINE = Path(__file__).parent / "data" / "motor_1p5hp_dm_cc_by" / "motor_1p5hp_A1_B1C1_subset.csv"
+MACHINE = DATA / "motor_1p5hp_dm_cc_by" / "motor_1p5hp_A1_B1C1_subset.csv"
 
 
 def measured_machine(low_hz: float, high_hz: float) -> me.ImpedanceSweep:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import DATA
 import json
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from benchmarks import real_cores
 from motoremi.diagnosis import dispersion as laws
 from motoremi.diagnosis.dispersion import fit_laws
 
-DATA = Path(__file__).parent / "data" / "n87_ferrite_material"
+DATA = DATA / "n87_ferrite_material"
 
 
 def numbers(path: Path, kind: type = float) -> np.ndarray:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from covariances import complex_normal, dense
 from scipy.special import exp1
-from test_fitting import DAMPED, impedance
+from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.arrays import ComplexArray
@@ -21,11 +22,6 @@ from motoremi.fitting.problem import Problem
 from motoremi.model.motor import dc_motor
 
 GRID_HZ = np.geomspace(150e3, 30e6, 201)
-
-
-def complex_normal(rng: np.random.Generator, *shape: int) -> ComplexArray:
-    """Standard normal in the real and in the imaginary part."""
-    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
 
 
 # What is smooth along frequency
@@ -60,13 +56,6 @@ def two_sweeps(points: tuple[int, int], quietest: float = 1e-4, wander: float = 
         noise = Noise(quietest * (2 + np.sin(5 * place)), "repeats", wander, 3e-4 * (1 + 1j * place) if termination == "short" else None)
         parts.append(Part(frequency, impedance(DAMPED, termination, frequency), noise, np.arange(frequency.size)[chosen]))
     return parts
-
-
-def dense(columns: Columns, discrepancy: float, declared: float) -> ComplexArray:
-    total = np.diag(columns.sigma**2).astype(np.complex128)
-    for factor, part in ((1.0, columns.known), (declared, columns.analyser), (discrepancy, columns.discrepancy)):
-        total += factor**2 * part @ part.conj().T
-    return total
 
 
 CASES = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import json
 import os
 from pathlib import Path
@@ -18,7 +19,7 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import catalogue, catalogue_sha256, find_effect
 from motoremi.model.effects.own import VARIABLE
 
-EXAMPLE = Path(__file__).parents[1] / "docs" / "examples" / "ferrite_bead.py"
+EXAMPLE = ROOT / "docs" / "examples" / "ferrite_bead.py"
 
 
 @pytest.fixture

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import document, motoremi
 from scipy.integrate import quad
-from test_cli import document, motoremi
 
-DOCS = Path(__file__).parents[1] / "docs" / "paper.md"
+DOCS = ROOT / "docs" / "paper.md"
 BEGIN, END = "<!-- motoremi paper: begin -->\n", "<!-- motoremi paper: end -->"
 
 

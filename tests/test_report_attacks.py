@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pypdfium2
 import pytest
-from report_cases import HOSTILE, parsed, together, whole_session
+from report_cases import HOSTILE, Poison, parsed, together, whole_session
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -21,8 +21,6 @@ from motoremi.data.text import clean_text
 from motoremi.report.pdf import _in_font
 from motoremi.workflow import opened, report_session
 
-# Read by programs, not shown: what kind of file, which sweep, which unit.
-KEPT = frozenset({"schema", "of", "unit", "sweep", "setup"})
 # Stored for machines; the report shows what it works out from the sweeps instead.
 NOT_SHOWN = (
     # What is asked next is told by `next_measurement`.
@@ -33,36 +31,6 @@ NOT_SHOWN = (
     *(f"prediction.limit.{name}" for name in ("lines", "lisn", "name", "port")),
 )
 ANALYSES = ("diagnosis", "prediction", "emission-diagnosis", "emission")
-
-
-class Poison:
-    """Puts one text, each time with a number of its own, into every field, and remembers which number went where."""
-
-    def __init__(self, text: str) -> None:
-        self.text, self.places = text, {}
-
-    def __call__(self, place: str) -> str:
-        number = f"Q{len(self.places)}Q"
-        self.places[number] = place
-        return f"{number} {self.text}"
-
-    def found_in(self, shown: str, text: str) -> set[str]:
-        """The numbers that stand in front of the whole text, controls written out; verdicts are shown in capitals."""
-        upper, whole = squeezed(shown).upper(), squeezed(clean_text(text)).upper()
-        return {number for number in self.places if number + whole in upper}
-
-    def into(self, value: Any, place: str) -> Any:
-        """Every text inside plain data, names of parameters among them."""
-        if isinstance(value, str):
-            return self(place)
-        if isinstance(value, list):
-            return [self.into(item, place) for item in value]
-        if isinstance(value, dict):
-            named = place.endswith(".parameters")
-            return {
-                (self(f"{place} name") if named else key): item if key in KEPT else self.into(item, f"{place}.{key}") for key, item in value.items()
-            }
-        return value
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +99,3 @@ def test_terminal_shows_and_does_not_obey(tmp_path, sound, text):
         assert result.exit_code in (0, 1, 2)
         assert not set("\x1b\x00\u202e\u2028") & set(result.output)
         assert not isinstance(result.exception, Exception) or isinstance(result.exception, me.BadInput)
-
-
-def squeezed(text: str) -> str:
-    return "".join(text.replace("\u200b", "").replace("\ufffe", "").split())

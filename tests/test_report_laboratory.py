@@ -17,8 +17,7 @@ import pypdfium2
 import pytest
 from command_line import motoremi
 from laboratory_cases import PROFILE, measured_session, pages_of, profile, spectrum, squeezed
-from report_cases import HOSTILE, diagnosed_session, parsed
-from test_report_attacks import Poison
+from report_cases import HOSTILE, Poison, diagnosed_session, parsed
 from typer.testing import CliRunner
 
 import motoremi as me

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from places import ROOT
 import json
 import os
 import signal
@@ -26,7 +27,7 @@ from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
 
-STATIC = Path(__file__).parents[1] / "src" / "motoremi" / "workbench" / "static"
+STATIC = ROOT / "src" / "motoremi" / "workbench" / "static"
 MOTOREMI = Path(sys.executable).with_name("motoremi")
 RUN = {"procedure": "impedance_only", "bench": "simulated", "motor": "M1", "operator": "me", "seed": 7, "hides": "eddy-laminations", "ask": False}
 
