@@ -68,7 +68,7 @@ page: install
 
 # The pictures of the documentation, from the browser tests' own story (needs chromium).
 screenshots: install
-	MOTOREMI_SCREENSHOTS=$(CURDIR)/docs/screenshots $(BIN)/python -m pytest -q tests/test_workbench_browser.py tests/test_workbench_story.py tests/test_workbench_clicks.py
+	MOTOREMI_SCREENSHOTS=$(CURDIR)/docs/screenshots $(BIN)/python -m pytest -q $(addprefix tests/workbench/test_workbench_,browser.py story.py clicks.py)
 
 clean:
 	rm -rf $(VENV) build site .files .mypy_cache .pytest_cache .ruff_cache
