@@ -110,6 +110,7 @@ def test_the_adapter_of_a_saved_file_decides_too(tmp_path: Path) -> None:
         assert read_impedance(path, "short").metadata["analyser"] == name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BRIDGES)
 @pytest.mark.parametrize("averages", [{"sweep_averages": 4}, {"point_averages": 4}])
 def test_averaging_is_set_takes_longer_and_quietens(bench: SimulatedBench, name: str, averages: dict[str, int]) -> None:

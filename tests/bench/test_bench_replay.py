@@ -54,6 +54,7 @@ def bench() -> Any:
     bench.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ready_procedures())
 def test_every_ready_procedure_replays_bit_for_bit(tmp_path: Path, bench: SimulatedBench, name: str) -> None:
     recorded = measured(tmp_path / "first", load_procedure(name), bench)
@@ -79,6 +80,7 @@ def test_a_kept_session_of_every_driver_still_replays(tmp_path: Path, name: str)
     assert result.compared > 0
 
 
+@pytest.mark.slow
 def test_the_virtual_clock_follows_the_recorded_one(tmp_path: Path, bench: SimulatedBench) -> None:
     recorded = measured(tmp_path / "first", small(), bench)
     times = [record["clock_s"] for record in recorded.traffic() if "clock_s" in record]
@@ -160,6 +162,7 @@ def test_a_difference_is_shown_with_both_sides(tmp_path: Path, bench: SimulatedB
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_command_line_shows_it_and_exits_with_3(
     tmp_path: Path, bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -132,6 +132,7 @@ def test_events_are_enabled_first_discarded_and_disabled(bench: SimulatedBench, 
         raw.wait_on_event(REQUEST, 10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(REGISTER))
 def test_on_gpib_nothing_is_asked_during_the_measurement(bench: SimulatedBench, name: str) -> None:
     traffic: list[Any] = []
@@ -151,6 +152,7 @@ def test_on_gpib_nothing_is_asked_during_the_measurement(bench: SimulatedBench, 
     assert traffic[request]["clock_s"] - began_s > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(REGISTER))
 def test_on_a_socket_it_is_polled_as_ever(name: str) -> None:
     manager = open_manager("@py")
@@ -286,6 +288,7 @@ def test_a_link_that_fails_in_the_wait_is_one_line_and_replays(bench: SimulatedB
     assert str(replayed.value) == str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ["analyser", "receiver"])
 def test_ctrl_c_in_the_wait_leaves_the_instruments_safe_and_replays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, role: str) -> None:
     bench = SimulatedBench(SEED)

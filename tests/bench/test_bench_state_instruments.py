@@ -111,6 +111,7 @@ def test_pymeasure_reads_a_multimeter() -> None:
         client.adapter.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("over", ["tcp", "pty"])
 @pytest.mark.parametrize(("name", "channel"), [("e36300", 2), ("hmp4000", 4)])
 def test_a_supply_is_set_limited_and_made_safe_over_a_real_link(name: str, channel: int, over: str) -> None:

@@ -18,6 +18,8 @@ from motoremi.cli import main
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.virtual_instruments import VIRTUAL_INSTRUMENTS
 
+pytestmark = pytest.mark.slow
+
 DRIVER = '''
 """The Scope-o-Matic 9000 measures impedance, too."""
 from motoremi.instruments.agilent_4294a import Agilent4294A

@@ -58,6 +58,7 @@ def arriving(bench: SimulatedBench, frequency_hz: np.ndarray, detector: str) -> 
     return np.interp(frequency_hz, BAND_B_HZ, bench.level_dbuv(BAND_B_HZ, detector))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ANALYSERS)
 def test_partial_sweeps_are_joined_at_their_edges(bench: SimulatedBench, name: str) -> None:
     traffic: list[Any] = []
@@ -102,6 +103,7 @@ def test_a_line_at_the_edge_of_two_parts_is_kept(bench: SimulatedBench, monkeypa
     assert np.count_nonzero(spectrum.level_dbuv > 60.0) == 601
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ANALYSERS)
 def test_the_filter_is_told_and_quasi_peak_needs_the_right_one(bench: SimulatedBench, name: str) -> None:
     driver = ready(bench, name, step_hz=1e6)
@@ -217,6 +219,7 @@ def test_the_rsa_leaves_its_real_time_mode(bench: SimulatedBench) -> None:
     assert driver.ask(":INST:SEL?") == "SA"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dsa800", "xseries"])
 def test_a_procedure_runs_over_a_real_link(tmp_path: Path, name: str) -> None:
     bench = SimulatedBench(SEED, clock=FastClock(SPEED))

@@ -70,6 +70,7 @@ def test_confidence_speaks_of_the_whole_family():
     assert not hit(("core-loss",), answer("unexplained"), detectable=True)
 
 
+@pytest.mark.slow
 def test_cases_hang_on_seed_and_number_alone():
     assert draw_many(5, 12)[:6] == draw_many(5, 6)
     assert draw_many(5, 6) != draw_many(6, 6)
@@ -163,6 +164,7 @@ def test_figures_of_a_scoreboard(tmp_path):
     assert (tmp_path / "scores" / "reliability.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_a_game_is_the_same_in_any_number_of_processes():
     told = []
     alone = play_all(11, 2, 1, lambda *what: told.append(what))
@@ -181,6 +183,7 @@ def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_awa
     assert [set(family) for family in found.families] == [{"permeability-relaxation", "field-coupling"}]
 
 
+@pytest.mark.slow
 def test_of_two_equal_curves_the_one_of_usual_size_comes_first():
     # A relaxing slot insulation is exactly a bearing film of more than a nanofarad, which no textbook's bearing has.
     case = Case(555, 43, "one", ("dielectric-relaxation@Cr",), 1846849857)

@@ -45,6 +45,7 @@ def sealed(**changes: object) -> Sealed:
     return dataclasses.replace(Sealed(1, 0, "two effects", ("eddy-laminations",), 77, mistaken=0.0), **changes)
 
 
+@pytest.mark.slow
 def test_each_policy_goes_its_own_way_to_the_same_end() -> None:
     runs = {one.run.policy: one for one in play(sealed(), judge)}
     assert set(runs) == set(POLICIES)
@@ -82,6 +83,7 @@ def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
     assert not play(sealed(), lambda evidence: family("one-stands"), (PRODUCT,))[0].settled
 
 
+@pytest.mark.slow
 def test_mistakes_are_counted_and_those_that_were_noticed() -> None:
     run = play(sealed(mistaken=1.0), judge, ("cheapest first",))[0].run
     assert run.made == run.found == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
@@ -100,6 +102,7 @@ def test_a_judge_that_crashes_is_the_worst_answer_and_stops_nobody_else() -> Non
     assert summary(played)["troubles"][0]["trouble"] == "ValueError: no"
 
 
+@pytest.mark.slow
 def test_the_figures_are_what_was_played_and_the_tables_say_so() -> None:
     played = [one for index in range(3) for one in play(sealed(index=index, start=STARTS[index]), judge)]
     figures = summary(played)

@@ -62,6 +62,7 @@ def test_cases_hang_on_seed_and_number_alone():
             draw_hard_many(*bad)
 
 
+@pytest.mark.slow
 def test_any_count_covers_the_departures_evenly_and_half_of_each_hide_one_effect():
     cases = draw_hard_many(11, 10 * len(DEPARTURES))
     for departure in DEPARTURES:

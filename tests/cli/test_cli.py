@@ -15,6 +15,8 @@ from motoremi.cli.arguments import expanded
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
 
+pytestmark = pytest.mark.slow
+
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,8 @@ import pytest
 
 from motoremi.cli.settings import hoisted
 
+pytestmark = pytest.mark.slow
+
 
 def motoremi(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """With a home that holds no settings but those of the test."""

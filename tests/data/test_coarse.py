@@ -50,6 +50,7 @@ def test_few_points_stay_as_they_are():
     assert scattered(sweep, few.noise[0], STEPS_HZ, sweep.mean_ohm) == 0.0
 
 
+@pytest.mark.slow
 def test_averages_keep_curve_weight_and_ranges(measurement):
     for whole, noise, few, its in zip(measurement.sweeps, measurement.noise, measurement.coarse.sweeps, measurement.coarse.noise, strict=True):
         true = impedance(MOTOR, whole.termination, few.frequency_hz)
@@ -77,6 +78,7 @@ def test_points_that_stand_out_hardly_move_their_average(measurement):
     assert its.outliers is None
 
 
+@pytest.mark.slow
 def test_solution_and_error_bars_are_those_of_all_points(fitted, measurement):
     everything = Problem(fitted.motor, measurement, sizes=fitted.sizes)
     assert everything.size == 2 * MANY_HZ.size > 5 * fitted.weighed.size
@@ -98,6 +100,7 @@ def test_errors_are_shown_of_all_points(fitted):
     assert fitted.chi2_reduced == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_single_points_are_found_among_many(measurement):
     """One near the end of a sweep, where it is not held against its neighbours before."""
     spoilt = sweeps(np.random.default_rng(8))

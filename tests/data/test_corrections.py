@@ -72,6 +72,7 @@ def test_reading_plus_loss_minus_gain_plus_transducer(tmp_path: Path) -> None:
     assert chain.added_db("analyser", np.array([1e6])) == pytest.approx([0.0])
 
 
+@pytest.mark.slow
 def test_a_motor_over_the_limit_behind_a_pad_fails(tmp_path: Path) -> None:
     """6 dB below the limit at the receiver, 4 dB above it at the LISN."""
     files = [spectrum_file(tmp_path, 6.0), spectrum_file(tmp_path, 30.0, "average")]

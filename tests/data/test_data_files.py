@@ -373,6 +373,7 @@ finite = st.floats(min_value=-1e14, max_value=1e14, allow_nan=False).filter(bool
 scalars = st.one_of(st.text(max_size=20), st.integers(-(2**60), 2**60), finite, st.booleans(), st.none())
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     # Frequencies closer than a millionth count as one when a user's file is read.
@@ -466,6 +467,7 @@ def test_random_bytes_are_read_or_refused(tmp_path: Path, data: bytes) -> None:
     read_or_refuse(write(tmp_path, data))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.sampled_from(SEEDS),

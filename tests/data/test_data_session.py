@@ -291,6 +291,7 @@ def test_document_that_names_a_file_outside(tmp_path: Path, name: object) -> Non
 # Tampering
 
 
+@pytest.mark.slow
 def test_any_changed_byte_is_found(session: Path) -> None:
     for path in all_files(session):
         original = path.read_bytes()
@@ -305,6 +306,7 @@ def test_any_changed_byte_is_found(session: Path) -> None:
     assert verify(session) == []
 
 
+@pytest.mark.slow
 def test_every_byte_of_the_manifest_counts(session: Path) -> None:
     path = session / "manifest.json"
     original = path.read_bytes()

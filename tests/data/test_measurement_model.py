@@ -21,6 +21,8 @@ from motoremi.fitting.marginal import marginal
 from motoremi.fitting.problem import Problem
 from motoremi.model.motor import dc_motor
 
+pytestmark = pytest.mark.slow
+
 GRID_HZ = np.geomspace(150e3, 30e6, 201)
 
 

@@ -15,6 +15,8 @@ from motoremi.diagnosis.together import check_together
 from motoremi.simulate.analyser import noise_sd_ohm
 from motoremi.simulate.effects import MOTOR_EFFECTS
 
+pytestmark = pytest.mark.slow
+
 
 def checked(sweeps: list[me.ImpedanceSweep]) -> CausalCheck:
     return check_causality(Measurement.of(sweeps))

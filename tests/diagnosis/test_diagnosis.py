@@ -20,6 +20,8 @@ from motoremi.diagnosis.diagnosis import _closeness
 from motoremi.errors import BadInput
 from motoremi.simulate.effects import DEMO_EFFECTS
 
+pytestmark = pytest.mark.slow
+
 @pytest.mark.parametrize("effect", DEMO_EFFECTS)
 def test_hidden_effect_is_named_and_the_error_falls_to_the_noise(measure, effect):
     sweeps, _ = measure(21, (effect,))

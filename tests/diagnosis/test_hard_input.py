@@ -21,6 +21,8 @@ from motoremi.model.effects import find_effect
 from motoremi.simulate.analyser import SimulatedAnalyser
 from motoremi.simulate.motor import SimulatedMotor
 
+pytestmark = pytest.mark.slow
+
 BAND_HZ = (150e3, 30e6)
 SURE = 0.8
 

@@ -16,6 +16,8 @@ from motoremi.fitting.result import summarise
 from motoremi.fitting.search import Found, Solution, Task
 from motoremi.model.effects import find_effect
 
+pytestmark = pytest.mark.slow
+
 S = 2j * np.pi * FREQUENCY_HZ
 
 

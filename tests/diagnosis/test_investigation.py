@@ -144,6 +144,7 @@ def test_a_response_that_no_explanation_has_speaks_for_what_the_catalogue_does_n
     assert after.probabilities[(OUTSIDE,)] > 0.5
 
 
+@pytest.mark.slow
 def test_insulation_resistance_decides_between_a_leak_and_none() -> None:
     leaking = fit(dc_motor(), sweeps({"insulation-leakage@Cf": {"resistance_ohm": 3e4}}))
     both = rivals_of({(): (leaking, 0.0), ("insulation-leakage@Cf",): (leaking.add("insulation-leakage@Cf", thorough=False), 0.0)}, 0.03)
@@ -179,6 +180,7 @@ def test_the_wrong_standard_is_found() -> None:
     assert [one.kind for one in after.taught[0].mistakes] == ["wrong-standard"]
 
 
+@pytest.mark.slow
 def test_a_question_names_what_to_do_and_stops_with_a_reason() -> None:
     measurement = base().measurement
     document = next_question(rivals(), measurement).to_dict()

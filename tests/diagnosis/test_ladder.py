@@ -13,6 +13,8 @@ from motoremi.diagnosis.ladder import ladder_step
 from motoremi.simulate.motor import SimulatedMotor
 from motoremi.workflow import add_to_session, drop_from_session, fit_session, opened
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def steps():

@@ -14,6 +14,8 @@ from motoremi.diagnosis import causal
 from motoremi.diagnosis.findings import of_the_sweeps
 from motoremi.diagnosis.remainder import Remainder, remainder
 
+pytestmark = pytest.mark.slow
+
 
 def left(sweeps: list[me.ImpedanceSweep]) -> tuple[Remainder, str]:
     fit = me.fit(me.dc_motor(), sweeps)

@@ -247,6 +247,7 @@ def told(solutions):
     return {name: (dict(solution.values), solution.sizes, solution.log_evidence) for name, solution in solutions.items()}
 
 
+@pytest.mark.slow
 def test_a_race_is_the_same_each_time_and_with_and_without_a_helper(trails, monkeypatch):
     monkeypatch.setattr(spreading, "core_to_spare", lambda: True)
     together, again = (race(trails, SHORT_RACE) for _ in range(2))

@@ -12,6 +12,8 @@ import motoremi as me
 from motoremi.diagnosis.signature import signature
 from motoremi.model.effects import find_effect, identifiers
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def fit():

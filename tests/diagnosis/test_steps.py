@@ -9,6 +9,8 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 import motoremi as me
 from motoremi.diagnosis.steps import find_steps
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(("seed", "at", "size"), [(4, 610.75e3, 0.01), (5, 1.2655e6, -0.004 + 0.004j), (7, 5.36e6, 0.02j)])
 def test_a_step_in_both_sweeps_is_found_between_its_points(seed, at, size):

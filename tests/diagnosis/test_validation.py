@@ -11,6 +11,8 @@ from motoremi.fitting.marginal import log_evidences
 from motoremi.fitting.polish import Precision, polish
 from motoremi.fitting.problem import Problem
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def hidden():

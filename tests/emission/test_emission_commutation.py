@@ -31,6 +31,7 @@ def stiff(coil: Commutation, tau: np.ndarray) -> np.ndarray:
     return coil.current_a * done.y[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_current_follows_the_stiff_solver(name):
     coil = CASES[name]

@@ -34,6 +34,8 @@ from motoremi.errors import BadInput
 from motoremi.simulate.emission import OFFSET_DB, RIPPLE_DB, SOURCE_EFFECTS, Stand, measure, motor_off
 from motoremi.simulate.motor import SimulatedMotor
 
+pytestmark = pytest.mark.slow
+
 SCAN_HZ = scan_frequencies()
 
 

@@ -23,6 +23,8 @@ from motoremi.errors import BadInput
 from motoremi.simulate.emission import Stand, measure
 from motoremi.simulate.motor import SimulatedMotor
 
+pytestmark = pytest.mark.slow
+
 SEED = 8
 
 

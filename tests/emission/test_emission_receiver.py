@@ -16,6 +16,8 @@ from motoremi.emission.weighting import pulse_weight
 from motoremi.errors import BadInput
 from motoremi.simulate.receiver import TimeDomainReceiver, read_waveform
 
+pytestmark = pytest.mark.slow
+
 DETECTORS = ("peak", "quasi_peak", "average", "rms_average")
 
 

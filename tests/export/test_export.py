@@ -43,6 +43,7 @@ def invoke(*arguments: object) -> str:
     return result.stdout
 
 
+@pytest.mark.slow
 def test_every_format_at_once(session, tmp_path):
     files = {name: tmp_path / f"motor.{ending}" for name, ending in (("spice", "cir"), ("touchstone", "s1p"), ("csv", "csv"), ("hdf5", "h5"))}
     told = json.loads(invoke("export", session, *(x for name, file in files.items() for x in (f"--{name}", file)), "--json"))
@@ -76,6 +77,7 @@ def test_touchstone_of_the_model(session, tmp_path, name):
     np.testing.assert_allclose(sweep.impedance_ohm, 1 / (1 / (ra + s * la) + s * ca), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_parquet(session, tmp_path):
     invoke("export", session, "--parquet", tmp_path / "m.parquet")
     loaded = me.load(session)
@@ -89,6 +91,7 @@ def me_fit(session):
     return ladder_of(me.load(session))[-1]
 
 
+@pytest.mark.slow
 def test_frames_and_labelled_arrays(session):
     loaded = me.load(session)
     sweep = loaded.sweeps[0]

@@ -65,6 +65,7 @@ def test_what_is_random_is_left_out_and_said() -> None:
         emission_deck("* nothing between far_end and frame: there was no open-circuit sweep", Setup())
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: File, measure) -> None:
     with SessionWriter.create(tmp_path / "s", {"title": "x"}) as writer:
         for sweep in measure(3, (), 1)[0]:

@@ -52,6 +52,7 @@ def step_in_ngspice(netlist: list[str], folder: Path) -> np.ndarray:
     return rows[:, 1]
 
 
+@pytest.mark.slow
 @needs_ngspice
 @pytest.mark.parametrize("effects", [(), *((name,) for name in IN_MOTOR), *TOGETHER])
 def test_ngspice_reads_back_every_effect(effects: tuple[str, ...], tmp_path: Path) -> None:
@@ -64,6 +65,7 @@ def test_ngspice_reads_back_every_effect(effects: tuple[str, ...], tmp_path: Pat
         assert deg < DEG, (termination, deg)
 
 
+@pytest.mark.slow
 @needs_ngspice
 @pytest.mark.parametrize("effects", [(), *((name,) for name in IN_MOTOR if "@" not in name or "@Cf" in name)])
 def test_a_transient_run_is_stable(effects: tuple[str, ...], tmp_path: Path) -> None:
@@ -129,6 +131,7 @@ def test_a_machine_without_an_open_sweep_has_its_capacitance_across_the_line() -
     assert network.across is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [("eddy-laminations",), ("cable-delay",)])
 def test_netlist_of_a_fit_states_its_error(measure, hidden) -> None:
     sweeps, _ = measure(3, hidden, 1)

@@ -8,6 +8,8 @@ from paper_circuit import FREQUENCY_HZ, impedance
 
 import motoremi as me
 
+pytestmark = pytest.mark.slow
+
 RANGES = {
     "Ra": (5.0, 100.0), "La": (4e-6, 40e-6), "Ca": (8e-12, 60e-12), "Rr": (10.0, 120.0),
     "Lr": (0.5e-6, 5e-6), "Cr": (150e-12, 1000e-12), "Cf": (80e-12, 600e-12),

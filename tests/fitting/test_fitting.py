@@ -86,6 +86,7 @@ def test_printed_table_is_told_not_to_be_determined():
     assert {"La", "Ca"}.isdisjoint(fit.undetermined())
 
 
+@pytest.mark.slow
 def test_fit_is_deterministic_for_a_seed():
     sweeps = noisy(DAMPED, 1e-2, 1)
     one, other = (me.fit(me.dc_motor(), sweeps, seed=4) for _ in range(2))
@@ -93,12 +94,14 @@ def test_fit_is_deterministic_for_a_seed():
     assert one.evaluations == other.evaluations
 
 
+@pytest.mark.slow
 def test_bounds_are_kept():
     fit = me.fit(me.dc_motor(), noisy(DAMPED, 1e-2, 1), bounds={"La": (20e-6, 100e-6)})
     assert 20e-6 <= fit.parameters["La"] <= 100e-6
     assert fit.chi2_reduced > 10
 
 
+@pytest.mark.slow
 def test_held_parameters_stay_and_help():
     sweeps = noisy(DAMPED, 1e-2, 1)
     fit = me.fit(me.dc_motor(), sweeps, held={"Ra": 20.0})
@@ -106,6 +109,7 @@ def test_held_parameters_stay_and_help():
     assert "Ra" not in fit.undetermined()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["ant-colony", "paper"])
 def test_training_curve_never_rises(method):
     fit = me.fit(me.dc_motor(), noisy(DAMPED, 1e-2, 2), method=method, bounds={n: (v / 10, v * 10) for n, v in DAMPED.items()})
@@ -114,6 +118,7 @@ def test_training_curve_never_rises(method):
     assert min(best) == best[-1] or method == "ant-colony"
 
 
+@pytest.mark.slow
 def test_papers_colony_stops_by_its_rule_and_stays_far_from_the_noise():
     bounds = {name: (value / 10, value * 10) for name, value in DAMPED.items()}
     sweeps = noisy(DAMPED, 1e-2, 5, stated=True)
@@ -129,12 +134,14 @@ def test_papers_colony_stops_by_its_rule_and_stays_far_from_the_noise():
     assert ours.chi2_reduced < 1.3 < paper.chi2_reduced / 10
 
 
+@pytest.mark.slow
 def test_ants_find_the_valley_without_start_values(monkeypatch):
     monkeypatch.setattr("motoremi.fitting.search.data_driven_starts", lambda measurement: [])
     found = [me.fit(me.dc_motor(), noisy(DAMPED, 1e-2, seed), seed=seed).chi2_reduced < 1.5 for seed in range(6)]
     assert sum(found) >= 5
 
 
+@pytest.mark.slow
 def test_analysers_errors_do_not_pass_for_misfit(measure):
     sweeps, motor = measure(3)
     with_analyser = me.fit(me.dc_motor(), sweeps, analyser="4294a")
@@ -201,6 +208,7 @@ def test_gain_error_is_marginalised_as_with_explicit_unknowns():
     assert float(problem.objective(u)) == pytest.approx(dense, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_restored_fit_is_the_same():
     sweeps = noisy(DAMPED, 3e-3, 1, repeats=2)
     fit = me.fit(me.dc_motor(), sweeps).add("lead-inductance")
@@ -210,6 +218,7 @@ def test_restored_fit_is_the_same():
     assert dict(again.parameters) == pytest.approx(dict(fit.parameters), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_add_and_drop_are_inverse():
     fit = me.fit(me.dc_motor(), noisy(DAMPED, 3e-3, 1, repeats=2), analyser="none")
     back = fit.add("core-loss").drop()
@@ -219,6 +228,7 @@ def test_add_and_drop_are_inverse():
         back.drop()
 
 
+@pytest.mark.slow
 def test_effects_in_the_model_are_fitted_from_scratch(measure):
     sweeps, _ = measure(2, ("core-loss",))
     fit = me.fit(add_effects(dc_motor(), ["core-loss"]), sweeps)

@@ -53,6 +53,7 @@ def missed(fit, truth, deviations):
     return out
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_a_warming_motor_was(warm):
     motor, fit = warm
     assert all(noise.drift is not None for noise in fit.measurement.noise)
@@ -113,6 +114,7 @@ def test_exchanged_resonances_draw_the_same_open_circuit_curve():
     assert [back[name] for name in ELEMENTS] == pytest.approx([motor.elements[name] for name in ELEMENTS], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_intervals_of_the_open_sweep_alone_hold_both_assignments(open_alone):
     motor, fit = open_alone
     other = exchanged(fit.parameters)

@@ -123,6 +123,7 @@ def told_by(problem: Problem, motor: dict[str, float] = DAMPED) -> Marginal:
     return marginal(problem, polish(problem, problem.vector(motor)).u[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "motor"), [(2e-4, DAMPED), (6e-4, DAMPED), (5e-3, DAMPED), (5e-3, BLUNT), (3e-2, BLUNT)])
 def test_posterior_holds_the_discrepancy_that_was_drawn(size, motor):
     found = [told_by(measured(seed, size, motor=motor), motor) for seed in range(16)]

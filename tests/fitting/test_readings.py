@@ -132,6 +132,7 @@ def test_a_film_slower_than_the_band_still_gives_a_start():
     assert in_series == pytest.approx(1 / (1 / CR + 1 / 1.8e-10), rel=2 * NEAR)
 
 
+@pytest.mark.slow
 def test_one_sweep_gives_what_it_shows():
     everything = winding(relaxing(0.4, 3e6)), frame()
     assert not read_start(measured(*everything, ("short",)), "bearing-film")

@@ -17,6 +17,7 @@ def scaled(sweeps: list[me.ImpedanceSweep], frequency: float, impedance: float) 
     return [me.ImpedanceSweep(s.termination, s.frequency_hz * frequency, s.impedance_ohm * impedance) for s in sweeps]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [e for e in catalogue() if e.group != "instrument"], ids=lambda e: e.name)
 def test_sweeps_like_the_papers_keep_the_catalogue_as_it_is(effect):
     measurement = Measurement.of(simulated_sweeps(3)[0])
@@ -66,6 +67,7 @@ def test_instrument_effects_are_the_analysers_whatever_the_motor():
             assert scaled_ranges(effect, effect.name, measurement) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["second-resonance", "core-loss", "permeability-relaxation", "dielectric-relaxation@Cf"])
 def test_a_motor_a_hundred_times_slower_is_described_as_well(effect):
     """1.5 - 300 kHz at ten times the impedance: without scaling no start value would lie within the sweep."""

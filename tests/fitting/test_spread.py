@@ -166,6 +166,7 @@ def test_one_core_does_it_all(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {process for _, process in spread(slow_square, range(3))} == {os.getpid()}
 
 
+@pytest.mark.slow
 @needs_fork
 def test_a_diagnosis_does_not_depend_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit, on a motor with two hidden effects."""

@@ -24,6 +24,8 @@ from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcess
 from motoremi.fleet.together import together, tolerance_factor
 from motoremi.fleet.work import Job, serial_of, work
 
+pytestmark = pytest.mark.slow
+
 
 class InThisProcess(Executor):
     """The smallest executor."""

@@ -16,6 +16,8 @@ from motoremi.virtual.faults import FAULTS, FaultLayer
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.virtual_instruments import virtual_instrument
 
+pytestmark = pytest.mark.slow
+
 # Drivers that share their code, each fault given to one of them by turns.
 FAMILIES = (("esrp", "esw", "esci", "esu"), ("mxe", "n6141"), ("dsa800", "rsa", "ssa3000x", "xseries"))
 # The other two have the whole matrix of their own.

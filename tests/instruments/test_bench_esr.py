@@ -48,6 +48,7 @@ def test_identity(receiver: RohdeSchwarzESR) -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detector", ["peak", "average", "quasi-peak"])
 def test_a_scan_finds_the_emission(bench: SimulatedBench, receiver: RohdeSchwarzESR, detector: str) -> None:
     before = bench.clock.now()
@@ -63,6 +64,7 @@ def test_a_scan_finds_the_emission(bench: SimulatedBench, receiver: RohdeSchwarz
     assert bench.clock.now() - before > 664 * 0.02
 
 
+@pytest.mark.slow
 def test_the_cispr_scan_has_6634_points(receiver: RohdeSchwarzESR) -> None:
     receiver.configure(150e3, 30e6, 4.5e3)
     assert len(receiver.scan("peak")) == 6634

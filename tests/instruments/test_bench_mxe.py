@@ -46,6 +46,7 @@ def test_identity_and_settings(receiver: KeysightMXE) -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detector", ["peak", "quasi-peak", "average"])
 def test_a_scan_reads_what_arrives(bench: SimulatedBench, receiver: KeysightMXE, detector: str) -> None:
     before = bench.clock.now()
@@ -75,6 +76,7 @@ def test_levels_of_another_scan_are_refused(receiver: KeysightMXE, monkeypatch: 
         receiver.scan("peak")
 
 
+@pytest.mark.slow
 def test_a_stock_client_reads_every_format(bench: SimulatedBench, receiver: KeysightMXE) -> None:
     raw = bench.resource_manager.open_resource("GPIB0::21::INSTR", write_termination="\n", read_termination="\n")
     assert isinstance(raw, pyvisa.resources.MessageBasedResource)

@@ -107,6 +107,7 @@ def test_compensation_moves_the_reference_plane_to_the_fixture(bench: SimulatedB
     assert np.median(after) < np.median(before)
 
 
+@pytest.mark.slow
 def test_a_motor_without_effects_is_fitted_to_the_noise(bench: SimulatedBench, analyser: NanoVna) -> None:
     """Noise of the standards is in every sweep and not in their scatter; with a single scan of each, chi-square would be about 3."""
     analyser.configure(150e3, 30e6, 201, "log", 4)

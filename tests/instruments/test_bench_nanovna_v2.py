@@ -188,6 +188,7 @@ def test_a_calibrated_sweep_is_the_motor(bench: SimulatedBench, analyser: NanoVn
     assert Measurement.of([sweep]).analyser.fixture is None
 
 
+@pytest.mark.slow
 def test_a_motor_without_effects_is_fitted_to_the_noise(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
     analyser.configure(150e3, 30e6, 101, "log", 4)
     calibrate(bench, analyser)

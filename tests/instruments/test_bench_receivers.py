@@ -19,6 +19,8 @@ from motoremi.run.runner import run, start_document
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.simulated_receiver import settling_db
 
+pytestmark = pytest.mark.slow
+
 FAMILY = {"esrp": "ESRP7", "esw": "ESW26", "esci": "ESCI-3", "esu": "ESU-26", "n6141": "N9020A"}
 ALL = ("esr", "mxe", *FAMILY)
 

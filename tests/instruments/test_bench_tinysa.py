@@ -59,6 +59,7 @@ def test_identity_and_settings(receiver: TinySa) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_scan_in_pieces_is_one_spectrum(bench: SimulatedBench, receiver: TinySa) -> None:
     spectrum = receiver.scan("peak")
     np.testing.assert_allclose(spectrum.frequency_hz, np.arange(150e3, 30e6 + 1, 50e3))

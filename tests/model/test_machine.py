@@ -25,6 +25,7 @@ def measured_machine(low_hz: float, high_hz: float) -> me.ImpedanceSweep:
     return me.ImpedanceSweep("short", sweep.frequency_hz[keep], sweep.impedance_ohm[keep])
 
 
+@pytest.mark.slow
 def test_a_measured_machine_below_150_khz_is_eight_parameters():
     base = me.fit(me.dc_motor(), [measured_machine(90, 150e3)])
     machine = base.add("machine-winding")
@@ -41,6 +42,7 @@ def test_a_measured_machine_below_150_khz_is_eight_parameters():
     assert "not in these sweeps: Rr, Lr, Cr, Cf" in repr(machine)
 
 
+@pytest.mark.slow
 def test_a_measured_machine_from_150_khz_to_30_mhz_is_twenty_parameters():
     sweep = measured_machine(149e3, 30.1e6)
     stated = me.ImpedanceSweep("short", sweep.frequency_hz, sweep.impedance_ohm, metadata={"accuracy_percent": "5"})
@@ -52,6 +54,7 @@ def test_a_measured_machine_from_150_khz_to_30_mhz_is_twenty_parameters():
     assert not last.undetermined()
 
 
+@pytest.mark.slow
 def test_what_was_held_for_want_of_showing_is_free_again_in_the_next_step():
     machine = me.fit(me.dc_motor(), [measured_machine(90, 150e3)]).add("machine-winding")
     assert "Ra" in machine.held
@@ -71,6 +74,7 @@ def modal_winding(frequency_hz: np.ndarray) -> np.ndarray:
     return 1 / admittance
 
 
+@pytest.mark.slow
 def test_modes_are_added_while_they_lower_the_error_and_no_further():
     frequency = np.geomspace(150e3, 30e6, 201)
     rng = np.random.default_rng(3)
@@ -85,6 +89,7 @@ def test_modes_are_added_while_they_lower_the_error_and_no_further():
     assert found == pytest.approx([3e6, 7e6, 15e6], rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_accuracy_that_was_stated_ends_the_adding_of_modes():
     frequency = np.geomspace(150e3, 30e6, 101)
     stated = 50.0

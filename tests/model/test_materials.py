@@ -28,6 +28,7 @@ def permittivity(temperature: int) -> tuple[np.ndarray, np.ndarray]:
     return frequency, relative - 1j * conductivity / (2 * np.pi * frequency * 8.8541878128e-12)
 
 
+@pytest.mark.slow
 def test_leakage_and_a_cole_cole_relaxation_describe_the_permittivity_at_all_temperatures():
     found = {}
     for temperature in (25, 55, 85):
@@ -62,6 +63,7 @@ def test_the_law_of_havriliak_and_negami_is_positive_real():
     np.testing.assert_allclose(shape(s, 1e-9, 1e3, 3.0, 1e4, 0.7, 1.0), laws.LEAKING_COLE_COLE.shape(s, 1e-9, 1e3, 3.0, 1e4, 0.7), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_damped_resonance_describes_the_permeability():
     folder = DATA / "N87_mu_small"
     frequency, value = numbers(folder / "var_f_vec.csv"), numbers(folder / "var_mu_vec.csv", complex)

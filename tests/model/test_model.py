@@ -115,6 +115,7 @@ def test_batches_equal_single_evaluations():
         np.testing.assert_allclose(runner.gradient(S, row)[1], slope, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("identifier", [i for i in identifiers() if find_effect(i).effect.group != "instrument"])
 def test_physical_effects_are_passive_over_their_range(identifier):
     added = find_effect(identifier)

@@ -60,6 +60,7 @@ def pairs(first: str) -> list[str]:
     return [second for second in PHYSICAL if go_together(first, second)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", PHYSICAL)
 def test_pairs_combine_and_stay_passive(first):
     rng = np.random.default_rng(12)
@@ -78,6 +79,7 @@ def elements_changed(identifier: str) -> set[str]:
 SAME_ELEMENT = [(a, b) for a, b in itertools.combinations(PHYSICAL, 2) if elements_changed(a) & elements_changed(b) and go_together(a, b)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), SAME_ELEMENT)
 def test_two_effects_on_one_element_stay_passive_and_do_not_depend_on_their_order(first, second):
     motor, other = add_effects(dc_motor(), (first, second)), add_effects(dc_motor(), (second, first))
@@ -129,6 +131,7 @@ def cuts_a_line(*pair: str) -> bool:
     return "winding-sections" in pair and not {"distributed-winding", "machine-winding"}.isdisjoint(pair)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("first", "second"), [pair for pair in itertools.combinations(identifiers(), 2) if go_together(*pair) and not cuts_a_line(*pair)]
 )

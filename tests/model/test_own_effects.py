@@ -34,6 +34,7 @@ def test_the_example_is_short():
     assert len(EXAMPLE.read_text().splitlines()) < 30
 
 
+@pytest.mark.slow
 def test_own_effect_from_the_command_line_is_named_added_reported_and_exported(tmp_path, measure, forgotten):
     sweeps = [me.ImpedanceSweep(s.termination, s.frequency_hz[::4], s.impedance_ohm[::4]) for s in measure(6)[0]]
     s = 2j * np.pi * sweeps[0].frequency_hz

@@ -130,6 +130,7 @@ def wide_sweep(n: int, coupling: float) -> me.ImpedanceSweep:
     return me.ImpedanceSweep("short", frequency, clean * (1 + 1e-3 * (rng.normal(size=151) + 1j * rng.normal(size=151))))
 
 
+@pytest.mark.slow
 def test_more_sections_than_points_can_tell_are_refused():
     base = me.fit(me.dc_motor(), [wide_sweep(4, 0.5)])
     for many in (60.0, 2.5, 0.0):
@@ -137,6 +138,7 @@ def test_more_sections_than_points_can_tell_are_refused():
             base.add("winding-sections", held={"winding-sections.sections": many})
 
 
+@pytest.mark.slow
 def test_sections_and_coupling_are_found_in_a_wide_sweep():
     found = me.fit(me.dc_motor(), [wide_sweep(4, 0.5)]).add("winding-sections")
     name = "winding-sections.coupling"

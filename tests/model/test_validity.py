@@ -143,6 +143,7 @@ def refused(monkeypatch, capsys, *words: object) -> str:
     return line
 
 
+@pytest.mark.slow
 def test_the_commands_refuse_in_one_line(tmp_path: Path, measure, monkeypatch, capsys) -> None:
     session = tmp_path / "s"
     sweep = measure(6)[0][0]

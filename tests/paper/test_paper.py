@@ -11,6 +11,8 @@ import pytest
 from command_line import document, motoremi
 from scipy.integrate import quad
 
+pytestmark = pytest.mark.slow
+
 DOCS = ROOT / "docs" / "paper.md"
 BEGIN, END = "<!-- motoremi paper: begin -->\n", "<!-- motoremi paper: end -->"
 

@@ -17,6 +17,8 @@ import pytest
 from command_line import motoremi
 from nbclient import NotebookClient
 
+pytestmark = pytest.mark.slow
+
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if path.name != "architecture.md")
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))

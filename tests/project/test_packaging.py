@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 MAPPED = ("instruments", "procedures", "sim_profiles")
 
 

@@ -27,6 +27,8 @@ from motoremi.report.junit import render_junit
 from motoremi.report.model import Materials, build_report
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory, measure) -> Path:

@@ -21,6 +21,8 @@ from motoremi.data.text import clean_text
 from motoremi.report.pdf import _in_font
 from motoremi.workflow import opened, report_session
 
+pytestmark = pytest.mark.slow
+
 # Stored for machines; the report shows what it works out from the sweeps instead.
 NOT_SHOWN = (
     # What is asked next is told by `next_measurement`.

@@ -15,6 +15,8 @@ from report_cases import parsed, whole_session
 from motoremi.data.session import load
 from motoremi.workflow import opened, report_session
 
+pytestmark = pytest.mark.slow
+
 START = {
     "serial": "SN-0815",
     "operator": "B. Engineer",

@@ -35,6 +35,8 @@ from motoremi.workflow import ladder_of, opened, report_session
 from motoremi.workflow_emission import predict_session
 from motoremi.workflow_issue import laboratory_in
 
+pytestmark = pytest.mark.slow
+
 LONG = {"report.html", "report.pdf", "report.json", "junit.xml", "parameters.csv"}
 
 

@@ -13,6 +13,8 @@ from report_cases import diagnosed_session, whole_session
 from motoremi.report.parts import Choice
 from motoremi.workflow import opened, report_session
 
+pytestmark = pytest.mark.slow
+
 # A4 in points; between header and footer.
 HEIGHT, TOP, FOOT = 842.0, 60.0, 51.0
 

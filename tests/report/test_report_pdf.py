@@ -19,6 +19,8 @@ from motoremi.report.pdf import NOT_INSTALLED, render_pdf
 from motoremi.report.words import in_symbols
 from motoremi.workflow import ladder_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory, measure) -> Report:

@@ -21,6 +21,8 @@ from motoremi.workflow import ladder_of, opened
 from motoremi.workflow_emission import diagnose_emission_session, emission_steps, predict_session
 from motoremi.workflow_plots import figure_of
 
+pytestmark = pytest.mark.slow
+
 # Okabe and Ito's colours and greys: what all kinds of colour vision and grey prints tell apart.
 COLOURS = {to_rgb(colour) for colour in (BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE)}
 OPTIONS = {"inspection": ("--element", "Cf"), "signature": ("--effect", "core-loss")}

@@ -26,6 +26,8 @@ from motoremi.report.peaks import clear_maxima
 from motoremi.workflow import _materials_of, fit_session, ladder_of, opened
 from motoremi.workflow_plots import figure_of
 
+pytestmark = pytest.mark.slow
+
 UNTOUCHED = ("sweeps_figure", "ladder_figure", "comparison_figure")
 # Figures of a stored analysis, and where reports find them.
 FIGURES = {"training_figure": ("ladder", plots), "ranking_figure": ("diagnosis", plots), "prediction_figure": ("prediction", emission)}

@@ -18,6 +18,8 @@ from motoremi.data.session import SessionWriter, load
 from motoremi.report.together import _change, _level
 from motoremi.workflow import compare_session, fit_session, ladder_of, opened, report_together
 
+pytestmark = pytest.mark.slow
+
 
 def session(path: Path, sweeps: list[me.ImpedanceSweep], **start: str) -> Path:
     with SessionWriter.create(path, {"title": "side", **start}) as writer:

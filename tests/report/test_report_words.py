@@ -31,6 +31,8 @@ from motoremi.schema.quantity_field import Quantity
 from motoremi.workbench.views import diagnosis as shown_on_the_page
 from motoremi.workflow import fit_session, ladder_of, opened, report_session
 
+pytestmark = pytest.mark.slow
+
 INTERFERENCE = {
     "id": "interference",
     "sweep": "open",

@@ -11,6 +11,8 @@ from motoremi.errors import BadInput
 from motoremi.virtual.faults import FAULTS, FaultLayer
 from motoremi.virtual.simulated_bench import SimulatedBench
 
+pytestmark = pytest.mark.slow
+
 # One exchange of each instrument in each step; `make faults` goes through all of them.
 PLACES = 1
 KINDS = list(FAULTS)

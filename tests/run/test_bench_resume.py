@@ -164,6 +164,7 @@ def test_what_the_rest_stands_on() -> None:
     assert needed_again(emission, Done(steps=2)) == {1}
 
 
+@pytest.mark.slow
 def test_the_command_line_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     bench_file = tmp_path / "bench.toml"
     bench_file.write_text(f'backend = "sim"\nseed = {SEED}\n', encoding="utf-8")

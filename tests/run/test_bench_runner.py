@@ -56,6 +56,7 @@ def kinds(session: Session) -> list[str]:
     return [document["kind"] for document in session.documents]
 
 
+@pytest.mark.slow
 def test_a_full_run(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
     told: list[str] = []
     seen: list[JsonDict] = []
@@ -91,6 +92,7 @@ def test_a_full_run(tmp_path: Path, procedure: Procedure, bench: SimulatedBench)
         assert np.median(np.abs(sweep.impedance_ohm / truth - 1)) < 0.02
 
 
+@pytest.mark.slow
 def test_the_report_of_a_run_says_how_the_run_ended(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
     """It is a step of the run, but the run has ended when it is written."""
     data = copy.deepcopy(procedure.source)
@@ -141,6 +143,7 @@ def test_a_run_passes_only_if_something_was_judged(said: list[str], verdict: str
     assert (outcome.verdict, outcome.passed) == (verdict, verdict != "fail")
 
 
+@pytest.mark.slow
 def test_one_seed_is_one_session(tmp_path: Path, procedure: Procedure) -> None:
     for name in ("a", "b"):
         bench = SimulatedBench(4)

@@ -158,6 +158,7 @@ def test_a_ready_procedure_is_found_by_its_name_only() -> None:
             load_procedure(name)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_polite_kill_ends_a_run_as_ctrl_c_does(tmp_path: Path, number: signal.Signals) -> None:

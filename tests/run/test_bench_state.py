@@ -67,6 +67,7 @@ def of_kind(session: Session, kind: str) -> list[JsonDict]:
     return [document for document in session.documents if document["kind"] == kind]
 
 
+@pytest.mark.slow
 def test_every_spectrum_has_the_state_that_instruments_read(tmp_path: Path, bench: SimulatedBench) -> None:
     session = measure(tmp_path / "s", bench)
     at_rest, *warm = [spectrum.metadata["state"] for spectrum in session.spectra]
@@ -102,6 +103,7 @@ def test_it_replays_bit_for_bit_with_its_times(tmp_path: Path, bench: SimulatedB
         assert result.compared == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["spectra/average-motor-off-1.csv", "spectra/peak-1.csv"])
 def test_the_supply_is_off_after_ctrl_c_and_set_again_by_resume(tmp_path: Path, bench: SimulatedBench, at: str) -> None:
     driven = []
@@ -302,6 +304,7 @@ def test_a_supply_that_restarts_ends_the_run_but_keeps_the_spectrum(tmp_path: Pa
     assert not bench.stand.driven
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("answer", "raised", "status"), [("not done", InstrumentError, "interrupted"), ("stop", KeyboardInterrupt, "interrupted")])
 def test_an_operator_can_say_no(tmp_path: Path, bench: SimulatedBench, answer: Answer, raised: type[BaseException], status: str) -> None:
     said: list[str] = []
@@ -427,6 +430,7 @@ def test_one_instrument_plays_several_roles(tmp_path: Path, bench: SimulatedBenc
     assert 43 < state["temperature_degc"] < 46.2
 
 
+@pytest.mark.slow
 def test_a_dry_run_knows_the_steps_and_waits_for_no_state_that_its_motor_never_has(bench: SimulatedBench) -> None:
     procedure = changed(lambda data: data["steps"][4].update(target="90 degC", longest="600 s", otherwise="stop"))
     steps = {(step.number, step.do): step for step in rehearse(procedure, BenchFile())}

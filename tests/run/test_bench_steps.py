@@ -200,6 +200,7 @@ def test_an_instrument_that_cannot_be_made_safe_is_told(tmp_path: Path, bench: S
     assert session.status == "failed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ready_procedures())
 def test_a_dry_run_says_what_the_run_does(tmp_path: Path, bench: SimulatedBench, name: str) -> None:
     steps = rehearse(small(name), BENCH_FILE)
@@ -217,6 +218,7 @@ def test_a_dry_run_says_what_the_run_does(tmp_path: Path, bench: SimulatedBench,
     assert prompts == sum(d["kind"] == "connection" for d in session.documents)
 
 
+@pytest.mark.slow
 def test_a_dry_run_of_the_full_test_takes_as_long_as_its_parts() -> None:
     steps = rehearse(load_procedure("full_motor_test"), BenchFile())
     seconds = [step.seconds for step in steps if step.do == "spectrum"]

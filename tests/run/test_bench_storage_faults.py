@@ -21,6 +21,8 @@ from motoremi.data.session import Session, SessionWriter, StorageError, load, re
 from motoremi.run.runner import resumable, run, start_document
 from motoremi.virtual.simulated_bench import SimulatedBench
 
+pytestmark = pytest.mark.slow
+
 # `make kills` does 200.
 KILLS = 40
 # What takes half a minute on a slow machine ends here at the latest.

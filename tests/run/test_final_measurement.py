@@ -117,6 +117,7 @@ def test_the_cispr_average_is_held_against_the_average_limit() -> None:
     assert value.limit_dbuv == 46.0
 
 
+@pytest.mark.slow
 def test_a_full_test_reads_every_maximum_on_both_lines_and_judges_the_finals(whole: tuple[Session, list[str]]) -> None:
     session, prompts = whole
     chosen = next(d for d in session.documents if d["kind"] == "maxima")["maxima"]
@@ -134,6 +135,7 @@ def test_a_full_test_reads_every_maximum_on_both_lines_and_judges_the_finals(who
     assert {value["dwell_s"] for value in prediction["finals"]} == {1.0}
 
 
+@pytest.mark.slow
 def test_the_report_shows_readings_corrections_and_final_values(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
     shutil.copytree(whole[0].path, tmp_path / "s")
     with opened(tmp_path / "s") as store:
@@ -146,12 +148,14 @@ def test_the_report_shows_readings_corrections_and_final_values(whole: tuple[Ses
         assert shown in text
 
 
+@pytest.mark.slow
 def test_a_run_replays_bit_for_bit(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
     again = rerun(whole[0], tmp_path / "again", analyse)
     assert again.same
     assert again.compared == len(whole[0].spectra) + len(whole[0].finals)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stored", [0, 1, 5])
 def test_a_stopped_final_measurement_goes_on_where_it_stopped(whole: tuple[Session, list[str]], tmp_path: Path, stored: int) -> None:
     procedure, bench_file = narrow(), BenchFile(backend="sim", seed=SEED)
@@ -188,6 +192,7 @@ def own_limit(folder: Path, level_dbuv: float) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("corrections", "verdict"), [([], "pass"), ([PAD], "fail")])
 def test_a_motor_over_the_limit_behind_a_pad_fails_in_a_run(
     whole: tuple[Session, list[str]], tmp_path: Path, corrections: Sequence[JsonDict], verdict: str
@@ -216,6 +221,7 @@ def test_no_maximum_near_the_limit_leaves_nothing_to_read_and_the_prescan_is_jud
     assert outcome.verdicts[-1]["verdict"] == "pass"
 
 
+@pytest.mark.slow
 def test_a_short_dwell_reads_low_on_meters_and_is_told_before_the_run(tmp_path: Path) -> None:
     data = copy.deepcopy(narrow().source)
     data["steps"] = [
@@ -292,6 +298,7 @@ def test_a_procedure_that_cannot_be_is_one_line(change: JsonDict, says: str) -> 
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.slow
 def test_the_line_is_switched_by_command_where_the_receiver_controls_the_lisn(tmp_path: Path) -> None:
     prompts: list[str] = []
     session, _ = done(tmp_path / "run", narrow(line_switch="receiver"), prompts=prompts)

@@ -401,6 +401,7 @@ def test_a_value_is_asked_for_until_it_is_one_and_may_be_refused(monkeypatch: py
         typed_value(order)
 
 
+@pytest.mark.slow
 def test_the_demo_asks_for_one_measurement_and_one_of_two_explanations_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,6 +28,7 @@ def seen(motor: SimulatedMotor, name: str, termination: Termination = "open", va
     return Specimen(motor, seed).impedance(termination, BAND, name, value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", MOTOR_EFFECTS)
 def test_every_motor_is_passive_under_every_condition(effect: str) -> None:
     specimen = Specimen(SimulatedMotor.random(3, [effect]), 3)

@@ -52,6 +52,7 @@ def test_a_ladder_of_sections_is_a_line():
     assert np.abs(20 * np.log10(np.abs(coarse / transfer(motor, Stand(1e3, 1.0, 1e-6), frequency_hz)))).max() > 3.0
 
 
+@pytest.mark.slow
 def test_levels_of_the_notes():
     """Section D.4: a 12 V arc of 20 ns gives 65 dBuV peak at 150 kHz, 78 at 1.74 MHz, 48 at 5 MHz (LISN and detuning to a few dB)."""
     stand = Stand(1e3, 0.0, 1e-6, arc_v=12.0, arc_rise_s=2e-8, floor_dbuv=-30.0)
@@ -60,6 +61,7 @@ def test_levels_of_the_notes():
     np.testing.assert_allclose(found, [65, 78, 48], atol=2.0)
 
 
+@pytest.mark.slow
 def test_the_waveform_is_made_of_the_drawn_steps():
     stand = Stand(1000.0, 2.0, 5e-7)
     volt = waveform(SimulatedMotor.random(1), stand, 1)
@@ -70,6 +72,7 @@ def test_the_waveform_is_made_of_the_drawn_steps():
     np.testing.assert_allclose(twice, 2 * volt, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_detectors_and_seeds():
     motor = SimulatedMotor.random(2)
     peak, average = (spectrum(motor, SCAN_HZ, name, 3) for name in ("peak", "average"))
@@ -97,6 +100,7 @@ def test_what_is_hidden_leaves_the_rest_alone():
         Stand.random(9, ("arc",))
 
 
+@pytest.mark.slow
 def test_background_stays_with_the_motor_off():
     stand = Stand.random(11, ("background-noise",))
     off = motor_off(stand, SCAN_HZ, 11, quasi_peak=False)

@@ -27,6 +27,7 @@ def worst(value: ArrayLike, expected: ArrayLike) -> float:
     return float(np.max(np.abs(np.asarray(value) / np.asarray(expected) - 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corner_hz", [1e3, 1e4, 1e5])
 def test_lamination_is_the_tanh_of_the_textbook(corner_hz: float) -> None:
     def textbook(frequency: FloatArray) -> ComplexArray:

@@ -46,6 +46,7 @@ def test_bare_motor_is_the_circuit_of_the_paper(motor: SimulatedMotor, terminati
     assert np.max(np.abs(motor.impedance(termination, BAND) / expected - 1)) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("termination", TERMINATIONS)
 @pytest.mark.parametrize("effect", MOTOR_EFFECTS)
 def test_every_motor_is_passive(effect: str, termination: Termination) -> None:
@@ -56,6 +57,7 @@ def test_every_motor_is_passive(effect: str, termination: Termination) -> None:
         assert np.all(impedance.real >= 0), f"seed {seed}"
 
 
+@pytest.mark.slow
 @needs_ngspice
 @pytest.mark.parametrize("effect", MOTOR_EFFECTS)
 def test_ngspice_agrees(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:

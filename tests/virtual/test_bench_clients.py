@@ -20,6 +20,8 @@ from tsapython import tinySA
 
 from motoremi.virtual.simulated_receiver import BAND_B_HZ
 
+pytestmark = pytest.mark.slow
+
 
 def test_pymeasure_reads_a_4294a() -> None:
     with served("4294a") as (server, bench):

@@ -54,6 +54,7 @@ def identity(device: SimulatedDevice) -> bytes:
     return converse(device, b"version\r" if shell else b"*IDN?\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(DEVICES))
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
@@ -77,6 +78,7 @@ def test_noise_on_the_line_is_no_end(name: str, noise: bytes) -> None:
     assert identity(device) == healthy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(DEVICES))
 def test_a_line_without_end_does_not_fill_the_memory(name: str) -> None:
     device = DEVICES[name]

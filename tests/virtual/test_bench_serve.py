@@ -44,6 +44,7 @@ def manager() -> Iterator[pyvisa.ResourceManager]:
     manager.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("over", LINKS)
 @pytest.mark.parametrize("name", ANALYSERS)
 def test_an_analyser_measures_a_motor_over_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
@@ -71,6 +72,7 @@ def test_an_analyser_measures_a_motor_over_a_real_link(name: str, over: str, man
     assert sweep.span_hz == pytest.approx((150e3, 30e6), rel=1e-5 if name == "nanovna-v2" else 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("over", LINKS)
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_a_receiver_scans_over_a_real_link(name: str, over: str, manager: pyvisa.ResourceManager) -> None:
@@ -133,6 +135,7 @@ def test_a_server_stops_while_a_client_does_not_read() -> None:
     os.close(port)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", [["--tcp", "0"], ["--pty"]])
 def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa.ResourceManager) -> None:
     with started("4294a", *link, "--speed", "1000") as (ready, process):
@@ -157,6 +160,7 @@ def test_the_command_serves_until_it_is_stopped(link: list[str], manager: pyvisa
         assert process.wait(10) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_command_is_stopped_from_a_script_too(number: signal.Signals) -> None:
@@ -219,6 +223,7 @@ def test_a_dropped_link_is_an_error_and_clear_makes_a_new_one(manager: pyvisa.Re
         analyser.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["esr", "mxe"])
 def test_ctrl_c_stops_a_scan_on_a_plain_socket(tmp_path: Path, name: str) -> None:
     """There is no service request and no device clear: the receiver must hear ABOR while it scans, or it scans on for minutes."""
@@ -252,6 +257,7 @@ def test_ctrl_c_stops_a_scan_on_a_plain_socket(tmp_path: Path, name: str) -> Non
     assert len(load(tmp_path / "s").spectra) == sum(step["do"] == "spectrum" for step in source["steps"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("procedure", "analyser", "receiver"),
     [("full_motor_test", ("4294a", "tcp"), ("esr", "pty")), ("nanovna_bench", ("nanovna", "pty"), ("tinysa", "tcp"))],

@@ -27,6 +27,8 @@ from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
 
+pytestmark = pytest.mark.slow
+
 STATIC = ROOT / "src" / "motoremi" / "workbench" / "static"
 MOTOREMI = Path(sys.executable).with_name("motoremi")
 RUN = {"procedure": "impedance_only", "bench": "simulated", "motor": "M1", "operator": "me", "seed": 7, "hides": "eddy-laminations", "ask": False}

@@ -10,7 +10,7 @@ from workbench_tools import bench_of, make_fitted_session, served
 from motoremi.workflow import add_to_session, opened
 from motoremi.workflow_emission import predict_session
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 PHONE = {"width": 390, "height": 844}
 
 

@@ -5,6 +5,8 @@ With MOTOREMI_SCREENSHOTS=DIR the story leaves a picture of each view there (`ma
 
 from __future__ import annotations
 
+import pytest
+
 import csv
 import re
 from pathlib import Path
@@ -23,7 +25,7 @@ from motoremi.workbench.desk import Desk
 from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 # What the page itself never makes.
 FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 import threading
 import time
 from pathlib import Path
@@ -19,7 +21,7 @@ from motoremi.interrupts import checkpoint
 from motoremi.workbench import desk
 from motoremi.workflow import Store, diagnose_session
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 SWEEPS = simulated_sweeps(7, ("eddy-laminations",), repeats=2)[0]
 
 

@@ -96,6 +96,7 @@ def test_a_stream_of_events_is_no_half_open_request(tmp_path, monkeypatch):
         assert any(kind == "changed" for kind, _ in events)
 
 
+@pytest.mark.slow
 def test_the_key_is_not_in_the_browsers_command_line(tmp_path):
     """The command at a terminal, and a browser that writes down how it was called and what it was given."""
     (tmp_path / "home").mkdir()

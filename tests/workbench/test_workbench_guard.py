@@ -104,6 +104,7 @@ def test_refusals_carry_it_too(stranger):
     assert "default-src 'none'" in stranger.get("/").headers["content-security-policy"]
 
 
+@pytest.mark.slow
 def test_a_report_may_run_nothing(client, workbench):
     identifier = client.get("/api/sessions").json()["sessions"][0]["id"]
     assert client.post(f"/api/sessions/{identifier}/fit", json={}).status_code == 200

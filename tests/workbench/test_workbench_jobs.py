@@ -24,6 +24,8 @@ from motoremi.workbench.thinning import CELLS, seen
 from motoremi.workbench.thinning import WHOLE as LONGEST_WHOLE
 from motoremi.workflow import add_to_session, opened
 
+pytestmark = pytest.mark.slow
+
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -18,7 +18,7 @@ from motoremi.data.session import load
 from motoremi.workbench.doorway import doorway
 from motoremi.workflow import add_to_session, compare_session, drop_from_session, opened
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 MOTOREMI = Path(sys.executable).with_name("motoremi")
 
 

@@ -27,6 +27,8 @@ from motoremi.workbench.jobs import Jobs
 from motoremi.workflow import drop_from_session, opened
 from motoremi.workflow_emission import add_source_effect, drop_source_effect, emission_steps, stored_emission_steps
 
+pytestmark = pytest.mark.slow
+
 DESKTOP, SMALL, PHONE = {"width": 1440, "height": 900}, {"width": 1024, "height": 768}, {"width": 390, "height": 844}
 # What a laboratory's engineer chooses on the view Report.
 LABORATORY = [

@@ -16,7 +16,7 @@ from motoremi.report.identity import identity_section
 from motoremi.workbench.desk import Desk
 from motoremi.workflow import compare_session, opened
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")
