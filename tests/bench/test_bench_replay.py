@@ -109,6 +109,7 @@ def test_a_failed_run_fails_again_in_the_same_way(tmp_path: Path, bench: Simulat
     assert result.ended == next(d["reason"] for d in recorded.documents if d["kind"] == "stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop_at", ["sweeps/short-2.csv", "sweeps/open-3.csv", "spectra/peak-1.csv"])
 def test_a_resumed_run_replays_with_its_resumption(tmp_path: Path, bench: SimulatedBench, stop_at: str) -> None:
     begun = begin(tmp_path / "first", bench, stop_at)

@@ -176,6 +176,7 @@ def test_a_game_is_the_same_in_any_number_of_processes():
         assert one.answer.confidence == pytest.approx(other.answer.confidence, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_away():
     # A relaxing core, whose curve a damper coupled to a degree that few motors have draws as well.
     found = diagnose(fit(dc_motor(), draw(4711, 1).sweeps()))

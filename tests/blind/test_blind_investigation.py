@@ -62,6 +62,7 @@ def test_each_policy_goes_its_own_way_to_the_same_end() -> None:
     assert runs[PRODUCT].run.seconds == (0.1,) * 3
 
 
+@pytest.mark.slow
 def test_what_one_policy_measured_is_judged_once() -> None:
     count = 0
 
@@ -74,6 +75,7 @@ def test_what_one_policy_measured_is_judged_once() -> None:
     assert count == 5
 
 
+@pytest.mark.slow
 def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
     def family(stop: str) -> Standing:
         answer = Answer("family", ("skin-effect",), (("skin-effect", "eddy-laminations"),), 0.9)

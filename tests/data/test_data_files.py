@@ -461,6 +461,7 @@ def read_or_refuse(path: Path) -> None:
         assert clean_text(message) == message
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.one_of(st.binary(max_size=300), st.text(max_size=200).map(lambda t: t.encode("utf-8", "replace"))))
 def test_random_bytes_are_read_or_refused(tmp_path: Path, data: bytes) -> None:

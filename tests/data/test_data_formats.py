@@ -468,6 +468,7 @@ def test_lost_doubled_and_swapped_lines_give_right_numbers_or_none(kind: str, da
             return
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", READERS)
 @settings(max_examples=120, deadline=None)
 @given(data=st.data())

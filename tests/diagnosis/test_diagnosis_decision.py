@@ -56,6 +56,7 @@ def measure_once() -> list[me.ImpedanceSweep]:
     return simulated_sweeps(2, ("eddy-laminations", "insulation-leakage@Cf"), repeats=1)[0]
 
 
+@pytest.mark.slow
 def test_a_circuit_within_the_stated_accuracy_is_searched_for_one_effect_only(stated):
     assert 1 < stated.rms_error_percent < 20
     judgement = judge(stated)
@@ -74,6 +75,7 @@ def test_a_circuit_within_the_stated_accuracy_stands_whatever_fits_better_and_is
     assert judgement.model.added == ()
 
 
+@pytest.mark.slow
 def test_a_pair_of_suppressors_is_found_that_the_bare_circuit_misses_by_far():
     case = draw(4711, 9)
     assert case.hidden == ("suppressor-capacitor@pair",)

@@ -139,6 +139,7 @@ def test_what_every_explanation_foresees_teaches_little() -> None:
     assert after.taught[0].bits < 1.0
 
 
+@pytest.mark.slow
 def test_a_response_that_no_explanation_has_speaks_for_what_the_catalogue_does_not_hold() -> None:
     after = update(rivals(), warmed({"Cf": 0.6, "Lr": 1.5}))
     assert after.probabilities[(OUTSIDE,)] > 0.5
@@ -157,6 +158,7 @@ def test_insulation_resistance_decides_between_a_leak_and_none() -> None:
         assert after.probabilities[expected] > 0.8
 
 
+@pytest.mark.slow
 def test_the_sweep_of_the_other_termination_is_found_and_not_used() -> None:
     short, open_ = sweeps({})
     wrong = ImpedanceSweep("open", FREQUENCY, simulated("short", {}, seed=5), 1e-4, {"analyser": "none"}, condition="second-temperature=53degC")
@@ -168,6 +170,7 @@ def test_the_sweep_of_the_other_termination_is_found_and_not_used() -> None:
     assert of_the_operator(after)[0].id == "not-as-asked"
 
 
+@pytest.mark.slow
 def test_a_motor_that_was_not_warmed_is_found() -> None:
     after = update(rivals(), Measurement.of([*sweeps({}), *sweeps({}, "second-temperature=53degC", {}, 7)]))
     assert {one.kind for one in after.taught[0].mistakes} == {"nothing-changed"}
@@ -340,6 +343,7 @@ def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it(
     assert judgement.named == ()
 
 
+@pytest.mark.slow
 def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
     from motoremi.diagnosis.informed import confidence_of, departs, reasons_of
 

@@ -72,6 +72,7 @@ def columns_of(analyser: str, sigma: float = 3e-4) -> Columns:
     return Columns.of(parts, find_analyser(analyser))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", [(4.0, 25.0, 1.0), (0.0, 0.0, 0.0), (0.0, 9.0, 0.0)])
 @pytest.mark.parametrize("declared", [1.0, 4.0])
 @pytest.mark.parametrize("away", [0.0, 0.3])

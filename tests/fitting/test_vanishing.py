@@ -26,6 +26,7 @@ def ladder() -> list[me.Fit]:
     return steps
 
 
+@pytest.mark.slow
 def test_no_step_of_a_ladder_is_worse_than_the_one_before(ladder):
     assert all(fit.converged for fit in ladder)
     assert ladder[1].rms_error_percent < 0.34
@@ -57,12 +58,14 @@ def test_it_can_be_stored_dropped_and_stays_vanished(ladder):
     assert ladder[-1].held["skin-effect.radius_m"] == 1e-8
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_asked_for_as_it_is_stays(ladder):
     held = ladder[1].add("skin-effect", {"skin-effect.radius_m": 3e-4})
     assert held.parameters["skin-effect.radius_m"] == 3e-4
     assert held.rms_error_percent > 1.0
 
 
+@pytest.mark.slow
 def test_a_page_keeps_of_a_diagnosis_what_the_command_would_add(tmp_path, monkeypatch):
     """The search tries an effect within its range, whatever comes of it."""
     session = Desk(make_fitted_session(tmp_path / "s"))

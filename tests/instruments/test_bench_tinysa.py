@@ -101,6 +101,7 @@ def test_a_refusal_is_an_error_and_a_bare_command_is_a_question(receiver: TinySa
     assert receiver.ask("rbw").splitlines()[-1] == "10000.0Hz"
 
 
+@pytest.mark.slow
 def test_the_dwell_is_kept_on_the_clock(bench: SimulatedBench, receiver: TinySa) -> None:
     before = bench.clock.now()
     spectrum = receiver.scan("peak")

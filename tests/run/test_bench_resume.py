@@ -42,6 +42,7 @@ def go_on(folder: Path, prompts: list[str] | None = None, analyse: Any = lambda 
     bench.close()
 
 
+@pytest.mark.slow
 def test_only_what_is_missing_is_measured(tmp_path: Path) -> None:
     stopped(tmp_path / "s", "sweeps/open-1.csv")
     before = {file: file.read_bytes() for file in (tmp_path / "s" / "sweeps").iterdir()}

@@ -108,6 +108,7 @@ def test_the_report_of_a_run_says_how_the_run_ended(tmp_path: Path, procedure: P
     assert (session.status, session.interrupted, verify(tmp_path / "s")) == ("done", False, [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trouble", "status"), [(BadInput("no paper"), "failed"), (KeyboardInterrupt(), "interrupted")])
 def test_a_report_that_fails_is_made_when_the_run_goes_on(
     tmp_path: Path, procedure: Procedure, bench: SimulatedBench, trouble: BaseException, status: str

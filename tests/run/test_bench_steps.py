@@ -232,6 +232,7 @@ def test_a_dry_run_keeps_to_the_allow_list() -> None:
         rehearse(small(), BenchFile(allow=frozenset({"GPIB0::17::INSTR"})))
 
 
+@pytest.mark.slow
 def test_a_dry_run_on_the_command_line_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     for arguments in ([], ["--json"]):
