@@ -1,4 +1,4 @@
-# make demo | test | lint | bench | emission | docs | faults | kills | speed | page | screenshots : each creates its environment first; nothing else is needed.
+# make demo | test | quick | lint | bench | emission | docs | faults | kills | speed | page | screenshots : each creates its environment first; nothing else is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,9 +8,11 @@ KILLS ?= 200
 FINAL_KILLS ?= 50
 # Workers of `make test`: one more than there are cores, since many tests wait for a browser or a simulated instrument.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
+# Tests start many programs, and each would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
-.PHONY: demo test lint bench emission docs faults kills speed page screenshots install clean
+.PHONY: demo test quick lint bench emission docs faults kills speed page screenshots install clean
 
 install: $(STAMP)
 
@@ -32,6 +34,10 @@ demo: install
 
 test: install
 	$(BIN)/python -m pytest -n $(WORKERS)
+
+# While one works: what takes no time, without browser and ngspice; under a minute on two cores.
+quick: install
+	$(BIN)/python -m pytest -q -n $(WORKERS) -m 'not slow'
 
 lint: install
 	$(BIN)/ruff check .
@@ -68,7 +74,7 @@ page: install
 
 # The pictures of the documentation, from the browser tests' own story (needs chromium).
 screenshots: install
-	MOTOREMI_SCREENSHOTS=$(CURDIR)/docs/screenshots $(BIN)/python -m pytest -q tests/test_workbench_browser.py tests/test_workbench_story.py tests/test_workbench_clicks.py
+	MOTOREMI_SCREENSHOTS=$(CURDIR)/docs/screenshots $(BIN)/python -m pytest -q $(addprefix tests/workbench/test_workbench_,browser.py story.py clicks.py)
 
 clean:
 	rm -rf $(VENV) build site .files .mypy_cache .pytest_cache .ruff_cache

@@ -22,6 +22,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 if threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+from made_once import begin
+
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden_effects import split_effects
@@ -32,6 +34,13 @@ FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
 
 # Longer than any test takes on a slow machine with its fixtures.
 LONGEST_TEST_S = 900
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A folder for what all workers share, while the run lasts."""
+    end = begin()
+    if end is not None:
+        config.add_cleanup(end)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -14,7 +15,14 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import ComplexArray
 
-needs_ngspice = pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not installed; it is only a second opinion on networks")
+Test = TypeVar("Test", bound=Callable[..., Any])
+
+HAS_NGSPICE = shutil.which("ngspice") is not None
+
+
+def needs_ngspice(test: Test) -> Test:
+    """Mark a test that starts ngspice: skipped without it, and not among the quick ones."""
+    return pytest.mark.slow(pytest.mark.skipif(not HAS_NGSPICE, reason="ngspice is not installed; it is only a second opinion on networks")(test))
 
 
 def solve(netlist_lines: Iterable[str], positive: str, negative: str, frequency_hz: ArrayLike) -> ComplexArray:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import json
 import shutil
 import socket
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import httpx
 from conftest import FREQUENCY_HZ, simulated_sweeps
+from made_once import made_once
 from starlette.testclient import TestClient
 
 from motoremi.data.session import SessionWriter
@@ -27,8 +26,6 @@ from motoremi.workbench.shelf import Shelf
 
 HOST = "127.0.0.1:8123"
 TOKEN = "a-token-for-tests"
-# Folders that live as long as the process.
-_KEPT: list[tempfile.TemporaryDirectory[str]] = []
 # What a file or an instrument may try on a page, a terminal or a spreadsheet.
 ATTACKS = (
     "<script>window.hacked=1</script>",
@@ -71,18 +68,15 @@ def make_session(folder: Path, seed: int = 7, effects: tuple[str, ...] = ("eddy-
 
 
 def make_fitted_session(folder: Path) -> Path:
-    """Such a session, fitted and diagnosed; that is done once in a process, then copied."""
-    shutil.copytree(_fitted_session(), folder)
+    """Such a session, fitted and diagnosed; that is done once, then copied."""
+    shutil.copytree(made_once("fitted-session", _make_fitted_session), folder)
     return folder
 
 
-@lru_cache
-def _fitted_session() -> Path:
-    _KEPT.append(tempfile.TemporaryDirectory())
-    desk = Desk(make_session(Path(_KEPT[-1].name) / "fitted"))
+def _make_fitted_session(folder: Path) -> None:
+    desk = Desk(make_session(folder))
     desk.fit()
     desk.diagnose()
-    return desk.path
 
 
 @contextmanager

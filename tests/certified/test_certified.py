@@ -18,6 +18,8 @@ from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Solution
 from motoremi.model.effects import add_effects
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 CERTIFIED = json.loads((HERE / "certified.json").read_text())
 # A parameter counts as well determined if its certified error bar is below this share of it. What the final steps leave is a millionth of

@@ -79,7 +79,7 @@ def read_events(
     missing_share : float
         Share of events that are missing.
     weigh : bool
-        Whether to compute the quasi-peak reading of separate events, which takes a simulation; without it, the peak is returned for it.
+        Whether to compute the quasi-peak reading, which costs most; without it, the peak is returned for it.
     """
     height = math.sqrt(2) * density_vs * band.impulse_bandwidth_hz
     coming = repetition_hz * (1 - missing_share)
@@ -87,7 +87,7 @@ def read_events(
         return _separate_unit(coming, band, weigh).scaled(height)
     place = np.abs(frequency_hz / repetition_hz - np.round(frequency_hz / repetition_hz))
     scatter = np.minimum(2 * np.pi * frequency_hz * jitter_s, _SCATTERS[-1])
-    tables = _touching_units(repetition_hz / band.bandwidth_hz, band, jitter_s > 0, round(missing_share, 3))
+    tables = _touching_units(repetition_hz / band.bandwidth_hz, band, jitter_s > 0, round(missing_share, 3), weigh)
     column = place / (_OFFSETS[1] - _OFFSETS[0])
     row = np.interp(scatter, _SCATTERS, np.arange(_SCATTERS.size)) if jitter_s > 0 else np.zeros_like(column)
     peak, quasi_peak, average, rms = (_between(table, row, column) * height for table in tables)
@@ -116,10 +116,12 @@ def _between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArr
 
 
 @lru_cache(maxsize=32)
-def _touching_units(relative_rate: float, band: Band, jitters: bool, missing_share: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _touching_units(
+    relative_rate: float, band: Band, jitters: bool, missing_share: float, weigh: bool
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Peak, quasi-peak, average and rms of overlapping unit events: by scatter of the phase (rows) and offset from a line (columns).
 
-    `relative_rate` is the repetition over the bandwidth.
+    `relative_rate` is the repetition over the bandwidth; without `weigh` the quasi-peak is the peak.
     """
     gap = 1 / (relative_rate * band.bandwidth_hz * band.pulse_sigma_s)
     reach = math.ceil(TOUCHING / 2 / gap) + 1
@@ -137,7 +139,8 @@ def _touching_units(relative_rate: float, band: Band, jitters: bool, missing_sha
         phase = 2 * np.pi * _OFFSETS[None, :, None] * (number + shift) + scatters[:, None, None] * normal[other]
         envelope += (np.exp(1j * phase) * ~lost[other])[..., None] * pulse
     size = np.abs(envelope).reshape(scatters.size, _OFFSETS.size, -1)
-    return size.max(axis=-1), envelope_weight(band, size), size.mean(axis=-1), np.sqrt(np.mean(size**2, axis=-1))
+    peak = size.max(axis=-1)
+    return peak, envelope_weight(band, size) if weigh else peak, size.mean(axis=-1), np.sqrt(np.mean(size**2, axis=-1))
 
 
 def read_comb(
@@ -159,10 +162,13 @@ def read_comb(
     reach = math.ceil(1.7 * band.bandwidth_hz / repetition_hz)
     nearest = np.round(frequency_hz / repetition_hz).astype(np.intp)
     first, last = max(1, int(nearest.min()) - reach), int(nearest.max()) + reach
-    every = repetition_hz * np.arange(first, last + 1)
-    lines = math.sqrt(2) * repetition_hz * density(np.asarray(every, dtype=np.float64))
     steps = np.arange(-reach, reach + 1)
     number = nearest[:, None] + steps
+    # Only lines that a point can see: a fit looks at few points above some MHz.
+    seen = np.zeros(last - first + 1, dtype=bool)
+    seen[np.maximum(number - first, 0)] = True
+    lines = np.zeros(seen.size, dtype=np.complex128)
+    lines[seen] = math.sqrt(2) * repetition_hz * density(repetition_hz * np.asarray(first + np.flatnonzero(seen), dtype=np.float64))
     offset: FloatArray = number * repetition_hz - frequency_hz[:, None]
     passed = np.where(number >= first, lines[np.maximum(number - first, 0)], 0) * np.exp(-(offset**2) / (2 * band.sigma_hz**2))
     moments = max(8, 4 * reach)

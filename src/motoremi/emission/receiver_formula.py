@@ -33,6 +33,37 @@ FIELDS: Mapping[Detector, str] = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What the receiver reads without the commutation.
+
+    Parameters
+    ----------
+    steady : Readings, optional
+        Of lines: a chopper, stations.
+    noise : Readings
+    ground : Readings
+        Of both.
+    """
+
+    steady: Readings | None
+    noise: Readings
+    ground: Readings
+
+    @classmethod
+    def of(cls, steady: Readings | None, noise: Readings) -> Standing:
+        """Lines in noise."""
+        if steady is None:
+            return cls(None, noise, noise)
+        ground = Readings(
+            np.hypot(steady.peak, noise.peak),
+            np.hypot(steady.quasi_peak, noise.quasi_peak),
+            rician_mean(steady.average, noise.average),
+            np.hypot(steady.rms_average, noise.rms_average),
+        )
+        return cls(steady, noise, ground)
+
+
 @dataclass(frozen=True)
 class Receiver:
     """Settings of the receiver.
@@ -104,10 +135,16 @@ class Receiver:
         """
         if noise is None:
             noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
-        steady = self._steady(source, frequency_hz, transfer, lines, weigh)
-        ground = _steady_in_noise(steady, noise)
+        standing = Standing.of(self.steady(source, frequency_hz, transfer, lines, weigh), noise)
+        return self.read_over(standing, source, frequency_hz, transfer, weigh)
+
+    def read_over(
+        self, standing: Standing, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, weigh: bool = True
+    ) -> dict[Detector, FloatArray]:
+        """Levels in dBuV of all detectors, as `read` gives them, from what does not depend on the speed of the motor."""
+        ground = standing.ground
         if source.step_v or source.arc is not None:
-            ground = self._with_events(ground, steady, noise, source, frequency_hz, np.abs(transfer), weigh)
+            ground = self._with_events(standing, source, frequency_hz, np.abs(transfer), weigh)
         wanted = {detector: name for detector, name in FIELDS.items() if weigh or detector != "quasi-peak"}
         return {detector: 20 * np.log10(getattr(ground, name) / 1e-6) for detector, name in wanted.items()}
 
@@ -115,8 +152,10 @@ class Receiver:
         """Gaussian noise of a given average reading, shape (n,), on all detectors."""
         return noise_unit(self.band, self.dwell_s).scaled(1e-6 * 10 ** (average_dbuv / 20))
 
-    def _steady(self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, lines: Readings | None, weigh: bool) -> Readings | None:
-        """Readings that do not depend on the speed of the motor: the chopper's comb, the paper's source, stations."""
+    def steady(
+        self, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, lines: Readings | None = None, weigh: bool = True
+    ) -> Readings | None:
+        """Readings that do not depend on the speed of the motor: the chopper's comb, the paper's source, stations; None without any."""
         parts = [] if lines is None else [lines]
         if source.chopper is not None:
             chopper = source.chopper
@@ -135,16 +174,8 @@ class Receiver:
             both = Readings(*(np.hypot(getattr(both, name), getattr(part, name)) for name in dict.fromkeys(FIELDS.values())))
         return both
 
-    def _with_events(
-        self,
-        ground: Readings,
-        steady: Readings | None,
-        noise: Readings,
-        source: Source,
-        frequency_hz: FloatArray,
-        gain: FloatArray,
-        weigh: bool,
-    ) -> Readings:
+    def _with_events(self, standing: Standing, source: Source, frequency_hz: FloatArray, gain: FloatArray, weigh: bool) -> Readings:
+        ground, steady, noise = standing.ground, standing.steady, standing.noise
         coming = source.repetition_hz * (1 - source.missing_share)
         density = np.abs(source.density(frequency_hz)) * gain
         events = read_events(frequency_hz, density, source.repetition_hz, self.band, source.jitter_s, source.missing_share, weigh)
@@ -169,14 +200,3 @@ def _higher(one: FloatArray, other: FloatArray) -> FloatArray:
     """Expected maximum of two readings that both scatter: 0.6 dB above them if they are equal."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     return high * (1 + (low / high) ** _SCATTERING) ** (1 / _SCATTERING)
-
-
-def _steady_in_noise(steady: Readings | None, noise: Readings) -> Readings:
-    if steady is None:
-        return noise
-    return Readings(
-        np.hypot(steady.peak, noise.peak),
-        np.hypot(steady.quasi_peak, noise.quasi_peak),
-        rician_mean(steady.average, noise.average),
-        np.hypot(steady.rms_average, noise.rms_average),
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path as File
 from typing import Any, TypeAlias
 
@@ -18,16 +19,18 @@ from motoremi.emission.band import BAND_B, BANDS, Band
 from motoremi.emission.commutation import Commutation, commutation_time
 from motoremi.emission.path import LISN_50UH, Cable, Path, find_lisn
 from motoremi.emission.reading import Readings
-from motoremi.emission.receiver_formula import Receiver
+from motoremi.emission.receiver_formula import Receiver, Standing
 from motoremi.emission.source import Source, repetition_hz
 from motoremi.emission.stations import Station, read_stations
 from motoremi.errors import BadInput
 
 # Frequencies in hertz, shape (n,) -> impedance in ohm.
 MotorImpedance: TypeAlias = Callable[[FloatArray], ComplexArray]
+# Slopes with respect to the parameters of path and chopper, one after the other, leave the values that all start from remembered.
+REMEMBERED = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ambient:
     """Levels with the motor off.
 
@@ -88,11 +91,10 @@ class Setup:
         weigh : bool
             Whether to compute the quasi-peak levels, which take most of the time; without it they are left out.
         """
-        transfer = self.path.transfer(frequency_hz, motor_ohm)
-        lines = read_stations(frequency_hz, self.stations, self.receiver.band) if self.stations else None
-        return self.receiver.read(self.source, frequency_hz, transfer, self._noise(frequency_hz), lines, weigh)
+        return LevelModel(frequency_hz, motor_ohm, weigh).levels(self)
 
-    def _noise(self, frequency_hz: FloatArray) -> Readings:
+    def noise(self, frequency_hz: FloatArray) -> Readings:
+        """What the receiver reads with the motor off."""
         if self.ambient is not None:
             known = self.ambient
             average, peak = (np.interp(frequency_hz, known.frequency_hz, level) for level in (known.average_dbuv, known.peak_dbuv))
@@ -149,6 +151,42 @@ class Setup:
             raise
         except (TypeError, ValueError) as error:
             raise BadInput(f"the set-up cannot be read: {error}") from error
+
+
+class LevelModel:
+    """Predicted levels at fixed frequencies with a fixed motor, for many set-ups: what two of them have in common is worked out once.
+
+    A fit changes one parameter at a time to get its slopes; most of them leave the path and the chopper's comb, which cost the most, as they are.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+    motor_ohm : ndarray of complex, shape (n,)
+    weigh : bool
+        As in `Setup.levels`.
+    """
+
+    def __init__(self, frequency_hz: FloatArray, motor_ohm: ComplexArray, weigh: bool = True) -> None:
+        self._frequency_hz, self._motor_ohm, self._weigh = frequency_hz, motor_ohm, weigh
+        self._transfer = lru_cache(REMEMBERED)(self._new_transfer)
+        self._steady = lru_cache(REMEMBERED)(self._new_steady)
+        self._standing = lru_cache(REMEMBERED)(self._new_standing)
+
+    def levels(self, setup: Setup) -> dict[Detector, FloatArray]:
+        """Levels in dBuV of all detectors."""
+        source = setup.source
+        standing = self._standing(replace(setup, source=Source(chopper=source.chopper, high_pass=source.high_pass)))
+        return setup.receiver.read_over(standing, source, self._frequency_hz, self._transfer(setup.path), self._weigh)
+
+    def _new_transfer(self, path: Path) -> ComplexArray:
+        return path.transfer(self._frequency_hz, self._motor_ohm)
+
+    def _new_standing(self, setup: Setup) -> Standing:
+        return Standing.of(self._steady(setup.receiver, setup.source, setup.path, setup.stations), setup.noise(self._frequency_hz))
+
+    def _new_steady(self, receiver: Receiver, source: Source, path: Path, stations: tuple[Station, ...]) -> Readings | None:
+        lines = read_stations(self._frequency_hz, stations, receiver.band) if stations else None
+        return receiver.steady(source, self._frequency_hz, self._transfer(path), lines, self._weigh)
 
 
 def _source(values: dict[str, Any], commutation: JsonDict | None) -> Source:

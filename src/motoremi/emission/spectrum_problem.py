@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.scatter import ripple_columns, scatter_db
-from motoremi.emission.setup import Ambient, MotorImpedance, Setup
+from motoremi.emission.setup import REMEMBERED, Ambient, LevelModel, MotorImpedance, Setup
 from motoremi.emission.source_effects import changed, find_source_effect
 from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
@@ -76,6 +76,9 @@ class Problem:
         size = self.grid_hz.size
         self.where = {detector: slice(index * size, (index + 1) * size) for index, detector in enumerate(self.detectors)}
         self.motor_ohm: ComplexArray = np.asarray(motor(self.grid_hz), dtype=np.complex128)
+        self._model = LevelModel(self.grid_hz, self.motor_ohm, "quasi-peak" in self.where)
+        # The receiver's offset, one of the parameters that slopes are taken of, is not part of what is predicted.
+        self._predicted = lru_cache(REMEMBERED)(self._new_prediction)
         self.sigma_db = self._sigma(np.concatenate([scatter_db(level)[chosen] for level in whole.values()]))
         self.ripple = ripple_columns(self.grid_hz, len(self.detectors))
         self.grid = grid
@@ -121,9 +124,12 @@ class Problem:
 
     def error(self, effects: Sequence[str], values: Mapping[str, float]) -> FloatArray:
         """Measured minus model in dB."""
-        levels = self.setup_for(effects, values).levels(self.grid_hz, self.motor_ohm, "quasi-peak" in self.where)
-        model = np.concatenate([levels[detector] for detector in self.where])  # type: ignore[index]
-        return self.measured_dbuv - model - values["offset_db"]
+        others = tuple((name, value) for name, value in values.items() if name != "offset_db")
+        return self.measured_dbuv - self._predicted(tuple(effects), others) - values["offset_db"]
+
+    def _new_prediction(self, effects: tuple[str, ...], values: tuple[tuple[str, float], ...]) -> FloatArray:
+        levels = self._model.levels(self.setup_for(effects, dict(values)))
+        return np.concatenate([levels[detector] for detector in self.where])  # type: ignore[index]
 
 
 def _chosen(grid: FloatArray, stations: Sequence[Station]) -> NDArray[np.intp]:

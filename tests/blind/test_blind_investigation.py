@@ -1,0 +1,169 @@
+"""The board of investigations: sealed motors, policies, and what is counted. What the policies hear from the product is scripted here."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from motoremi.blind.investigation import BUDGET_MINUTES, play, summary
+from motoremi.blind.investigation_table import markdown
+from motoremi.blind.policies import EXPERT, FIXED, POLICIES, PRODUCT, Offer, Standing
+from motoremi.blind.scoring import Answer
+from motoremi.blind.sealed import OUTSIDE, STARTS, Asked, Evidence, Sealed, draw_sealed, draw_sealed_many
+from motoremi.data.conditions import CONDITIONS, VALUES, condition
+from motoremi.diagnosis.menu import MENU
+from motoremi.errors import BadInput
+
+OFFERS = (
+    Offer(Asked("dc-bias", condition("dc-bias", 1.0)), 20.0, 0.9),
+    Offer(Asked("second-temperature", condition("second-temperature", 53.0)), 25.0, 1.0),
+    Offer(Asked("dc-resistance", None, ()), 3.0, 0.1),
+    Offer(Asked("known-capacitor", condition("known-capacitor", 1e-10)), 6.0, 0.2),
+)
+DECIDES = "second-temperature"
+
+
+def judge(evidence: Evidence) -> Standing:
+    """The second temperature decides, and every mistake is noticed."""
+    have = {sweep.condition.id for sweep in evidence.sweeps if sweep.condition is not None} | {value.name for value in evidence.values}
+    truth = ("eddy-laminations",)
+    decided = DECIDES in have
+    answer = Answer("missing-effect", truth, () if decided else (("eddy-laminations", "skin-effect"),), 0.97 if decided else 0.6)
+    return Standing(
+        {"eddy-laminations": 0.97 if decided else 0.5, "skin-effect": 0.03 if decided else 0.5},
+        tuple(offer for offer in OFFERS if offer.id not in have),
+        lambda: answer,
+        "one-stands" if decided else "",
+        tuple(sorted(have)),
+        0.1,
+    )
+
+
+def sealed(**changes: object) -> Sealed:
+    return dataclasses.replace(Sealed(1, 0, "two effects", ("eddy-laminations",), 77, mistaken=0.0), **changes)
+
+
+@pytest.mark.slow
+def test_each_policy_goes_its_own_way_to_the_same_end() -> None:
+    runs = {one.run.policy: one for one in play(sealed(), judge)}
+    assert set(runs) == set(POLICIES)
+    assert all(one.settled and one.outcome == "right" for one in runs.values())
+    steps = {name: one.run.steps for name, one in runs.items()}
+    assert steps[PRODUCT] == ("dc-bias", DECIDES)
+    assert steps["information alone"] == (DECIDES,)
+    assert steps["clairvoyant"] == (DECIDES,)
+    assert steps["cheapest first"] == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
+    assert steps["fixed order"] == ("dc-resistance", "dc-bias", DECIDES)
+    assert steps["frozen expert"] == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
+    assert steps["random"][-1] == DECIDES
+    assert runs["cheapest first"].run.minutes == 54.0
+    assert runs[PRODUCT].run.seconds == (0.1,) * 3
+
+
+@pytest.mark.slow
+def test_what_one_policy_measured_is_judged_once() -> None:
+    count = 0
+
+    def counting(evidence: Evidence) -> Standing:
+        nonlocal count
+        count += 1
+        return judge(evidence)
+
+    play(sealed(), counting, ("cheapest first", "frozen expert"))
+    assert count == 5
+
+
+@pytest.mark.slow
+def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
+    def family(stop: str) -> Standing:
+        answer = Answer("family", ("skin-effect",), (("skin-effect", "eddy-laminations"),), 0.9)
+        return Standing({"skin-effect": 0.6, "eddy-laminations": 0.4}, (), lambda: answer, stop)
+
+    assert play(sealed(), lambda evidence: family("inseparable"), (PRODUCT,))[0].settled
+    assert not play(sealed(), lambda evidence: family("one-stands"), (PRODUCT,))[0].settled
+
+
+@pytest.mark.slow
+def test_mistakes_are_counted_and_those_that_were_noticed() -> None:
+    run = play(sealed(mistaken=1.0), judge, ("cheapest first",))[0].run
+    assert run.made == run.found == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
+    blind = play(sealed(mistaken=1.0), lambda evidence: dataclasses.replace(judge(evidence), mistaken=()), ("cheapest first",))[0].run
+    assert (len(blind.made), blind.found) == (4, ())
+    careful = play(sealed(), judge, ("cheapest first",))[0].run
+    assert (careful.made, set(careful.alarms)) == ((), set(careful.steps))
+
+
+def test_a_judge_that_crashes_is_the_worst_answer_and_stops_nobody_else() -> None:
+    def broken(evidence: Evidence) -> Standing:
+        raise ValueError("no")
+
+    played = play(sealed(), broken, (PRODUCT, "random"))
+    assert [one.outcome for one in played] == ["crashed", "crashed"]
+    assert summary(played)["troubles"][0]["trouble"] == "ValueError: no"
+
+
+@pytest.mark.slow
+def test_the_figures_are_what_was_played_and_the_tables_say_so() -> None:
+    played = [one for index in range(3) for one in play(sealed(index=index, start=STARTS[index]), judge)]
+    figures = summary(played)
+    goals = figures["goals"]
+    assert goals["named, or proven inseparable"]["value"] == 1
+    assert goals["wrong"]["value"] == 0
+    assert goals["median minutes, of those of cheapest first"]["value"] == pytest.approx(45 / 54)
+    assert not goals["median minutes, of those of cheapest first"]["reached"]
+    assert goals["median minutes, of those of clairvoyant"]["value"] == pytest.approx(45 / 25)
+    assert goals["expected calibration error"]["value"] == pytest.approx(0.03)
+    assert set(figures["by_start"]) == set(STARTS)
+    text = markdown({"seed": 1, **figures})
+    assert "| information per minute | 3 | 100 % | 0 % | 45.0 |" in text
+
+
+def test_the_budget_ends_a_run() -> None:
+    dear = tuple(dataclasses.replace(offer, minutes=BUDGET_MINUTES + 1) for offer in OFFERS)
+    run = play(sealed(), lambda evidence: dataclasses.replace(judge(evidence), offers=dear), (PRODUCT,))[0].run
+    assert (run.steps, run.stop) == ((), "budget")
+
+
+def test_sealed_motors_come_from_three_starts_and_a_tenth_is_in_no_catalogue() -> None:
+    cases = draw_sealed_many(3, 300)
+    assert cases == draw_sealed_many(3, 300)
+    assert {start: sum(case.start == start for case in cases) for start in STARTS} == dict.fromkeys(STARTS, 100)
+    outside = np.mean([case.hidden[0].startswith("outside-") for case in cases])
+    # Four standard deviations of a binomial share.
+    assert abs(outside - OUTSIDE) < 4 * np.sqrt(OUTSIDE * (1 - OUTSIDE) / 300)
+    assert all(len(case.hidden) == 2 for case in cases if case.start == "two effects" and not case.hidden[0].startswith("outside-"))
+    with pytest.raises(BadInput, match="ask for at least one"):
+        draw_sealed_many(3, 0)
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_what_the_bench_gives_does_not_depend_on_what_was_asked_before(index: int) -> None:
+    first, second = draw_sealed(5, index), draw_sealed(5, index)
+    asked = Asked("known-capacitor", condition("known-capacitor", 1e-10))
+    first.give(Asked("dc-resistance", None, ()))
+    first.give(asked)
+    one, other = first.give(asked).evidence.sweeps[0], second.give(asked).evidence.sweeps[0]
+    assert np.array_equal(one.impedance_ohm, other.impedance_ohm)
+    # Asked once more, the noise is another.
+    assert not np.array_equal(one.impedance_ohm, first.give(asked, 1).evidence.sweeps[0].impedance_ohm)
+    begin = first.begin()
+    assert [sweep.termination for sweep in begin.sweeps] == {0: ["short"], 1: ["short", "open"], 2: ["short"] * 3 + ["open"] * 3}[index]
+
+
+def test_a_compensated_handheld_analyser_is_better_than_it_was() -> None:
+    case = dataclasses.replace(draw_sealed(5, 1), mistaken=0.0)
+    truth = case.specimen.impedance("short", case.begin().sweeps[0].frequency_hz)
+    before = case.begin().sweeps[0].impedance_ohm
+    after = case.give(Asked("repeat-compensation", condition("repeat-compensation"))).evidence.sweeps[0].impedance_ohm
+    assert np.median(np.abs(after / truth - 1)) < np.median(np.abs(before / truth - 1))
+
+
+def test_the_orders_of_the_policies_name_what_is_on_the_menu_and_miss_nothing() -> None:
+    menu = {option.name for option in MENU}
+    known = {*CONDITIONS, *VALUES, "short-sweep", "open-sweep", "repeats"}
+    for order in (EXPERT, FIXED):
+        assert set(order) <= known
+        assert len(set(order)) == len(order)
+        assert menu <= {*order, "capacitance-1khz", "tan-delta-1khz", "lead-length"}

@@ -1,0 +1,225 @@
+"""Sweeps as they should not be: an answer that says so or one clear line, and never a wrong name said with certainty."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from covariances import complex_normal
+from diagnosis_contract import check_contract
+from typer.testing import CliRunner
+
+import motoremi as me
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.cli.app import app
+from motoremi.data.analyser import error_basis, find_analyser
+from motoremi.data.csvfiles import write_impedance_csv
+from motoremi.diagnosis.diagnosis import Diagnosis
+from motoremi.errors import BadInput
+from motoremi.model.effects import find_effect
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.simulated_motor import SimulatedMotor
+
+pytestmark = pytest.mark.slow
+
+BAND_HZ = (150e3, 30e6)
+SURE = 0.8
+
+
+def grid(points: int, low: float = BAND_HZ[0], high: float = BAND_HZ[1]) -> FloatArray:
+    return np.geomspace(low, high, points)
+
+
+def swept(seed: int, grids: dict[str, FloatArray], effects: tuple[str, ...] = (), **metadata: object) -> list[me.ImpedanceSweep]:
+    """Three repeats of each termination over its own grid, by a simulated 4294A."""
+    motor, analyser = SimulatedMotor.random(seed, effects), SimulatedAnalyser(seed + 1000)
+    sweeps = []
+    for connection, (termination, frequency) in enumerate(grids.items()):
+        true = motor.impedance(termination, frequency)
+        for _ in range(3):
+            measured = analyser.measure(termination, frequency, true, connection=connection, bandwidth_factor=3)
+            sweeps.append(me.ImpedanceSweep(termination, frequency, measured, metadata=metadata))
+    return sweeps
+
+
+def both(frequency: FloatArray) -> dict[str, FloatArray]:
+    return {"short": frequency, "open": frequency}
+
+
+def disturbed(sweeps: list[me.ImpedanceSweep], factor: dict[str, list[ComplexArray]]) -> list[me.ImpedanceSweep]:
+    """Each repeat times its factor."""
+    turn = {termination: iter(factors) for termination, factors in factor.items()}
+    return [me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm * next(turn[s.termination]), metadata=s.metadata) for s in sweeps]
+
+
+def answer(sweeps: list[me.ImpedanceSweep], hidden: tuple[str, ...], analyser: str | None = "4294a") -> Diagnosis | None:
+    """The diagnosis, judged; None where it was refused in one line."""
+    try:
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser=analyser))
+    except BadInput as refused:
+        line = str(refused)
+        found = None
+    if found is None:
+        assert line
+        assert "\n" not in line
+        return None
+    check_contract(found.to_dict())
+    assert repr(found)
+    places = [{effect, *(member for family in found.families if effect in family for member in family)} for effect in found.effects]
+    right = len(places) == len(hidden) and all(any(name in place for name in hidden) for place in places)
+    if found.effects and not right:
+        assert found.confidence <= SURE, f"{found.effects} for {hidden}, said with {found.confidence:.2f}"
+    return found
+
+
+def said(found: Diagnosis | None) -> set[str]:
+    return set() if found is None else {finding.id for finding in found.findings}
+
+
+@pytest.mark.parametrize("hidden", [(), ("core-loss",)])
+def test_sweeps_that_overlap_in_part(hidden):
+    found = answer(swept(5, {"short": grid(31, 150e3, 8e6), "open": grid(31, 1e6, 30e6)}, hidden), hidden)
+    assert found is not None
+    assert any("different spans" in caveat for caveat in found.to_dict()["caveats"])
+    if not hidden:
+        assert found.verdict == "adequate"
+
+
+def test_sweeps_that_do_not_overlap():
+    found = answer(swept(5, {"short": grid(31, 150e3, 1e6), "open": grid(31, 2e6, 30e6)}), ())
+    assert found is None or any("do not overlap" in caveat for caveat in found.to_dict()["caveats"])
+
+
+@pytest.mark.parametrize("other", [grid(41), grid(40, 150e3, 29e6), grid(40) * 1.001])
+def test_repeats_of_unlike_grids_are_refused_in_one_line(other):
+    sweeps = [*swept(5, both(grid(40))), swept(5, {"open": other})[0]]
+    with pytest.raises(BadInput, match="repeats of the open sweep must share their frequencies") as refused:
+        me.fit(me.dc_motor(), sweeps)
+    assert "\n" not in str(refused.value)
+
+
+def test_eight_points():
+    hidden = ("core-loss",)
+    found = answer(swept(5, both(grid(8)), hidden), hidden)
+    assert found is None or "too-little" in said(found)
+
+
+def test_eight_points_once():
+    found = answer(swept(6, both(grid(8)))[::3], (), None)
+    assert found is None or "too-little" in said(found)
+
+
+def test_a_decade_full_of_stations():
+    hidden = ("core-loss",)
+    rng = np.random.default_rng(8)
+    frequency = grid(41, 1e6, 10e6)
+    factor = {}
+    for termination in ("short", "open"):
+        # A third of the points, other ones of each repeat a little more than others.
+        struck = rng.uniform(size=frequency.size) < 0.33
+        factor[termination] = [1 + struck * 0.02 * complex_normal(rng, frequency.size) for _ in range(3)]
+    found = answer(disturbed(swept(5, both(frequency), hidden), factor), hidden)
+    if found is not None and found.verdict in ("data", "unexplained"):
+        assert said(found)
+
+
+def test_an_analyser_that_cannot_have_made_the_data():
+    """Noise of 1 % and the errors of a handheld analyser, said to be a 4294A's."""
+    rng = np.random.default_rng(9)
+    frequency = grid(25)
+    sweeps = swept(6, {"short": frequency})
+    basis = error_basis(find_analyser("nanovna"), frequency, sweeps[0].impedance_ohm)
+    smooth = np.exp(basis @ complex_normal(rng, basis.shape[1]))
+    found = answer(disturbed(sweeps, {"short": [smooth * np.exp(0.01 * complex_normal(rng, frequency.size)) for _ in range(3)]}), ())
+    assert found is not None
+    assert found.base.measurement.noise_percent == pytest.approx(100 * 0.01 * np.sqrt(2 / 3), rel=0.3)
+    assert said(found) - {"too-little"}
+
+
+def test_three_bad_points_in_each_sweep_change_nothing():
+    seed = 3
+    rng = np.random.default_rng(seed)
+    frequency = grid(101)
+    factor, where = {}, {}
+    for termination in ("short", "open"):
+        # The same in all repeats, so that nothing but the model tells; far from the resonances, where few points make the shape.
+        where[termination] = np.sort(rng.choice(np.flatnonzero(frequency < 4e6), 3, replace=False))
+        struck = np.ones(frequency.size, dtype=np.complex128)
+        struck[where[termination]] += 0.3 * np.exp(2j * np.pi * rng.uniform(size=3))
+        factor[termination] = [struck] * 3
+    found = answer(disturbed(swept(seed, both(frequency)), factor), ())
+    assert found is not None
+    assert found.verdict == "adequate"
+    told = {finding.sweep: finding for finding in found.findings if finding.id == "interference"}
+    for termination, at in where.items():
+        assert told[termination].band_hz == pytest.approx((frequency[at[0]], frequency[at[-1]]))
+        assert "3 of 101 points" in told[termination].why
+
+
+def test_accuracy_that_is_stated_is_all_that_is_asked_for():
+    frequency = grid(21)
+    place = np.log10(frequency / 2e6)
+    wrong = {t: [np.exp(0.008 * (np.exp(-((place - at) ** 2) / 0.1) + 1j * np.tanh(3 * place)))] * 3 for t, at in (("short", 0.0), ("open", 0.4))}
+    strict = me.fit(me.dc_motor(), disturbed(swept(5, both(frequency)), wrong), analyser="4294a")
+    assert not strict.explained
+    found = answer(disturbed(swept(5, both(frequency), accuracy_percent=2.0), wrong), ())
+    assert found is not None
+    assert found.verdict == "adequate"
+    assert found.effects == ()
+    assert found.base.explained
+    assert found.to_dict()["accuracy_percent"] == 2.0
+    assert 0 < found.to_dict()["unexplained_percent"]["value"] < 2.0
+
+
+def test_hold_on_the_command_line_is_held(tmp_path):
+    sweeps = swept(5, both(grid(41)))
+    for number, sweep in enumerate(sweeps):
+        write_impedance_csv(tmp_path / f"{sweep.termination}{number % 3}.csv", sweep)
+    files = [f"--{kind}={tmp_path / f'{kind}{n}.csv'}" for kind in ("short", "open") for n in range(3)]
+    run = CliRunner().invoke
+    assert run(app, ["import", str(tmp_path / "s"), *files, "--analyser", "4294a"]).exit_code == 0
+    told = run(app, ["fit", str(tmp_path / "s"), "--hold", "Ra=25", "--hold", "Cr=300pF", "--json"])
+    assert told.exit_code == 0
+    document = json.loads(told.stdout)
+    fit = me.fit(me.dc_motor(), me.load(tmp_path / "s").sweeps, held={"Ra": 25.0, "Cr": 300e-12})
+    assert {name: entry["value"] for name, entry in document["parameters"].items()} == pytest.approx(dict(fit.parameters), rel=1e-9)
+    assert document["parameters"]["Ra"]["value"] == fit.parameters["Ra"] == 25.0
+    assert fit.parameters["Cr"] == pytest.approx(300e-12, rel=1e-12)
+    assert document["held"] == pytest.approx({"Ra": 25.0, "Cr": 300e-12})
+    assert fit.sigma["Ra"] == 0
+    for bad in ("Ra=-1", "Rx=3"):
+        refused = run(app, ["fit", str(tmp_path / "s"), "--hold", bad])
+        assert isinstance(refused.exception, BadInput)
+
+
+@pytest.mark.parametrize(("longer", "seed"), [("open", 5), ("open", 6), ("short", 5)])
+def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, seed):
+    """Two or three centimetres more in one sweep look like a short frame strap; what is blamed is the analyser and its connection."""
+    sweeps = [
+        me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (2j * np.pi * s.frequency_hz * 22e-9 if s.termination == longer else 0))
+        for s in swept(seed, both(grid(401)))
+    ]
+    found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
+    assert found.verdict in ("adequate", "instrument")
+    assert {find_effect(name).effect.group for name in found.effects} <= {"instrument"}
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_layer_of_distributed_resistance_is_not_two_relaxations(seed):
+    found = answer(swept(seed, both(grid(401)), ("outside-charge-diffusion",)), ("outside-charge-diffusion",))
+    assert found is not None
+    assert found.verdict == "unexplained"
+    assert not found.effects
+
+
+def test_a_contact_of_an_ohm_is_named_though_little_is_left():
+    sweeps = [
+        me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (1.0 if s.termination == "open" else 0))
+        for s in swept(3, both(grid(401)))
+    ]
+    found = answer(sweeps, ("contact-resistance",))
+    assert found is not None
+    # A frame strap of an ohm and next to no inductance is the same.
+    assert found.effects == ("contact-resistance",)
+    assert found.verdict in ("instrument", "family")

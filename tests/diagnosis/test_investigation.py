@@ -1,0 +1,418 @@
+"""What a further measurement says of the explanations that stand, what to ask for next, and what an operator did instead."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from motoremi.cli import main
+from motoremi.data.conditions import parse_condition, parse_value
+from motoremi.data.csvfiles import write_impedance_csv
+from motoremi.data.measurement import Measurement
+from motoremi.data.session import SessionWriter, load
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.diagnosis.asking import next_question
+from motoremi.diagnosis.belief import believe
+from motoremi.diagnosis.informed import informed, of_the_operator, rivals_in
+from motoremi.diagnosis.menu import BY_NAME, MENU
+from motoremi.diagnosis.outcome import Observed, Outcome
+from motoremi.diagnosis.responses import COPPER_PER_K, factors, responses
+from motoremi.diagnosis.rivals import OUTSIDE, Rivals, rivals_of, update
+from motoremi.fitting.fit import fit
+from motoremi.fitting.result import Fit
+from motoremi.model.circuit import Tape
+from motoremi.model.motor import dc_motor
+from motoremi.workflow_ask import chosen, question_of
+from motoremi.workflow_import import ImportOptions, addition
+
+FREQUENCY = np.geomspace(150e3, 30e6, 101)
+ELEMENTS = {"Ra": 12.0, "La": 12e-6, "Ca": 25e-12, "Rr": 40.0, "Lr": 1.6e-6, "Cr": 400e-12, "Cf": 200e-12}
+
+
+def simulated(termination: str, effects: dict[str, dict[str, float]], change: dict[str, float] | None = None, seed: int = 0) -> np.ndarray:
+    """ln-noise of 1e-4 on a motor of the model; `change` holds factors."""
+    from motoremi.model.effects import add_effects
+
+    motor = add_effects(dc_motor(), list(effects))
+    values = {**ELEMENTS, **{f"{name}.{key}": value for name, own in effects.items() for key, value in own.items()}}
+    for name, factor in (change or {}).items():
+        values[name] *= factor
+    names = [name for name in values if name in motor.used_parameters(termination)]
+    impedance = Tape(motor.circuit(termination), names).impedance(2j * np.pi * FREQUENCY, np.array([values[name] for name in names]))
+    rng = np.random.default_rng([seed, len(termination)])
+    return impedance * np.exp(1e-4 * (rng.standard_normal(FREQUENCY.size) + 1j * rng.standard_normal(FREQUENCY.size)))
+
+
+def sweeps(
+    effects: dict[str, dict[str, float]], under: str | None = None, change: dict[str, float] | None = None, seed: int = 0
+) -> list[ImpedanceSweep]:
+    told = {"analyser": "none"}
+    return [ImpedanceSweep(t, FREQUENCY, simulated(t, effects, change, seed), 1e-4, told, condition=under) for t in ("short", "open")]
+
+
+RELAXING = {"dielectric-relaxation@Cf": {"strength": 0.2, "corner_hz": 1e6, "exponent": 1.0}}
+
+
+@cache
+def base() -> Fit:
+    return fit(dc_motor(), sweeps({}))
+
+
+@cache
+def rivals() -> Rivals:
+    """The bare circuit and a leakage that these data show nothing of: two explanations that they cannot tell apart."""
+    bare = base()
+    return rivals_of({(): (bare, 0.0), ("insulation-leakage@Cf",): (bare.add("insulation-leakage@Cf", thorough=False), 0.0)}, 0.03)
+
+
+def warmed(extra: dict[str, float] | None = None, seed: int = 1) -> Measurement:
+    factor = 1 + COPPER_PER_K * 30 / (1 + COPPER_PER_K * 3)
+    return Measurement.of([*sweeps({}), *sweeps({}, "second-temperature=53degC", {"Ra": factor, **(extra or {})}, seed)])
+
+
+def test_every_measurement_of_the_contract_is_on_the_menu() -> None:
+    named = (
+        "wide-sweep far-end-grounded dc-resistance insulation-resistance repeat-first-sweep sweep-downwards shaft-turned contacts-cleaned "
+        "field-winding standards repeat-compensation longer-lead longer-strap terminal-block end-turn-touched dc-bias second-temperature dried "
+        "open-sweep short-sweep repeats known-capacitor brushes-lifted rotor-out fixture-open fixture-short fixture-load"
+    )
+    assert set(BY_NAME) == set(named.split())
+    for option in MENU:
+        assert option.minutes > 0
+        condition = option.name if option.asked is None or not option.unit else f"{option.name}={option.asked!r}{option.unit}"
+        if option.kind in ("change", "sweep", "standard"):
+            assert parse_condition(condition) is not None
+
+
+def test_copper_is_known_and_what_an_effect_names_is_known_within_a_factor() -> None:
+    names = ["Ra", "La", "insulation-leakage@Cf.resistance_ohm"]
+    condition = parse_condition("second-temperature=53degC")
+    assert condition is not None
+    found = responses(condition, names)
+    factor, slopes = factors(found, np.zeros(found.size), names)
+    assert factor[0] == pytest.approx(1 + COPPER_PER_K * 30 / (1 + COPPER_PER_K * 3), rel=1e-9)
+    assert np.sqrt(np.sum(slopes[:, 0] ** 2)) < 0.02
+    assert factor[2] == pytest.approx(0.15, rel=1e-6)
+    assert np.sqrt(np.sum(slopes[:, 2] ** 2)) == pytest.approx(abs(np.log(0.15)) * np.log(2), rel=1e-3)
+    silent, _ = factors(found.without_listed(), np.zeros(found.size), names)
+    assert silent[2] == 1.0
+
+
+CHANGES = ("second-temperature=53degC", "longer-lead=50nH", "known-capacitor=100pF", "far-end-grounded", "fixture-load=50ohm", "shaft-turned")
+
+
+@pytest.mark.parametrize("text", CHANGES)
+def test_the_derivatives_of_a_prediction_are_those_of_finite_differences(text: str) -> None:
+    fitted = rivals().members[1].fit
+    condition = parse_condition(text)
+    assert condition is not None
+    grid = FREQUENCY[::20]
+    ends = [t for t in ("short", "open") if t in BY_NAME[condition.id].sweeps]
+    outcome = Outcome(fitted, [Observed(condition, t, grid, np.full(grid.size, 1e-4)) for t in ends])
+    u, eta = fitted.unknowns, np.full(outcome.size, 0.1)
+    mean, by_u, by_eta = outcome.at(u, eta)
+    for index in range(u.size):
+        step = u.copy()
+        # Away from a bound, at which it would be held.
+        small = 1e-6 if u[index] < 0.5 * (fitted.problem.low[index] + fitted.problem.high[index]) else -1e-6
+        step[index] += small
+        assert (outcome.at(step, eta)[0] - mean) / small == pytest.approx(by_u[index], rel=1e-3, abs=1e-4)
+    for index in range(eta.size):
+        step = eta.copy()
+        step[index] += 1e-6
+        assert (outcome.at(u, step)[0] - mean) / 1e-6 == pytest.approx(by_eta[index], rel=1e-3, abs=1e-4)
+
+
+def test_without_new_data_nothing_is_another() -> None:
+    assert update(rivals(), Measurement.of(sweeps({}))) is rivals()
+
+
+def test_what_every_explanation_foresees_teaches_little() -> None:
+    after = update(rivals(), warmed())
+    assert after.taught[0].mistakes == ()
+    assert after.probabilities[(OUTSIDE,)] < 0.06
+    assert after.taught[0].bits < 1.0
+
+
+@pytest.mark.slow
+def test_a_response_that_no_explanation_has_speaks_for_what_the_catalogue_does_not_hold() -> None:
+    after = update(rivals(), warmed({"Cf": 0.6, "Lr": 1.5}))
+    assert after.probabilities[(OUTSIDE,)] > 0.5
+
+
+@pytest.mark.slow
+def test_insulation_resistance_decides_between_a_leak_and_none() -> None:
+    leaking = fit(dc_motor(), sweeps({"insulation-leakage@Cf": {"resistance_ohm": 3e4}}))
+    both = rivals_of({(): (leaking, 0.0), ("insulation-leakage@Cf",): (leaking.add("insulation-leakage@Cf", thorough=False), 0.0)}, 0.03)
+    measurement = leaking.measurement
+    question = next_question(both, measurement)
+    worth = next(one for one in question.worths if one.option.name == "insulation-resistance")
+    assert worth.bits > 0.7
+    for text, expected in (("insulation-resistance=30kohm", ("insulation-leakage@Cf",)), ("insulation-resistance=8Gohm", ())):
+        after = update(both, Measurement.of(sweeps({}), values=[parse_value(text)]))
+        assert after.probabilities[expected] > 0.8
+
+
+@pytest.mark.slow
+def test_the_sweep_of_the_other_termination_is_found_and_not_used() -> None:
+    short, open_ = sweeps({})
+    wrong = ImpedanceSweep("open", FREQUENCY, simulated("short", {}, seed=5), 1e-4, {"analyser": "none"}, condition="second-temperature=53degC")
+    right = sweeps({}, "second-temperature=53degC", {"Ra": 1.116}, 1)[0]
+    after = update(rivals(), Measurement.of([short, open_, right, wrong]))
+    assert [one.kind for one in after.taught[0].mistakes] == ["wrong-termination"]
+    assert "it is the short sweep of the motor as it was, again" in after.taught[0].mistakes[0].says
+    assert max(after.probabilities.values()) < 0.8
+    assert of_the_operator(after)[0].id == "not-as-asked"
+
+
+@pytest.mark.slow
+def test_a_motor_that_was_not_warmed_is_found() -> None:
+    after = update(rivals(), Measurement.of([*sweeps({}), *sweeps({}, "second-temperature=53degC", {}, 7)]))
+    assert {one.kind for one in after.taught[0].mistakes} == {"nothing-changed"}
+    assert after.probabilities[()] == pytest.approx(rivals().probabilities[()], abs=0.05)
+
+
+def test_the_wrong_standard_is_found() -> None:
+    load_on = ImpedanceSweep("short", FREQUENCY, np.full(FREQUENCY.size, 50.0 + 0.001j), 1e-4, {"analyser": "none"}, condition="fixture-short")
+    after = update(rivals(), Measurement.of([*sweeps({}), load_on]))
+    assert [one.kind for one in after.taught[0].mistakes] == ["wrong-standard"]
+
+
+@pytest.mark.slow
+def test_a_question_names_what_to_do_and_stops_with_a_reason() -> None:
+    measurement = base().measurement
+    document = next_question(rivals(), measurement).to_dict()
+    assert document["schema"] == "motoremi.next/2"
+    assert set(document) >= {"id", "asks", "minutes", "information_bits", "separates", "alternatives", "stop", "why"}
+    assert all({"id", "minutes", "information_bits"} <= set(one) for one in document["alternatives"])
+    nothing = next_question(rivals(), measurement, without=[option.name for option in MENU])
+    assert nothing.stop == "inseparable"
+    assert nothing.asked is None
+    alone = rivals_of({("core-loss",): (base(), 0.0)}, 0.01)
+    assert next_question(alone, measurement).stop == "one-stands"
+    assert next_question(rivals_of({(): (base(), 0.0)}, 0.01), measurement).stop == "nothing-missing"
+
+
+def test_one_sweep_alone_asks_for_the_other() -> None:
+    only = fit(dc_motor(), sweeps({})[:1])
+    question = next_question(rivals_of({(): (only, 0.0)}, 0.03), only.measurement)
+    assert question.asked is not None
+    assert question.asked.option.name == "open-sweep"
+
+
+def _question() -> dict:
+    def entry(name: str, minutes: float, bits: float) -> dict:
+        asks = {"kind": "sweep", "termination": "both", "condition": name, "value": None, "unit": None, "instruction": f"do {name}"}
+        return {"id": name, "condition_id": name, "asks": asks, "minutes": minutes, "information_bits": bits, "separates": []}
+
+    first = entry("wide-sweep", 2.0, 0.8)
+    repeats = {**entry("repeats", 4.0, 0.0), "condition_id": None}
+    others = [entry("second-temperature", 25.0, 0.9), entry("dried", 240.0, 0.01), repeats]
+    return {"schema": "motoremi.next/2", **first, "why": "because", "alternatives": others, "probabilities": {}, "stop": None}
+
+
+def test_what_a_bench_cannot_do_is_left_out() -> None:
+    assert chosen(_question(), []) == _question()
+    second = chosen(_question(), ["wide-sweep"])
+    assert (second["id"], second["stop"]) == ("second-temperature", None)
+    assert "do second-temperature" in second["why"]
+    assert chosen(_question(), ["wide-sweep", "second-temperature"])["stop"] == "inseparable"
+    assert chosen(_question(), ["wide-sweep", "second-temperature", "dried"])["stop"] == "inseparable"
+
+
+def test_a_laboratory_s_own_way_has_its_own_minutes() -> None:
+    own = [{"id": "chamber", "like": "second-temperature", "minutes": 1.0, "instruction": "set the chamber"}]
+    found = chosen(_question(), [], own)
+    assert (found["id"], found["condition_id"], found["minutes"]) == ("chamber", "second-temperature", 1.0)
+    assert found["asks"]["instruction"] == "set the chamber"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("colour = 1", "holds no"),
+        ("[[measurement]]\nminutes = 1", "needs its id"),
+        ("[[measurement]]\nid = 'x'\nminutes = 1", "like must be one of"),
+        ("[[measurement]]\nid = 'x'\nlike = 'dried'\nminutes = -1", "above 0"),
+        ("[[measurement]]\nid = 'dried'\nminutes = 1\ncolour = 2", "unknown key"),
+        ("[[measurement", "menu.toml"),
+    ],
+)
+def test_a_menu_that_cannot_be_read_is_one_line(tmp_path: Path, text: str, told: str) -> None:
+    from motoremi.errors import BadInput
+
+    (tmp_path / "menu.toml").write_text(text)
+    with pytest.raises(BadInput, match=told) as error:
+        question_of(tmp_path, menu=tmp_path / "menu.toml")
+    assert "\n" not in str(error.value)
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr("sys.argv", ["motoremi", *(str(one) for one in arguments)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    return int(stopped.value.code or 0)
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    with SessionWriter.create(tmp_path / "motor", {"title": "motor"}) as writer:
+        for one in sweeps({}):
+            writer.add_sweep(one)
+        writer.close("done")
+    return tmp_path / "motor"
+
+
+def test_import_appends_sweeps_under_a_condition_and_values(session: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    for one in sweeps({}, "second-temperature=53degC", {"Ra": 1.1}):
+        write_impedance_csv(tmp_path / f"{one.termination}.csv", one.under(None))
+    told = ["import", session, "--append", "--condition", "second-temperature=53degC", "--short", tmp_path / "short.csv"]
+    assert command(monkeypatch, *told, "--open", tmp_path / "open.csv", "--value", "dc-resistance=12ohm+-1%", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["sweeps"][0]["condition"] == {"id": "second-temperature", "value": 53.0, "unit": "degC"}
+    found = load(session)
+    assert [one.condition.text for one in found.conditioned if one.condition] == ["second-temperature=53degC"] * 2
+    assert [one.text for one in found.values] == ["dc-resistance=12Ohm+-120mOhm"]
+    assert len(found.sweeps) == 2
+
+
+def test_an_appended_sweep_without_a_condition_is_one_more_repeat_and_the_ladder_begins_anew(session: Path) -> None:
+    with_ladder = sweeps({}, seed=3)[0]
+    addition(session, [with_ladder.with_metadata(source="a.csv")], [], None, ImportOptions()).store(session)
+    assert [one.termination for one in load(session).sweeps] == ["short", "open", "short"]
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ([], "nothing to append"),
+        (["--condition", "second-temperature", "--short", "FILE"], "needs its value"),
+        (["--condition", "second-temperature=-300degC", "--short", "FILE"], "absolute zero"),
+        (["--condition", "dc-bias=1V", "--short", "FILE"], "is not in A"),
+        (["--condition", "dc-bias=1A"], "is for sweeps"),
+        (["--condition", "dc-bias=1A", "--short", "WARM"], "its header says"),
+        (["--value", "dc-resistance=12"], "is not in Ohm"),
+        (["--limit", "en55032", "--short", "FILE"], "is for a new session"),
+    ],
+)
+def test_what_cannot_be_appended_is_one_line_and_leaves_the_session_as_it_was(
+    session: Path, tmp_path: Path, monkeypatch, capsys, more: list[str], told: str
+) -> None:
+    write_impedance_csv(tmp_path / "file.csv", sweeps({})[0])
+    write_impedance_csv(tmp_path / "warm.csv", sweeps({}, "second-temperature=53degC")[0])
+    places = {"FILE": str(tmp_path / "file.csv"), "WARM": str(tmp_path / "warm.csv")}
+    before = (session / "session.jsonl").read_bytes()
+    assert command(monkeypatch, "import", session, "--append", *(places.get(one, one) for one in more)) == 2
+    said = capsys.readouterr().err.strip()
+    assert told in said
+    assert "\n" not in said
+    assert (session / "session.jsonl").read_bytes() == before
+
+
+def test_a_judgement_takes_over_what_was_learnt() -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import Judgement
+
+    bare = base()
+    found = {(): Candidate((), bare, 0.0, ()), ("insulation-leakage@Cf",): Candidate(("insulation-leakage@Cf",), rivals().members[1].fit, 0.5, ())}
+    judgement = Judgement(bare, found, believe(found))
+    untouched = rivals_in(judgement)
+    assert informed(judgement, untouched) is judgement
+    measured = Measurement.of(sweeps({}), values=[parse_value("insulation-resistance=100Mohm")])
+    leaks = Judgement(replace(bare, measurement=measured), found, believe(found))
+    learnt = informed(leaks, rivals_in(leaks))
+    assert learnt.belief.posterior[()] < judgement.belief.posterior[()]
+
+
+def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it() -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import Judgement
+    from motoremi.diagnosis.rivals import Taught
+
+    bare, leak = base(), ("insulation-leakage@Cf",)
+    found = {(): Candidate((), bare, 0.0, ()), leak: Candidate(leak, rivals().members[1].fit, 0.5, ())}
+    judgement = Judgement(bare, found, believe(found))
+    before = rivals_in(judgement)
+    for gained, named in ((1.0, ()), (6.0, leak)):
+        members = tuple(replace(one, log_weight=one.log_weight + gained) if one.key == leak else one for one in before.members)
+        assert informed(judgement, replace(before, members=members, taught=(Taught("shaft-turned", 1.0, {}),))).named == named
+    assert judgement.named == ()
+
+
+@pytest.mark.slow
+def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
+    from motoremi.diagnosis.informed import confidence_of, departs, reasons_of
+
+    after = update(rivals(), warmed({"Cf": 0.6, "Lr": 1.5}))
+    assert departs(after)
+    assert "departs from what every explanation" in reasons_of(after)[-1]
+    assert not departs(rivals())
+    belief = believe({(): _Scored(0.0)})
+    assert confidence_of(rivals(), belief, "adequate", 0.9) == 0.9
+    assert confidence_of(after, belief, "unexplained", 0.5) > 0.9
+
+
+class _Scored:
+    added: tuple[str, ...] = ()
+    done = True
+
+    def __init__(self, score: float) -> None:
+        self.score = score
+
+
+def test_report_and_workbench_list_conditions_values_and_the_path(session: Path) -> None:
+    from motoremi.data.session import reopen
+    from motoremi.report.cause import diagnosis_section
+    from motoremi.report.conditions_section import beside_tables
+    from motoremi.report.identity import identity_section
+    from motoremi.report.model import session_hash
+    from motoremi.workbench.desk import Desk
+    from motoremi.workbench.views import head
+
+    before = session_hash(load(session))
+    warm = [one.with_metadata(source="warm.csv") for one in sweeps({}, "second-temperature=53degC", {"Ra": 1.1})]
+    with reopen(session) as writer:
+        writer.save_analysis("diagnosis", {"question": {"id": "second-temperature", "why": "it tells them apart"}})
+        writer.close("done")
+    addition(session, warm, [parse_value("dc-resistance=12ohm+-1%")], None, ImportOptions()).store(session)
+    found = load(session)
+    assert session_hash(found) != before
+    assert [table.title for table in beside_tables(found)] == ["Sweeps under conditions", "Single values"]
+    assert any("sweeps/open-second-temperature-1.csv" in row for row in identity_section(found, "").tables[-1].rows for row in row)
+    asked = found.analysis("investigation")
+    assert asked is not None
+    assert asked["steps"] == [
+        {"asked": "second-temperature", "why": "it tells them apart", "brought": "second-temperature=53degC, dc-resistance=12Ohm+-120mOhm"}
+    ]
+    taught = [{"id": "second-temperature=53degC", "information_bits": 0.7, "probabilities": {"core-loss": 0.97}, "mistakes": []}]
+    stored = {
+        "verdict": "adequate",
+        "effects": [],
+        "families": [],
+        "confidence": 0.9,
+        "candidates": [],
+        "reasons": [],
+        "findings": [],
+        "next_measurement": {"id": "repeat", "why": "nothing"},
+        "taught": taught,
+    }
+    titles = [table.title for table in diagnosis_section(stored, asked).tables]
+    assert {"What was asked for, and what was measured", "What each further measurement contributed"} <= set(titles)
+    told = head(Desk(session), "motor")
+    assert [one["summary"].endswith("second-temperature=53degC") for one in told["conditioned"]] == [True, True]
+    assert told["values"] == [{"name": "dc-resistance", "summary": "12Ohm ± 120mOhm"}]
+
+
+def test_a_procedure_says_the_condition_of_its_sweeps() -> None:
+    from pydantic import ValidationError
+
+    from motoremi.schema.procedure_steps import Sweep
+
+    assert Sweep(do="sweep", termination="short").parameters() == {"termination": "short", "repeat": 1}
+    assert Sweep(do="sweep", termination="short", condition="dc-bias=1A").condition == "dc-bias=1A"
+    with pytest.raises((ValidationError, ValueError), match="needs its value"):
+        Sweep(do="sweep", termination="short", condition="dc-bias")

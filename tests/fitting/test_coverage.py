@@ -1,0 +1,43 @@
+"""Stated error bars are right as often as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from paper_circuit import FREQUENCY_HZ, impedance
+
+import motoremi as me
+
+pytestmark = pytest.mark.slow
+
+RANGES = {
+    "Ra": (5.0, 100.0), "La": (4e-6, 40e-6), "Ca": (8e-12, 60e-12), "Rr": (10.0, 120.0),
+    "Lr": (0.5e-6, 5e-6), "Cr": (150e-12, 1000e-12), "Cf": (80e-12, 600e-12),
+}  # fmt: skip
+MOTORS = 400
+
+
+@pytest.fixture(scope="module")
+def pulls() -> dict[str, list[float]]:
+    """(fitted - true) / standard deviation, of every parameter that the data determine."""
+    found: dict[str, list[float]] = {name: [] for name in RANGES}
+    for seed in range(MOTORS):
+        rng = np.random.default_rng((5, seed))
+        truth = {name: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for name, (low, high) in RANGES.items()}
+        sweeps = [
+            me.ImpedanceSweep(t, FREQUENCY_HZ, impedance(truth, t) * (1 + 0.005 * (rng.normal(size=401) + 1j * rng.normal(size=401))), 0.005)
+            for t in ("short", "open")
+        ]
+        fit = me.fit(me.dc_motor(), sweeps, analyser="none", seed=seed)
+        for name, true in truth.items():
+            if fit.determined(name):
+                found[name].append((fit.parameters[name] - true) / fit.sigma[name])
+    return found
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_95_percent_interval_holds_the_truth_95_percent_of_the_time(pulls, name):
+    values = np.abs(pulls[name])
+    assert len(values) > 0.8 * MOTORS
+    # 400 motors: binomial standard deviation 1.1 %, so 2.5 % is 2.3 of them.
+    assert abs(np.mean(values < 1.96) - 0.95) <= 0.025

@@ -1,0 +1,272 @@
+"""Many sessions: the same results wherever they are computed, nothing lost, and figures that find what was put in."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+from concurrent.futures import Executor, Future
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import motoremi as me
+from motoremi.cli.app import app
+from motoremi.data.session import SessionWriter
+from motoremi.errors import BadInput, InstrumentError
+from motoremi.fleet import run as fleet_run
+from motoremi.fleet.page import fleet_html
+from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcesses, run_fleet, sessions_in, settled, stored_results
+from motoremi.fleet.statistics import together, tolerance_factor
+from motoremi.fleet.work import Job, serial_of, work
+
+pytestmark = pytest.mark.slow
+
+
+class InThisProcess(Executor):
+    """The smallest executor."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: Future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class Serial(ExecutorMaker):
+    def open(self) -> Executor:
+        return InThisProcess()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, measure):
+    root = tmp_path_factory.mktemp("fleet") / "motors"
+    for number in range(1, 7):
+        sweeps, _ = measure(number, ("core-loss",) if number == 2 else (), 2)
+        with SessionWriter.create(
+            root / ("golden" if number < 4 else "line") / f"motor-{number}", {"title": "x", "serial": f"SN{number:03d}"}
+        ) as writer:
+            for sweep in sweeps:
+                writer.add_sweep(
+                    me.ImpedanceSweep(sweep.termination, sweep.frequency_hz[::8], sweep.impedance_ohm[::8], None, {"analyser": "4294a"})
+                )
+            writer.close("done")
+    with SessionWriter.create(root / "line" / "nothing", {"title": "x"}) as writer:
+        writer.close("done")
+    shutil.copytree(root / "line" / "motor-4", root / "line" / "tampered")
+    victim = next((root / "line" / "tampered" / "sweeps").iterdir())
+    victim.write_text(victim.read_text().replace("1", "2", 5))
+    return root
+
+
+def jobs_in(folder: Path) -> list[Job]:
+    # Diagnosing is what takes long: one of the motors is enough.
+    return [Job(session, str(folder), session == "golden/motor-2", 1) for session in sessions_in(folder)]
+
+
+@pytest.fixture(scope="module")
+def serial_results(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("serial")
+    assert run_fleet(jobs_in(folder), out, Serial()) == 8
+    return list(settled(jobs_in(folder), out / RESULTS))
+
+
+def test_bad_sessions_are_told_and_stop_nothing(serial_results):
+    assert [r["session"] for r in serial_results] == sorted(r["session"] for r in serial_results)
+    troubled = {r["session"]: r["trouble"] for r in serial_results if r["status"] == "bad"}
+    assert set(troubled) == {"line/nothing", "line/tampered"}
+    assert "no impedance sweep" in troubled["line/nothing"]
+    assert "changed after it was stored" in troubled["line/tampered"]
+    second = next(r for r in serial_results if r["session"] == "golden/motor-2")
+    named = {*second["diagnosis"]["effects"], *(m for family in second["diagnosis"]["families"] for m in family)}
+    assert "core-loss" in named
+
+
+def test_a_session_gives_here_what_it_gives_alone(folder, serial_results):
+    session = me.load(folder / "golden" / "motor-1")
+    alone = me.fit(me.dc_motor(), session.sweeps)
+    stored = next(r for r in serial_results if r["session"] == "golden/motor-1")["base"]
+    assert {name: entry["value"] for name, entry in stored["parameters"].items()} == {
+        name: value for name, value in alone.parameters.items() if alone.determined(name)
+    }
+
+
+def test_processes_give_the_same_bit_for_bit_and_go_on_where_they_stopped(folder, serial_results, tmp_path):
+    jobs = jobs_in(folder)
+    told = []
+
+    def stop_after_three(name, done, total):
+        told.append((done, total))
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_fleet(jobs, tmp_path, LocalProcesses(2), stop_after_three)
+    assert told == [(1, 8), (2, 8), (3, 8)]
+    with open(tmp_path / RESULTS, "ab") as file:
+        file.write(b'{"session": "golden/mot')  # a crash in the middle of a line
+    assert run_fleet(jobs, tmp_path, LocalProcesses(2)) == 5
+    assert list(settled(jobs, tmp_path / RESULTS)) == serial_results
+    assert run_fleet(jobs, tmp_path, LocalProcesses(2)) == 0
+
+
+def test_new_data_are_computed_again_and_later_analyses_are_not(folder, tmp_path, measure):
+    root = tmp_path / "copy"
+    shutil.copytree(folder / "line" / "motor-5", root / "a")
+    run_fleet([Job("a", str(root), False, 1)], tmp_path / "out", Serial())
+    with me.data.session.reopen(root / "a") as writer:
+        writer.save_analysis("note", {"x": 1})
+    assert run_fleet([Job("a", str(root), False, 1)], tmp_path / "out", Serial()) == 0
+    assert run_fleet([Job("a", str(root), False, 2)], tmp_path / "out", Serial()) == 1
+    with me.data.session.reopen(root / "a") as writer:
+        writer.add_sweep(measure(9)[0][0])
+    assert run_fleet([Job("a", str(root), False, 1)], tmp_path / "out", Serial()) == 1
+
+
+def deadly_work(job: Job):
+    """Kills its process for one session, as a defect in a compiled library or a lack of memory would."""
+    if job.session == "line/motor-5":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"session": job.session, "key": job.key(), "status": "done"}
+
+
+def test_a_session_that_kills_its_worker_is_given_up_and_the_rest_is_done(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(fleet_run, "work", deadly_work)
+    jobs = jobs_in(folder)
+    run_fleet(jobs, tmp_path, LocalProcesses(2))
+    results = {r["session"]: r for r in settled(jobs, tmp_path / RESULTS)}
+    assert len(results) == 8
+    assert {name for name, r in results.items() if r["status"] == "lost"} == {"line/motor-5"}
+    monkeypatch.undo()
+    assert run_fleet(jobs, tmp_path, Serial()) == 1  # what was lost is tried again
+
+
+def test_dask_cluster_with_a_worker_killed_in_the_middle(folder, serial_results, tmp_path):
+    from distributed import LocalCluster
+
+    jobs = jobs_in(folder)
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1") as cluster:
+        maker = DaskCluster(cluster.scheduler_address)
+        assert maker.workers == 2
+        killed = []
+
+        def kill_a_worker(name, done, total):
+            if done == 1:
+                process = next(iter(cluster.workers.values())).process.process
+                os.kill(process.pid, signal.SIGKILL)
+                killed.append(process.pid)
+
+        try:
+            assert run_fleet(jobs, tmp_path, maker, kill_a_worker) == 8
+        finally:
+            maker.close()
+    assert killed
+    assert list(settled(jobs, tmp_path / RESULTS)) == serial_results
+
+
+def test_addresses_that_are_no_cluster():
+    with pytest.raises(BadInput, match="tcp://"):
+        DaskCluster("http://127.0.0.1:8786")
+    with pytest.raises(InstrumentError, match="no Dask scheduler"):
+        DaskCluster("tcp://127.0.0.1:9")
+
+
+def test_the_command(folder, tmp_path):
+    arguments = ["fleet", str(folder), "--out", str(tmp_path / "out"), "--jobs", "1", "--fit-only", "--golden", "golden/*"]
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    assert result.exit_code == 0, result.exception
+    told = json.loads(result.stdout)
+    assert told["counts"] == {"sessions": 8, "in_the_figures": 6, "troubled": 2}
+    assert told["computed_now"] == 8
+    again = CliRunner().invoke(app, arguments)
+    assert "0 computed now" in again.stdout
+    assert "line/tampered" in again.stdout
+    page = (tmp_path / "out" / "fleet.html").read_text()
+    assert "Fleet report" in page
+    assert not re.search(r'(?:src|href)="http', page)
+    assert len((tmp_path / "out" / "parameters.csv").read_text().splitlines()) == 7
+    with pytest.raises(BadInput, match="no sessions"):
+        sessions_in(tmp_path / "out")
+
+
+def test_each_session_s_own_report(folder, tmp_path):
+    job = Job("golden/motor-1", str(folder), False, 1, str(tmp_path / "reports"))
+    result = work(job)
+    assert result["status"] == "done"
+    assert result["key"] != Job("golden/motor-1", str(folder), False, 1).key()
+    assert "Common-mode impedance test report" in (tmp_path / "reports" / "golden" / "motor-1.html").read_text()
+
+
+# The figures, on results with a known story
+
+
+def story(count: int = 60) -> list[dict]:
+    """La drifts by 10 % over the serial numbers, motor 30 has a tenfold Cf, three quarters are golden."""
+    rng = np.random.default_rng(4)
+    results = []
+    for n in range(count):
+        values = {"La": 12e-6 * (1 + 0.1 * n / count) * np.exp(0.005 * rng.normal()), "Cf": 2e-10 * np.exp(0.05 * rng.normal())}
+        values["Cf"] *= 10 if n == 30 else 1
+        parameters = {name: {"value": float(v), "sigma": 0.0, "unit": "H" if name == "La" else "F"} for name, v in values.items()}
+        verdict = {"verdict": "missing-effect", "effects": ["core-loss"]} if n % 4 == 0 else {"verdict": "adequate", "effects": []}
+        best = {"converged": n != 7, "rms_error_percent": 0.2 + 0.01 * rng.random(), "parameters": parameters}
+        name = f"{'line' if n % 4 == 0 or n == 30 else 'golden'}/m{n:03d}"
+        when = f"2026-01-{1 + n % 28:02d}T10:00:00+00:00"
+        results.append({"session": name, "status": "done", "serial": f"A-{n}", "time": when, "diagnosis": verdict, "best": best})
+    return results
+
+
+def test_figures_find_the_drift_the_outlier_and_the_effects():
+    figures = together(story(), "golden/*")
+    assert figures["effects"] == {"core-loss": 15}
+    assert [(d["parameter"], d["along"]) for d in figures["drift"]] == [("La", "serial")]
+    assert figures["drift"][0]["change_percent"] == pytest.approx(10, rel=0.1)
+    assert [(o["session"], o["parameter"]) for o in figures["outliers"]] == [("line/m030", "Cf")]
+    assert ("line/m030", "Cf") in {(b["session"], b["parameter"]) for b in figures["beyond_limits"]}
+    assert figures["limits"]["Cf"]["low"] < 2e-10 < figures["limits"]["Cf"]["high"]
+    assert "did not converge" in figures["troubles"][0]["trouble"]
+    page = fleet_html(figures, "story")
+    assert "Kendall" in page
+    assert "line/m030" in page
+
+
+def test_chance_alone_is_no_drift():
+    results = story()
+    rng = np.random.default_rng(1)
+    for result in results:
+        result["best"]["parameters"]["La"]["value"] = 12e-6 * np.exp(0.01 * rng.normal())
+    assert together(results)["drift"] == []
+    assert "drift" in fleet_html(together(results), "x")
+    assert "No session gave a result" in fleet_html(together([]), "empty")
+
+
+def test_limits_hold_what_they_promise():
+    # Table of ISO 16269-6 (two-sided, unknown mean and spread, 95 % content, 95 % confidence): n = 10 gives 3.393, n = 50 gives 2.382.
+    assert tolerance_factor(10) == pytest.approx(3.393, rel=0.01)
+    assert tolerance_factor(50) == pytest.approx(2.382, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("start", "session", "serial"),
+    [({"serial": "B-7"}, "x", "B-7"), ({"motor": "type 3 no 12"}, "x", "12"), ({}, "lot4/motor-009", "009"), ({}, "a", "")],
+)
+def test_serial_numbers(start, session, serial):
+    assert serial_of(start, session) == serial
+
+
+def test_results_are_plain_and_hold_no_times_of_computation(folder):
+    result = work(Job("line/motor-5", str(folder), False, 1))
+    assert json.loads(json.dumps(result)) == result
+    assert "elapsed" not in json.dumps(result)
+
+
+def test_a_damaged_store_is_told(tmp_path):
+    (tmp_path / RESULTS).write_bytes(b"not json\n")
+    with pytest.raises(BadInput, match="damaged"):
+        list(stored_results(tmp_path / RESULTS))

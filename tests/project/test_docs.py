@@ -1,0 +1,97 @@
+"""The documentation: it builds without warnings and without network, and every command and code block in it runs."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import nbformat
+import pytest
+from command_line import motoremi
+from nbclient import NotebookClient
+from places import ROOT
+
+pytestmark = pytest.mark.slow
+
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if path.name != "architecture.md")
+NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
+# Nothing that a shell makes something else of: it is split at blanks and quotes.
+PLAIN = re.compile(r"motoremi (?!.*--effects-from)[^|&;<>$*?~`#\\]+")
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def environment(home: Path) -> dict[str, str]:
+    """Without the user's own settings, and with the command of this environment first."""
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("MOTOREMI_")}
+    return {**clean, "HOME": str(home), "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "MPLBACKEND": "agg"}
+
+
+def run(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, env=environment(folder), capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, f"{' '.join(command)[:300]}\n{done.stdout}\n{done.stderr}"
+
+
+def run_commands(block: str, folder: Path) -> None:
+    """Commands of motoremi alone run in this process; what needs a shell, or changes the catalogue, in one."""
+    lines = block.strip().splitlines()
+    if not all(PLAIN.fullmatch(line) for line in lines):
+        return run(["bash", "-euc", block], folder)
+    for line in lines:
+        done = motoremi(*shlex.split(line)[1:], cwd=folder, HOME=str(folder))
+        assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+    return None
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_block_runs(page: Path, tmp_path: Path) -> None:
+    if page.stem == "own-effect":
+        shutil.copy(DOCS / "examples" / "ferrite_bead.py", tmp_path)
+    program = ""
+    for language, block in BLOCK.findall(page.read_text("utf-8")):
+        assert language in ("bash", "python", "toml", "text"), f"{page}: a block in {language} is not run by this test"
+        if language == "bash":
+            run_commands(block, tmp_path)
+        elif language == "python":
+            # The blocks of a page go on where the one before ended.
+            program += block
+            run([sys.executable, "-c", program], tmp_path)
+        elif language == "toml":
+            tomllib.loads(block)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_run_and_hold_their_results(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = nbformat.read(notebook, 4)
+    codes = [cell for cell in content.cells if cell.cell_type == "code"]
+    assert any(cell.outputs for cell in codes)
+    assert not any(output.output_type == "error" for cell in codes for output in cell.outputs)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("MOTOREMI_EFFECTS_FROM", raising=False)
+    NotebookClient(content, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+
+
+def test_it_builds_without_warnings_and_refers_to_nothing_outside(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    pages = {path.parent.relative_to(tmp_path / "site").as_posix(): path.read_text("utf-8") for path in (tmp_path / "site").rglob("index.html")}
+    assert "motoremi fleet" in pages["reference/commands"]
+    assert pages["explanation/effects"].count("<svg role") > 15
+    assert "FERRITE_BEAD" in pages["howto/own-effect"]
+    for name, text in pages.items():
+        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="(?:https?:)?//', text), name

@@ -1,0 +1,139 @@
+"""Every result draws itself, and `motoremi plot` knows each plot by name."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from matplotlib.colors import to_rgb
+from report_cases import whole_session
+from typer.testing import CliRunner
+
+import motoremi as me
+from motoremi import drawing
+from motoremi.cli.app import app
+from motoremi.data.session import SessionWriter
+from motoremi.diagnosis.signature import signature
+from motoremi.emission.source_effects import EFFECTS
+from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from motoremi.report.kinds import PLOTS
+from motoremi.report.svg import to_svg
+from motoremi.workflow import ladder_of, opened
+from motoremi.workflow_emission import diagnose_emission_session, emission_steps, predict_session
+from motoremi.workflow_plots import figure_of
+
+pytestmark = pytest.mark.slow
+
+# Okabe and Ito's colours and greys: what all kinds of colour vision and grey prints tell apart.
+COLOURS = {to_rgb(colour) for colour in (BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE)}
+OPTIONS = {"inspection": ("--element", "Cf"), "signature": ("--effect", "core-loss")}
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory, measure) -> Path:
+    return whole_session(tmp_path_factory.mktemp("plots") / "session", measure)
+
+
+@pytest.mark.parametrize("what", PLOTS)
+def test_every_plot_is_drawn_by_name(session, tmp_path, what):
+    file = tmp_path / "plot.svg"
+    result = CliRunner().invoke(app, ["plot", str(session), what, "--out", str(file), *OPTIONS.get(what, ())])
+    assert result.exit_code == 0, result.output
+    assert file.read_text().lstrip().startswith("<?xml")
+
+
+def test_help_lists_every_plot():
+    told = " ".join(CliRunner().invoke(app, ["plot", "--help"], env={"COLUMNS": "120"}).output.replace("│", " ").split())
+    assert all(f"{name}: {text}" in told for name, text in PLOTS.items())
+
+
+def test_every_result_draws_itself(session, monkeypatch):
+    # Two effects that are sought make as good a ranking as all of them.
+    monkeypatch.setattr("motoremi.emission.board.EFFECTS", EFFECTS[:2])
+    loaded = me.load(session)
+    fit = ladder_of(loaded)[-1]
+    with opened(session) as store:
+        emission = emission_steps(store)[-1]
+        spectra_diagnosis, prediction = diagnose_emission_session(store), predict_session(store)
+    results = (
+        fit,
+        me.compare(fit),
+        me.diagnose(fit),
+        me.inspect(fit, "La"),
+        signature(fit, "core-loss"),
+        prediction,
+        emission,
+        spectra_diagnosis,
+        loaded,
+        loaded.sweeps[0],
+        loaded.spectra[0],
+    )
+    for result in results:
+        assert result.plot().axes, type(result)
+
+
+@pytest.mark.parametrize("what", PLOTS)
+def test_plots_are_as_a_bench_engineer_reads_them(session, what):
+    figure = figure_of(session, what, element="Cf", effect="core-loss")
+    drawn = to_svg(figure, what)
+    if what not in ("training", "ladder", "ranking", "emission-ranking"):
+        assert all(axes.get_xscale() == "log" for axes in figure.axes)
+        assert "frequency (Hz)" in drawn
+        assert ">1 M<" in drawn
+    assert all(axes.get_ylabel() or "ranking" in what for axes in figure.axes)
+    curves = [line for axes in figure.axes for line in axes.get_lines()]
+    assert {to_rgb(line.get_color()) for line in curves if len(set(to_rgb(line.get_color()))) > 1} <= COLOURS
+
+
+@pytest.mark.parametrize("what", PLOTS)
+def test_no_text_is_cut_or_covers_another(session, what):
+    """The plots place their texts themselves; here matplotlib measures them."""
+    figure = figure_of(session, what, "Cf", "core-loss")
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        name = axes.yaxis.label.get_window_extent()
+        shown = [label.get_window_extent() for label in axes.get_yticklabels() if label.get_text()]
+        low, high = axes.get_window_extent().intervaly
+        shown = [box for box in shown if low <= (box.y0 + box.y1) / 2 <= high]
+        assert not axes.get_ylabel() or all(name.x1 <= box.x0 for box in shown)
+        assert all(figure.bbox.x0 <= box.x0 for box in [*shown, name])
+        # Nor is the name of a resonance cut by the panel's edge.
+        assert axes.get_xscale() != "log" or what == "ranking" or all(low <= note.get_window_extent().y0 for note in axes.texts)
+        # Ticks beyond the ends of an axis have a label too, which is not drawn.
+        left, right = axes.get_window_extent().intervalx
+        numbers = [label.get_window_extent() for label in axes.get_xticklabels()]
+        below = [axes.xaxis.label.get_window_extent(), *(box for box in numbers if left - 1 <= (box.x0 + box.x1) / 2 <= right + 1)]
+        assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 and box.y0 >= figure.bbox.y0 for box in below if box.width)
+    panels = max(axes.get_window_extent().y1 for axes in figure.axes)
+    assert all(panels <= legend.get_window_extent().y0 + 2 for legend in figure.legends)
+
+
+def test_wrong_use_is_one_line(session, measure, tmp_path):
+    for words in (("plot", session, "nonsense"), ("plot", session, "inspection"), ("plot", session, "signature")):
+        assert CliRunner().invoke(app, [str(word) for word in words]).exit_code != 0
+    for what, told in (("nonsense", "there are sweeps"), ("inspection", "--element"), ("signature", "--effect")):
+        with pytest.raises(me.BadInput, match=told):
+            figure_of(session, what)
+    empty = tmp_path / "empty"
+    with SessionWriter.create(empty, {"title": "empty"}) as writer:
+        writer.add_sweep(measure(2)[0][0])
+        writer.close("done")
+    for what in ("fit", "ranking", "spectrum", "prediction", "emission-ranking"):
+        with pytest.raises(me.BadInput, match=r"empty (has|holds) no"):
+            figure_of(empty, what)
+
+
+def test_what_nobody_can_draw_is_told():
+    with pytest.raises(TypeError, match="nobody can draw a Tolerance"):
+        drawing.figure_of(me.Tolerance())
+
+
+def test_results_are_drawn_without_asking_for_the_report_first():
+    code = (
+        "import numpy as np, motoremi as me; f = np.geomspace(1e5, 1e7, 21); z = 50 + 2j * np.pi * f * 1e-6; "
+        "import sys; sweep = me.ImpedanceSweep('short', f, z); assert 'motoremi.report.figures' not in sys.modules; assert sweep.plot().axes"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "MPLBACKEND": "agg"})
