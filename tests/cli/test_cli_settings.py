@@ -63,7 +63,10 @@ def test_global_options_may_stand_anywhere():
 def test_completion(tmp_path):
     done = command_line.motoremi_process(cwd=tmp_path, _MOTOREMI_COMPLETE="complete_bash", COMP_WORDS="motoremi fl", COMP_CWORD="1")
     assert done.stdout.split() == ["fleet"]
-    assert "_MOTOREMI_COMPLETE" in command_line.motoremi_process("--show-completion", "bash", cwd=tmp_path, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1").stdout
+    assert (
+        "_MOTOREMI_COMPLETE"
+        in command_line.motoremi_process("--show-completion", "bash", cwd=tmp_path, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1").stdout
+    )
 
 
 def test_a_start_loads_nothing_heavy(tmp_path):

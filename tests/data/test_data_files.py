@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import DATA
 import os
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from places import DATA
 
 from motoremi.data.csvfiles import write_impedance_csv, write_spectrum_csv
 from motoremi.data.files import read_impedance, read_spectrum

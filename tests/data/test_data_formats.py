@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import DATA
 import re
 import tempfile
 from collections.abc import Callable
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import DATA
 
 from motoremi.data.files import read_impedance, read_spectra, read_spectrum
 from motoremi.errors import BadInput

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import DATA
 import errno
 import hashlib
 import json
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from places import DATA
 
 from motoremi.data import noise as noise_module
 from motoremi.data import session as session_module

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from covariances import complex_normal, dense
-from scipy.special import exp1
 from paper_circuit import DAMPED, impedance
+from scipy.special import exp1
 
 import motoremi as me
 from motoremi.arrays import ComplexArray

@@ -22,6 +22,7 @@ from motoremi.simulate.effects import DEMO_EFFECTS
 
 pytestmark = pytest.mark.slow
 
+
 @pytest.mark.parametrize("effect", DEMO_EFFECTS)
 def test_hidden_effect_is_named_and_the_error_falls_to_the_noise(measure, effect):
     sweeps, _ = measure(21, (effect,))

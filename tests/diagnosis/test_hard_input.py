@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from diagnosis_contract import check_contract
 from covariances import complex_normal
+from diagnosis_contract import check_contract
 from typer.testing import CliRunner
 
 import motoremi as me

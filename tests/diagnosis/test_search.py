@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from paper_circuit import DAMPED, impedance
 from covariances import complex_normal
+from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi import spread as spreading

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from places import DATA
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
 from typer.testing import CliRunner
 
 from motoremi.blind.scoring import Answer

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from places import DATA
 import json
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import document, motoremi
+from places import DATA
 
 import motoremi as me
 from motoremi.data.csvfiles import write_impedance_csv, write_spectrum_csv

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from places import DATA
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import DATA
 
 from motoremi.emission.band import BAND_A, BAND_B, PULSE_TABLE_DB, REFERENCE_PULSE_VS, band_of
 from motoremi.emission.reading import noise_unit, pulses_on_noise, read_comb, read_events, rician_mean

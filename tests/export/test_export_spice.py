@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,8 @@ from motoremi.export.realise import deviation, impedance_of, realise
 from motoremi.export.spice import spice_model, subcircuit
 from motoremi.fitting.fit import fit
 from motoremi.model.circuit import Leaf, Parallel, Series
-from motoremi.model.effects import catalogue, find_effect
-from motoremi.model.motor import Motor, dc_motor
+from motoremi.model.effects import catalogue
+from motoremi.model.motor import dc_motor
 from motoremi.model.parameter import Parameter
 
 # La differs between the two sweeps: no one network is both.

@@ -22,6 +22,7 @@ from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import dc_motor
 
+
 def noisy(values: dict[str, float], sigma: float, seed: int, repeats: int = 1, stated: bool = False) -> list[me.ImpedanceSweep]:
     rng = np.random.default_rng(seed)
     return [

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from paper_circuit import DAMPED, impedance
 from covariances import complex_normal, dense
+from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.arrays import ComplexArray, FloatArray

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import inspect
 import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import astuple
-from pathlib import Path
 from typing import Any
 
 import pytest
+from places import ROOT
 
 from motoremi.bench.analyser import ImpedanceAnalyser, SweepSettings
 from motoremi.bench.connect import BUILT_IN, DRIVER_GROUP, driver_class, driver_names, open_transport

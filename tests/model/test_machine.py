@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from places import DATA
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import DATA
 
 import motoremi as me
 from motoremi.data.files import read_impedance

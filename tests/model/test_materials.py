@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from places import DATA
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
 
 from benchmarks import real_cores
 from motoremi.diagnosis import dispersion as laws

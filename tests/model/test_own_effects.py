@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import json
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import motoremi, motoremi_process
+from places import ROOT
 from typer.testing import CliRunner
 
 import motoremi as me

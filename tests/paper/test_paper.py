@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import document, motoremi
+from places import ROOT
 from scipy.integrate import quad
 
 pytestmark = pytest.mark.slow

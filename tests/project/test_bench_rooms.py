@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import ast
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 # Modules directly below `motoremi` that every package may use.
 PLAIN = {"arrays", "errors", "interrupts", "quantities"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import os
 import re
 import shlex
@@ -16,6 +15,7 @@ import nbformat
 import pytest
 from command_line import motoremi
 from nbclient import NotebookClient
+from places import ROOT
 
 pytestmark = pytest.mark.slow
 

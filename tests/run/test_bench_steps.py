@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import copy
 import json
 import sys
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
+from places import ROOT
 
 from motoremi.bench.motor_connections import CONNECTIONS, INSTRUCTIONS
 from motoremi.cli import main

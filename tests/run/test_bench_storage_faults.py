@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import TESTS
 import builtins
 import errno
 import json
@@ -15,6 +14,7 @@ from typing import Any
 
 import pytest
 from fault_matrix import BENCH_FILE, SEED, measured, small
+from places import TESTS
 
 from motoremi.data import storage
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import copy
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import pytest
+from places import ROOT
 
 from motoremi.cli.session import compare_
 from motoremi.diagnosis.compare import PAPER_TOLERANCE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from places import ROOT
 import json
 import os
 import signal
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 from conftest import simulated_sweeps
 from laboratory_cases import PROFILE, profile
+from places import ROOT
 from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen, verify

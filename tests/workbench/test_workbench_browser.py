@@ -5,14 +5,13 @@ With MOTOREMI_SCREENSHOTS=DIR the story leaves a picture of each view there (`ma
 
 from __future__ import annotations
 
-import pytest
-
 import csv
 import re
 from pathlib import Path
 from urllib.parse import parse_qs, urlparse
 
 import numpy as np
+import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 from workbench_browser import PATIENCE_MS, VIEWS, Watched, keep, needs_chromium

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 import threading
 import time
 from pathlib import Path
 
+import pytest
 from conftest import simulated_sweeps
 from playwright.sync_api import expect
 from workbench_browser import PATIENCE_MS, Watched, choose_by_keys, drop, findings, keep, needs_chromium

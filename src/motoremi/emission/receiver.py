@@ -201,5 +201,3 @@ def _higher(one: FloatArray, other: FloatArray) -> FloatArray:
     low, high = np.minimum(one, other), np.maximum(one, other)
     mean: FloatArray = high * (1 + (low / high) ** _SCATTERING) ** (1 / _SCATTERING)
     return mean
-
-
