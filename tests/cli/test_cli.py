@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
 from command_line import document, motoremi, motoremi_process
+from conftest import simulated_sweeps
 from places import DATA, ROOT
 
+import motoremi as me
 from motoremi.cli.arguments import expanded
+from motoremi.cli.demo import PLAIN_PERCENT, plain_story
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
+from motoremi.errors import InstrumentError
 
 pytestmark = pytest.mark.slow
 
@@ -186,6 +191,31 @@ def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
     assert told["verdict"] == "adequate"
     assert told["named"] == told["hidden"] == []
     assert told["error_after_percent"] < 1.5 * told["floor_percent"]
+
+
+def test_a_demo_without_wishes_is_plain_to_see():
+    """The error is several per cent, and adding what is named takes it down to what noise and analyser leave."""
+    fallen, draws = 0, Random(1)
+    for _ in range(3):
+        seed, effect = plain_story(draws)
+        fit = me.fit(me.dc_motor(), simulated_sweeps(seed, (effect,))[0])
+        assert fit.rms_error_percent > 0.6 * PLAIN_PERCENT
+        best = me.diagnose(fit).best
+        fallen += best.rms_error_percent < 1.5 * best.floor_percent
+    # Of 14 that were drawn, 14 did.
+    assert fallen >= 2
+
+
+def test_a_demo_says_how_it_chose(tmp_path, monkeypatch):
+    def broken(*_: object, **__: object) -> None:
+        raise InstrumentError("the bench is gone")
+
+    monkeypatch.setattr("motoremi.run.runner.run", broken)
+    monkeypatch.setattr("motoremi.cli.demo.plain_story", lambda random: (3, "lead-inductance"))
+    for wishes, chosen in (([], True), (["--seed", "3"], False), (["--effect", "core-loss"], False)):
+        done = motoremi("demo", "--out", tmp_path / f"d{len(wishes)}{chosen}{wishes[:1]}", *wishes)
+        assert done.returncode == 3
+        assert ("drawn so that it is plain to see" in done.stdout) is chosen
 
 
 def test_run_on_the_simulated_bench_judges(tmp_path):
