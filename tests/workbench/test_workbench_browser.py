@@ -116,6 +116,10 @@ def test_the_story_by_clicks(browser, tmp_path):
         watched.see("challenge")
         page.click("#new-challenge")
         page.wait_for_selector("#say-adequate")
+        # Beside long names on a phone, too.
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert min(page.locator(".choices input").evaluate_all("(all) => all.map((one) => one.offsetWidth)")) > 10
+        page.set_viewport_size({"width": 1280, "height": 800})
         keep(page, "challenge")
         page.click("#say-adequate")
         page.wait_for_selector("#score")

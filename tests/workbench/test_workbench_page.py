@@ -292,7 +292,9 @@ def test_what_the_bench_asks_for_can_be_read_to_its_end(browser, tmp_path):
         for expected in ("Leave the fixture open", "Connect", "Connect"):
             expect(page.locator(".prompt p")).to_contain_text(expected)
             assert page.eval_on_selector(".prompt p", "(one) => one.scrollWidth <= one.clientWidth")
+            # The drawing keeps its lines.
             assert page.inner_text(".prompt pre").strip()
+            assert page.eval_on_selector(".prompt pre", "(one) => getComputedStyle(one).whiteSpace === 'pre' && one.scrollWidth <= one.clientWidth")
             # One run at a time.
             expect(page.locator("#run")).to_be_disabled()
             before = page.inner_text(".prompt p")
