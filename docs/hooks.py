@@ -36,7 +36,7 @@ def commands_page() -> str:
     lines = [
         "# Commands",
         "",
-        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use, 3 instrument trouble.",
+        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use or unusable data, 3 error of an instrument, 130 stopped by Ctrl-C.",
         "",
     ]
     for name, command in group.commands.items():
