@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 # How many runs `make kills` stops, and how many of a test with final measurement.
 KILLS ?= 200
 FINAL_KILLS ?= 50
-# Workers of `make test`: one more than there are cores, since many tests wait for a browser or a simulated instrument.
+# Workers of `make test`: one more than the number of cores, because many tests wait for a browser or a simulated instrument.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 # Tests start many programs, and each would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -64,15 +64,15 @@ kills: install
 	$(BIN)/python tests/kill_run.py $(KILLS) SIGINT impedance_only
 	$(BIN)/python tests/kill_run.py $(FINAL_KILLS) SIGKILL conducted_emission
 
-# How fast simulation and replay are, and what recording costs.
+# Speed of simulation and replay, and the time that recording takes.
 speed: install
 	$(BIN)/python -m benchmarks.bench_speed
 
-# How quick the workbench is in a browser (needs chromium).
+# Speed of the workbench in a browser (needs chromium).
 page: install
 	$(BIN)/python -m benchmarks.workbench
 
-# The pictures of the documentation, from the browser tests' own story (needs chromium).
+# The screenshots of the documentation, taken by the browser tests (needs chromium).
 screenshots: install
 	MOTOREMI_SCREENSHOTS=$(CURDIR)/docs/screenshots $(BIN)/python -m pytest -q $(addprefix tests/workbench/test_workbench_,browser.py story.py clicks.py)
 

@@ -1,4 +1,4 @@
-"""Pages that are made from the code while the documentation is built: commands, effects with their pictures, notebooks."""
+"""Pages that are generated while the documentation is built: commands, effects with their plots, notebooks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from mkdocs.structure.files import File, Files
 
 HERE = Path(__file__).parent
-# A motor of ordinary size; what each effect does to it is what its picture shows.
+# A motor of ordinary size, on which the plots show each effect.
 MOTOR = {"Ra": 12.0, "La": 12e-6, "Ca": 25e-12, "Rr": 40.0, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 301)
 
@@ -36,7 +36,8 @@ def commands_page() -> str:
     lines = [
         "# Commands",
         "",
-        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use, 3 instrument trouble.",
+        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use or unusable data, "
+        "3 error of an instrument, 130 stopped by Ctrl-C.",
         "",
     ]
     for name, command in group.commands.items():
@@ -51,16 +52,16 @@ def commands_page() -> str:
 
 
 def effects_page() -> str:
-    """The catalogue, each effect with a picture of what it does."""
+    """The catalogue, each effect with a plot of its signature."""
     from motoremi.model.effects import catalogue
 
     lines = ["# The effects", ""]
-    lines += ["Grey is the paper's circuit, blue the same motor with the effect, orange with a smaller or larger one."]
-    lines += ["Left the short-circuit sweep, right the open one.", ""]
+    lines += ["Grey is the paper's circuit, blue the same motor with the effect, orange with another size of the effect."]
+    lines += ["The short-circuit sweep is on the left, the open-circuit sweep on the right.", ""]
     for effect in catalogue():
         lines += [f"## {effect.name}", "", f"{effect.title.capitalize()}. Identifiers: {', '.join(f'`{i}`' for i in effect.identifiers)}.", ""]
         lines += [f'<div class="effect">{_picture(effect)}</div>', "", f"```text\n{effect.formula}\n```", ""]
-        lines += ["| parameter | from | to | why |", "|---|---|---|---|"]
+        lines += ["| parameter | from | to | reason |", "|---|---|---|---|"]
         lines += [f"| `{p.name}` ({p.unit or '1'}) | {p.low:g} | {p.high:g} | {html.escape(p.reason)} |" for p in effect.parameters]
         entries = {"Vanishes for": effect.limit, "Signature": effect.signature, "Look-alikes": ", ".join(effect.look_alikes)}
         entries |= {"Decided by": effect.deciding, "Source": effect.source}

@@ -1,4 +1,4 @@
-"""Types used everywhere: arrays of double precision, plain data, and who is told of progress."""
+"""Common types: arrays of double precision, plain data, and progress functions."""
 
 from __future__ import annotations
 

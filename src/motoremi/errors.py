@@ -1,4 +1,4 @@
-"""What can go wrong, by who has to act.
+"""The errors of motoremi, by the person who has to act.
 
 Every error carries one line that says what is wrong and what to do; the command line prints that line and exits with `exit_status`.
 """
@@ -17,13 +17,13 @@ class BadInput(MotoremiError, ValueError):
 
 
 class InstrumentError(MotoremiError):
-    """An instrument or the link to it did not do what was asked."""
+    """An instrument, or the connection to it, failed."""
 
     exit_status = 3
 
 
 class Stopped(MotoremiError):
-    """The user stopped a measurement; the line says where what was measured is kept."""
+    """The user stopped a measurement; the message says where the measured data are stored."""
 
-    # What a shell makes of Ctrl-C.
+    # The status that shells use for Ctrl-C.
     exit_status = 130

@@ -1,4 +1,4 @@
-"""What stops work: signals, heard wherever a program was started from and held back for what must not stop half-way; and a user's Cancel."""
+"""Interruption of work: signals, which are handled in background programs too and delayed in critical sections, and a user's Cancel."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if
 
 @contextmanager
 def stopped_by_signals() -> Iterator[None]:
-    """Ctrl-C, a polite kill and a closed terminal raise `KeyboardInterrupt` while the block runs.
+    """Ctrl-C, SIGTERM and a closed terminal (SIGHUP) raise `KeyboardInterrupt` while the block runs.
 
-    The handlers are set even where a signal was ignored from the start, as Ctrl-C is in a program that a script started in the background:
-    otherwise nothing but a hard kill would end it. Only a hang-up that is ignored stays so, because `nohup` asks for exactly that.
+    The handlers are set even if a signal was ignored from the start, as Ctrl-C is in a program that a script started in the background;
+    otherwise only SIGKILL could end it. An ignored SIGHUP stays ignored, because that is the purpose of `nohup`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     hang_up = getattr(signal, "SIGHUP", None)
-    heard = [number for number in _SIGNALS if not (number == hang_up and signal.getsignal(number) is signal.SIG_IGN)]
-    before = {number: signal.signal(number, signal.default_int_handler) for number in heard}
+    handled = [number for number in _SIGNALS if not (number == hang_up and signal.getsignal(number) is signal.SIG_IGN)]
+    before = {number: signal.signal(number, signal.default_int_handler) for number in handled}
     try:
         yield
     finally:
@@ -37,10 +37,10 @@ def stopped_by_signals() -> Iterator[None]:
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Hold signals back while the block runs; they are heard at its end.
+    """Delay signals until the end of the block.
 
-    Python raises `KeyboardInterrupt` between any two instructions of the main thread: also between a line that is written and
-    the note that it was. Other threads are never interrupted.
+    Python raises `KeyboardInterrupt` between any two instructions of the main thread, for example between writing a line and
+    recording that it was written. Other threads are never interrupted.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -59,7 +59,7 @@ def unbroken() -> Iterator[None]:
 
 
 class Cancelled(MotoremiError):
-    """The user gave up waiting; nothing was stored."""
+    """The user cancelled the work; nothing was stored."""
 
     exit_status = 130
 
@@ -69,7 +69,7 @@ _asked: ContextVar[Callable[[], bool] | None] = ContextVar("_asked", default=Non
 
 @contextmanager
 def cancelled_by(asked: Callable[[], bool]) -> Iterator[None]:
-    """`checkpoint` raises `Cancelled` while the block runs, in this thread, once `asked` says so."""
+    """While the block runs, `checkpoint` raises `Cancelled` in this thread as soon as `asked` returns True."""
     token = _asked.set(asked)
     try:
         yield
@@ -78,7 +78,7 @@ def cancelled_by(asked: Callable[[], bool]) -> Iterator[None]:
 
 
 def checkpoint() -> None:
-    """Long computations call this at least every second, where stopping harms nothing."""
+    """Raise `Cancelled` if the user asked for it; long computations call this at least every second, where stopping is safe."""
     asked = _asked.get()
     if asked is not None and asked():
         raise Cancelled("cancelled: nothing was stored")

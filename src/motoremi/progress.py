@@ -1,4 +1,4 @@
-"""One counter for work that is made of parts."""
+"""One progress counter for work that consists of parts."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ WHOLE = 1000
 
 
 def part(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """Who is told of a part of some work; hears of the whole.
+    """A progress function for a part of some work, which reports the progress of the whole.
 
     Parameters
     ----------
     progress : callable, optional
-        Told of the whole.
+        Progress function of the whole.
     begin, end : float
-        Where the part begins and ends, as shares of the whole.
+        Begin and end of the part, as shares of the whole.
     """
     if progress is None:
         return None

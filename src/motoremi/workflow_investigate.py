@@ -1,6 +1,6 @@
-"""An investigation: measure what decides until one explanation stands; everything measured is in the session before the next question.
+"""An investigation: choose, request and make measurements until one explanation is left; each result is stored before the next request.
 
-The loop knows neither instruments nor mathematics: `think` says what stands and what to ask for, `Hands` measure.
+The loop uses neither instruments nor mathematics itself: `Assess` gives the explanations and the next measurement, a `MeasuringBench` measures.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from motoremi.run.requested import MeasurementRequest
 from motoremi.workflow import Store
 
 SCHEMA = "motoremi.investigation/1"
-# Beside what `motoremi next` says: no time is left; nothing is left that this operator can do.
+# Reasons to stop in addition to those of `motoremi next`: no time is left; no measurement is left that this operator can make.
 BUDGET, EXHAUSTED = "budget", "nothing-left"
-# A bench that gives the same answer again and again is not asked for ever.
+# Limits the loop if a bench always gives the same answer.
 MOST_STEPS = 60
-# A share of the probability that is as good as none, for logarithms.
+# Replaces a probability of zero in logarithms.
 _LEAST = 1e-9
 
 
@@ -41,21 +41,21 @@ class Recorder(Store, Protocol):
 
 
 @dataclass(frozen=True)
-class Thought:
-    """What the data in hand say.
+class Assessment:
+    """The state of knowledge from all data so far.
 
     Parameters
     ----------
     probabilities : dict
-        Of each explanation, the likeliest first.
+        Explanation -> probability, the most probable first.
     error_percent : float
-        Of the best model.
+        Error of the best model.
     ask : callable
-        What cannot be done -> what to measure next, as `motoremi next --json`.
+        Measurements that cannot be made -> next measurement, as `motoremi next --json`.
     conclude : callable
-        The diagnosis, as `motoremi diagnose --json`.
+        Returns the diagnosis, as `motoremi diagnose --json`.
     findings : tuple of dict
-        What the data themselves show, and what is not as it was asked for.
+        Findings about the data, and about sweeps that are not as requested.
     """
 
     probabilities: Mapping[str, float]
@@ -65,23 +65,23 @@ class Thought:
     findings: tuple[JsonDict, ...] = ()
 
 
-# Looks at everything that the session holds.
-Think = Callable[[], Thought]
+# Assesses everything in the session.
+Assess = Callable[[], Assessment]
 
 
-class Hands(Protocol):
-    """Who measures: a bench with its operator, real or simulated."""
+class MeasuringBench(Protocol):
+    """A bench with its operator, real or simulated."""
 
     def sweep(self, order: MeasurementRequest) -> None:
-        """Have it set up and measured; raises `NotDone` if the operator says no."""
+        """Have the condition set up and sweeps measured; raises `NotDone` if the operator answers "not done"."""
         ...
 
     def value(self, order: MeasurementRequest) -> SingleValue:
-        """Have another meter read; raises `NotDone` if the operator says no."""
+        """Have another meter read; raises `NotDone` if the operator answers "not done"."""
         ...
 
     def minutes(self, estimated: float) -> float:
-        """How long the last measurement took, beside what was estimated."""
+        """Duration of the last measurement; a simulated bench returns the estimate."""
         ...
 
 
@@ -94,15 +94,15 @@ class Step:
     id : str
     minutes : float
     probabilities : dict
-        What stood after it.
+        Explanation -> probability after it.
     taught_bits : float
-        How far it moved what is believed: the divergence from before to after.
+        Information gained: the divergence of the probabilities after from those before.
     error_percent : float
-        Of the best model after it.
+        Error of the best model after it.
     why : str
-        What it was asked for.
+        Reason for the measurement.
     brought : str
-        What came, as it is written: the condition with its value, or the value.
+        Its result as text: the condition with its value, or the value.
     """
 
     id: str
@@ -129,14 +129,14 @@ class Step:
 
 @dataclass(frozen=True)
 class Investigation:
-    """What came of it.
+    """Result of an investigation.
 
     Parameters
     ----------
     steps : tuple of Step
-        Those of earlier runs of the same investigation too.
+        Including those of earlier runs of the same investigation.
     refused : tuple of str
-        What the operator would not do.
+        Measurements that the operator answered with "not done".
     stop : str
         `one-stands`, `inseparable`, `nothing-missing`, `budget` or `nothing-left`.
     diagnosis : dict
@@ -149,11 +149,11 @@ class Investigation:
 
     @property
     def minutes(self) -> float:
-        """Spent in all."""
+        """Total time of all steps."""
         return math.fsum(step.minutes for step in self.steps)
 
     def to_dict(self) -> JsonDict:
-        """The contract's JSON."""
+        """Plain data of `motoremi investigate --json`."""
         return {
             "schema": SCHEMA,
             "steps": [step.to_dict() for step in self.steps],
@@ -165,17 +165,17 @@ class Investigation:
 
 
 @dataclass
-class _Path:
-    """How far an investigation has come, read from the documents of its session."""
+class _History:
+    """Progress of an investigation, read from the documents of its session."""
 
     steps: list[Step] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
-    # A question without its answer, because the run was stopped, and how often each sweep or value for it has been stored.
+    # A request without its answer because the run was stopped, and how often each sweep or value for it has been stored.
     pending: JsonDict | None = None
     stored: Counter[str] = field(default_factory=Counter)
 
     @classmethod
-    def of(cls, documents: Sequence[JsonDict]) -> _Path:
+    def of(cls, documents: Sequence[JsonDict]) -> _History:
         path = cls()
         for document in documents:
             kind = document["kind"]
@@ -194,11 +194,11 @@ class _Path:
         return path
 
     def turn(self, name: str) -> int:
-        """How often this was measured before."""
+        """How often this measurement was made before."""
         return sum(step.id == name for step in self.steps)
 
     def rest(self, order: MeasurementRequest) -> MeasurementRequest | None:
-        """What is left of the question that was pending; None if all of it is stored."""
+        """The part of the pending request that is not stored yet; None if all of it is stored."""
         if order.is_value:
             return None if self.stored[order.id] else order
         left = tuple(name for name in order.terminations if self.stored[name] < order.repeats)
@@ -207,91 +207,91 @@ class _Path:
 
 def investigate(
     store: Recorder,
-    think: Think,
-    hands: Hands,
+    assess: Assess,
+    bench: MeasuringBench,
     budget_minutes: float,
-    tell: Callable[[Thought, Step | None], None] = lambda thought, step: None,
+    tell: Callable[[Assessment, Step | None], None] = lambda assessment, step: None,
     without: Collection[str] = (),
 ) -> Investigation:
-    """Ask, measure and think until one explanation stands, nothing can tell what stands apart, or the time is spent.
+    """Request, measure and assess until one explanation is left, no measurement can distinguish the remaining ones, or the time is used up.
 
     Parameters
     ----------
     store : Recorder
-        An open session; it stays open. What an earlier run of the investigation asked and got is read from it.
-    think : callable
-    hands : Hands
+        An open session; it stays open. Requests and answers of earlier runs of the investigation are read from it.
+    assess : callable
+    bench : MeasuringBench
     budget_minutes : float
-        Of all runs together.
+        Time of all runs together.
     tell : callable, optional
-        Told what stands at the beginning (without a step) and after each step.
+        Receives the assessment at the beginning (without a step) and after each step.
     without : collection of str
-        What this bench cannot do.
+        Measurements that this bench cannot make.
 
     Returns
     -------
     Investigation
         Also stored as the analysis `investigation`.
     """
-    return _Run(store, think, hands, budget_minutes, tell, tuple(without), _Path.of(load(store.path).documents)).to_the_end()
+    return _Run(store, assess, bench, budget_minutes, tell, tuple(without), _History.of(load(store.path).documents)).to_the_end()
 
 
 @dataclass(frozen=True)
 class _Run:
     store: Recorder
-    think: Think
-    hands: Hands
+    assess: Assess
+    bench: MeasuringBench
     budget_minutes: float
-    tell: Callable[[Thought, Step | None], None]
+    tell: Callable[[Assessment, Step | None], None]
     without: tuple[str, ...]
-    path: _Path
+    history: _History
 
     def to_the_end(self) -> Investigation:
-        thought = self.think()
-        self.tell(thought, None)
-        if (pending := self.path.pending) is not None:
-            # What was stored before an earlier run was stopped is kept; the rest is asked for once more.
-            rest = self.path.rest(MeasurementRequest.restored(pending["order"]))
+        assessment = self.assess()
+        self.tell(assessment, None)
+        if (pending := self.history.pending) is not None:
+            # Data that an earlier run stored before it was stopped are kept; the rest is requested again.
+            rest = self.history.rest(MeasurementRequest.restored(pending["order"]))
             asked = pending if rest is None else self._ask(rest, float(pending["minutes"]), str(pending["why"]))
-            thought = self._answered(asked, rest, thought)
+            assessment = self._answered(asked, rest, assessment)
         while True:
-            stop, question = self._question(thought)
+            stop, question = self._question(assessment)
             if stop:
-                found = Investigation(tuple(self.path.steps), tuple(self.path.refused), stop, thought.conclude())
+                found = Investigation(tuple(self.history.steps), tuple(self.history.refused), stop, assessment.conclude())
                 self.store.save_analysis(
                     "investigation", {**found.to_dict(), "steps": [*self._by_files(), *(step.to_dict() for step in found.steps)]}
                 )
                 return found
-            order = order_of(question, self.path.turn(str(question["id"])))
-            thought = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, thought)
+            order = order_of(question, self.history.turn(str(question["id"])))
+            assessment = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, assessment)
 
     def _by_files(self) -> list[JsonDict]:
-        """What was asked for and brought by files before."""
+        """Steps that were measured before as files and imported."""
         stored = load(self.store.path).analysis("investigation") or {}
         return [step for step in stored.get("steps", []) if "minutes" not in step]
 
     def _ask(self, order: MeasurementRequest, minutes: float, why: str) -> JsonDict:
         return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict())
 
-    def _answered(self, asked: JsonDict, order: MeasurementRequest | None, before: Thought) -> Thought:
-        """What stands after the answer to a question; None for an order that was carried out before."""
+    def _answered(self, asked: JsonDict, order: MeasurementRequest | None, before: Assessment) -> Assessment:
+        """The assessment after the answer to a request; `order` is None if it was carried out before."""
         brought = str(asked["order"]["condition"] or asked["id"])
         try:
             if order is not None and order.is_value:
-                value = self.hands.value(order)
+                value = self.bench.value(order)
                 self.store.add_value(value)
                 brought = value.text
             elif order is not None:
-                self.hands.sweep(order)
-                self._forget_the_ladder(order)
+                self.bench.sweep(order)
+                self._clear_ladder(order)
         except NotDone:
             self.store.emit("refused", id=asked["id"])
-            self.path.refused.append(str(asked["id"]))
+            self.history.refused.append(str(asked["id"]))
             return before
-        after = self.think()
+        after = self.assess()
         step = Step(
             str(asked["id"]),
-            self.hands.minutes(float(asked["minutes"])),
+            self.bench.minutes(float(asked["minutes"])),
             after.probabilities,
             taught_bits(before.probabilities, after.probabilities),
             after.error_percent,
@@ -299,26 +299,26 @@ class _Run:
             brought,
         )
         self.store.emit("answered", **step.to_dict())
-        self.path.steps.append(step)
+        self.history.steps.append(step)
         self.tell(after, step)
         return after
 
-    def _forget_the_ladder(self, order: MeasurementRequest) -> None:
-        """Its models were fitted to fewer sweeps."""
+    def _clear_ladder(self, order: MeasurementRequest) -> None:
+        """Empty the ladder after further reference sweeps, because its models were fitted to fewer of them."""
         if order.condition is None and load(self.store.path).ladder:
             self.store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
 
-    def _question(self, thought: Thought) -> tuple[str, JsonDict]:
-        """Why to stop, empty to go on, and what to ask; what takes longer than the time that is left is not asked."""
-        left_minutes = self.budget_minutes - math.fsum(step.minutes for step in self.path.steps)
+    def _question(self, assessment: Assessment) -> tuple[str, JsonDict]:
+        """Reason to stop (empty: continue) and next measurement; a measurement longer than the remaining time is not requested."""
+        left_minutes = self.budget_minutes - math.fsum(step.minutes for step in self.history.steps)
         too_long: list[str] = []
         while True:
-            following = thought.ask([*self.without, *self.path.refused, *too_long])
+            following = assessment.ask([*self.without, *self.history.refused, *too_long])
             stop = str(following.get("stop") or "")
             if stop or not following.get("asks"):
-                # What is inseparable without the long measurements may not be so with them.
+                # Explanations that are inseparable without the long measurements might be separable with them.
                 return (BUDGET if too_long else stop or EXHAUSTED), {}
-            if len(self.path.steps) >= MOST_STEPS:
+            if len(self.history.steps) >= MOST_STEPS:
                 return EXHAUSTED, {}
             if float(following["minutes"]) <= left_minutes:
                 return "", following
@@ -326,28 +326,28 @@ class _Run:
 
 
 def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
-    """The order that a question of `motoremi next --json` is.
+    """The request for a measurement of `motoremi next --json`.
 
     Parameters
     ----------
     question : dict
         With `id` and `asks`.
     turn : int
-        How often the same was asked before.
+        How often the same was requested before.
     """
     name, asks = str(question["id"]), question["asks"]
     if asks["kind"] == "value":
         return MeasurementRequest(name, str(asks["instruction"]), terminations=(), turn=turn)
     given = asks.get("termination")
     terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
-    # A laboratory's own measurement is known by the one of the menu that it answers in another way.
+    # A laboratory's own measurement has the condition of the menu's measurement that it replaces.
     known = question.get("condition_id", None if name in REFERENCE else name)
     under = None if known is None else condition(str(known), asks.get("value"))
     return MeasurementRequest(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
 
 
 def taught_bits(before: Mapping[str, float], after: Mapping[str, float]) -> float:
-    """Divergence of what is believed now from what was believed before, in bits; explanations that were not on the list had next to nothing."""
+    """Divergence of the probabilities after from those before, in bits; explanations that were not listed had almost no probability."""
     total = math.fsum(after.values()) or 1.0
     terms = [(share / total) * math.log2((share / total) / max(before.get(name, 0.0), _LEAST)) for name, share in after.items() if share > 0]
     return max(0.0, math.fsum(terms))

@@ -1,7 +1,7 @@
-"""A report's number and date of issue: given once, kept with the session, so that the same session gives the same report for ever.
+"""A report's number and date of issue: assigned once and kept with the session, so that the same session always gives the same report.
 
-A report that says something else than the one issued before it, because an analysis or the profile changed since, is an amendment: it has
-the number with A1, A2 ... behind it, and names what it replaces (ISO/IEC 17025:2017, 7.8.8).
+A report whose content differs from the one issued before it, because an analysis or the profile has changed, is an amendment: its number ends
+with A1, A2 ..., and it names the report that it replaces (ISO/IEC 17025:2017, 7.8.8).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from motoremi.report.model import session_hash
 LABORATORY, ISSUE = "laboratory", "issue"
 # Analyses that a report shows.
 SHOWN = frozenset((*STORED, "ladder", "comparison", "corrections"))
-# Without a series, so much of the data's digest is the number.
+# Without a series, the number is the beginning of the data's digest, with so many digits.
 DIGEST_DIGITS = 16
 
 
@@ -46,24 +46,24 @@ def laboratory_in(session: Session) -> Laboratory | None:
 
 
 def issue_for(session: Session, profile: Path | None) -> tuple[Laboratory | None, JsonDict | None]:
-    """Who issues the report of a session, and its number and date; nothing is stored in the session.
+    """The laboratory that issues the report of a session, and the report's number and date; nothing is stored in the session.
 
     Parameters
     ----------
     session : Session
     profile : Path, optional
-        In place of the profile that is kept with the session.
+        Replaces the profile that is kept with the session.
 
     Returns
     -------
     laboratory : Laboratory or None
     issue : dict or None
-        `number`, `date`, `content_sha256` and, of an amendment, what it `replaces`.
+        `number`, `date`, `content_sha256` and, for an amendment, the report that it `replaces`.
 
     Raises
     ------
     BadInput
-        If the profile, or what is stored of an earlier issue, cannot be used.
+        If the profile, or the stored number of an earlier report, cannot be used.
     """
     laboratory = laboratory_in(session) if profile is None else read_laboratory(profile)
     if laboratory is None:
@@ -87,7 +87,7 @@ def issue_for(session: Session, profile: Path | None) -> tuple[Laboratory | None
 
 
 def stored_laboratory(laboratory: Laboratory) -> JsonDict:
-    """The profile as a session keeps it."""
+    """The profile as it is stored in a session."""
     return {"schema": "motoremi.laboratory/1", "laboratory": laboratory.to_dict()}
 
 
@@ -98,7 +98,7 @@ def _issue(first: str, issued: date, content: str, amendment: int, replaces: Jso
 
 
 def _content_sha256(session: Session, laboratory: Laboratory) -> str:
-    """A digest of what the report is made of, whatever version of this software makes it."""
+    """A digest of the report's content, independent of the version of this software."""
     analyses = {str(d["name"]): str(d["sha256"]) for d in session.documents if d["kind"] == "analysis" and d.get("name") in SHOWN}
     told = {"data": session_hash(session), "analyses": analyses, "laboratory": laboratory.to_dict()}
     return hashlib.sha256(to_line(told).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""The loop of an investigation on the simulated bench: asked, measured, stopped, gone on with, replayed. What it thinks with is scripted here."""
+"""The loop of an investigation on the simulated bench: requested, measured, stopped, continued, replayed. Its assessment is scripted here."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from motoremi.run.rerun import rerun
 from motoremi.run.resume import Done
 from motoremi.schema.procedure import Procedure, parse_procedure
 from motoremi.virtual.simulated_bench import SimulatedBench
-from motoremi.workflow_investigate import Investigation, Think, Thought, investigate, order_of, taught_bits
+from motoremi.workflow_investigate import Assess, Assessment, Investigation, investigate, order_of, taught_bits
 
 WARM: JsonDict = {
     "id": "second-temperature", "minutes": 25.0, "why": "insulation answers",
@@ -58,10 +58,10 @@ def plain() -> Procedure:
     return parse_procedure({**source, "steps": steps}, "plain")
 
 
-def scripted(store: SessionWriter, menu: Sequence[JsonDict] = MENU) -> Think:
+def scripted(store: SessionWriter, menu: Sequence[JsonDict] = MENU) -> Assess:
     """Asks for what the session lacks of a menu; one explanation stands when it has all."""
 
-    def think() -> Thought:
+    def assess() -> Assessment:
         session = load(store.path)
         have = {str(sweep.condition and sweep.condition.id) for sweep in session.conditioned} | {value.name for value in session.values}
         have |= {"repeats"} if len(session.sweeps) > 2 else set()
@@ -74,9 +74,9 @@ def scripted(store: SessionWriter, menu: Sequence[JsonDict] = MENU) -> Think:
                 return {**told, **left[0]}
             return {**told, "id": None, "asks": None, "minutes": 0.0, "stop": "one-stands" if len(have) >= len(menu) else "inseparable"}
 
-        return Thought({"eddy-laminations": share, "skin-effect": 1 - share}, 1.0, ask, lambda: {"verdict": "missing-effect"})
+        return Assessment({"eddy-laminations": share, "skin-effect": 1 - share}, 1.0, ask, lambda: {"verdict": "missing-effect"})
 
-    return think
+    return assess
 
 
 class Hands:
@@ -263,8 +263,8 @@ def test_more_of_the_motor_as_it_is_are_repeats(tmp_path: Path) -> None:
 def test_an_empty_menu_ends_at_once(tmp_path: Path) -> None:
     begun(tmp_path / "s")
     with reopen(tmp_path / "s") as writer:
-        empty: Think = lambda: Thought({}, 1.0, lambda without: {"id": None, "stop": None}, dict)  # noqa: E731
-        assert investigate(writer, empty, hands=None, budget_minutes=60).stop == "nothing-left"  # type: ignore[arg-type]
+        empty: Assess = lambda: Assessment({}, 1.0, lambda without: {"id": None, "stop": None}, dict)  # noqa: E731
+        assert investigate(writer, empty, bench=None, budget_minutes=60).stop == "nothing-left"  # type: ignore[arg-type]
 
 
 def test_a_wide_sweep_is_as_wide_as_the_analyser_and_compensated_anew(tmp_path: Path) -> None:
@@ -331,7 +331,7 @@ def test_the_simulated_bench_of_a_session_is_kept_and_cannot_be_read_by_accident
 
 def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
     """`motoremi investigate` with the scripted mind."""
-    monkeypatch.setattr("motoremi.workflow_thinking.Mind", lambda store, odds, progress: scripted(store))
+    monkeypatch.setattr("motoremi.workflow_assess.Assessor", lambda store, odds, progress: scripted(store))
     monkeypatch.setattr(sys, "argv", ["motoremi", "investigate", *arguments])
     with pytest.raises(SystemExit) as left:
         main()
@@ -405,7 +405,7 @@ def test_a_value_is_asked_for_until_it_is_one_and_may_be_refused(monkeypatch: py
 def test_the_demo_asks_for_one_measurement_and_one_of_two_explanations_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The only test here that thinks for itself."""
+    """The only test here with a real assessment."""
     monkeypatch.setattr(sys, "argv", ["motoremi", "demo", "--investigate", "--json", "--out", str(tmp_path / "s")])
     with pytest.raises(SystemExit) as left:
         main()

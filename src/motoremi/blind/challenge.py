@@ -82,7 +82,7 @@ def reveal(folder: Path, said: Sequence[str] = ()) -> Revealed:
     except (OSError, binascii.Error, zlib.error, UnicodeDecodeError) as error:
         raise BadInput(f"{folder / SEALED} cannot be read: the seal is damaged") from error
     if _hash(text) != session.start["sealed_sha256"]:
-        raise BadInput(f"{folder}: the truth does not match the hash that was written first: somebody changed it")
+        raise BadInput(f"{folder}: the truth does not match the hash that was written first: it was changed")
     truth = from_json(text)
     answer = _stated(said) if said else _diagnosed(session.analysis("diagnosis"))
     hidden = tuple(truth["hidden"])

@@ -21,7 +21,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.asking import next_question
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.diagnosis.rivals import Lessons
-from motoremi.workflow_thinking import searched, with_lessons
+from motoremi.workflow_assess import searched, with_lessons
 
 ODDS, BUDGET_MINUTES = 20.0, 240.0
 # Largest number of measurements of a run.

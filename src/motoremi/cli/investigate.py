@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from motoremi.run.answer import Answer
     from motoremi.run.requested import MeasurementRequest, RequestedMeasurements
     from motoremi.schema.bench_file import BenchFile
-    from motoremi.workflow_investigate import Investigation, Step, Thought
+    from motoremi.workflow_investigate import Assessment, Investigation, Step
 
 _MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
 _WIDTH, _SHOWN = 24, 6
@@ -67,8 +67,8 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
     from motoremi.run.requested import RequestedMeasurements, procedure_for
     from motoremi.run.resume import Done
     from motoremi.run.runner import make_bench
+    from motoremi.workflow_assess import Assessor
     from motoremi.workflow_investigate import investigate
-    from motoremi.workflow_thinking import Mind
 
     session = load(path)
     bench_file = _bench_of(session, bench_file)
@@ -87,9 +87,9 @@ def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float,
             operator = _Operator(made, quiet, bars.paused)
             requests = RequestedMeasurements(procedure, made, writer, operator.prompt, operator.set_up, connections=connections)
             operator.requests = requests
-            shown: Callable[[Thought, Step | None], None] = (lambda thought, step: None) if quiet else show_step
+            shown: Callable[[Assessment, Step | None], None] = (lambda assessment, step: None) if quiet else show_step
             try:
-                return investigate(writer, Mind(writer, odds, bars.bar("diagnosing")), operator, minutes, shown, without)
+                return investigate(writer, Assessor(writer, odds, bars.bar("diagnosing")), operator, minutes, shown, without)
             finally:
                 requests.leave_safe()
     finally:
@@ -223,17 +223,17 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
             sys.stderr.write(f"{error}\n")
 
 
-def show_step(thought: Thought, step: Step | None) -> None:
+def show_step(assessment: Assessment, step: Step | None) -> None:
     """Print the probabilities of the explanations as bars, and the information of the step."""
     from motoremi.cli.output import say
 
     if step is not None:
         say(f"{step.id}: {step.minutes:.3g} min, information {step.taught_bits:.2g} bits; error so far {step.error_percent:.3g} %")
     else:
-        say(f"error so far {thought.error_percent:.3g} %; possible explanations:")
-    for name, share in list(thought.probabilities.items())[:_SHOWN]:
+        say(f"error so far {assessment.error_percent:.3g} %; possible explanations:")
+    for name, share in list(assessment.probabilities.items())[:_SHOWN]:
         say(f"  {name:44s} {'#' * round(_WIDTH * share):{_WIDTH}s} {share:.3f}")
-    for finding in thought.findings:
+    for finding in assessment.findings:
         say(f"  found in the data: {finding['id']}: {finding['why']}")
 
 

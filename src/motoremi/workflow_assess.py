@@ -1,4 +1,4 @@
-"""What an investigation thinks with: the diagnosis of a session, kept while only sweeps under conditions and single values come in."""
+"""The assessment in an investigation: the diagnosis of a session, kept while only sweeps under conditions and single values are added."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from motoremi.diagnosis.rivals import Lessons
 from motoremi.fitting.fit import fit
 from motoremi.model.motor import dc_motor
 from motoremi.workflow import Store, measurement_of
-from motoremi.workflow_investigate import Thought
+from motoremi.workflow_investigate import Assessment
 
 
 @dataclass
-class Mind:
-    """Looks at everything in a session; a `workflow_investigate.Think`.
+class Assessor:
+    """Assesses everything in a session; a `workflow_investigate.Assess`.
 
-    The search for explanations is of the reference sweeps alone, and done again only when there are more of them.
+    The search for explanations uses only the reference sweeps, and is repeated only when their number changes.
 
     Parameters
     ----------
     store : Store
         An open session; the last diagnosis is stored in it.
     odds : float
-        At which one explanation stands.
+        Odds at which one explanation is accepted.
     progress : callable, optional
     """
 
@@ -37,7 +37,7 @@ class Mind:
     progress: Progress | None = None
     _searched: dict[int, tuple[Diagnosis, Lessons]] = field(default_factory=dict)
 
-    def __call__(self) -> Thought:
+    def __call__(self) -> Assessment:
         session = load(self.store.path)
         measurement = measurement_of(session)
         count = len(session.sweeps)
@@ -45,7 +45,7 @@ class Mind:
             self._searched[count] = with_lessons(searched(Measurement.of(session.corrected_sweeps), self.progress))
         found, lessons = self._searched[count]
         rivals = lessons.after(measurement)
-        return Thought(
+        return Assessment(
             rivals.by_label,
             rivals.likeliest.fit.rms_error_percent,
             lambda without: next_question(rivals, measurement, without, self.odds).to_dict(),
@@ -65,6 +65,6 @@ def searched(reference: Measurement, progress: Progress | None = None) -> Diagno
 
 
 def with_lessons(found: Diagnosis) -> tuple[Diagnosis, Lessons]:
-    """A diagnosis of reference sweeps with what can be learnt beside them."""
+    """A diagnosis of reference sweeps, prepared for further data."""
     assert found.rivals is not None
     return found, Lessons(found.rivals)
