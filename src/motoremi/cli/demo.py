@@ -135,8 +135,8 @@ def _missed_percent(seed: int, effect: str) -> float:
     from motoremi.data.sweep import ImpedanceSweep
     from motoremi.fitting.fit import fit
     from motoremi.model.motor import dc_motor
-    from motoremi.simulate.analyser import SimulatedAnalyser
-    from motoremi.simulate.motor import SimulatedMotor
+    from motoremi.simulate.analyser_errors import SimulatedAnalyser
+    from motoremi.simulate.simulated_motor import SimulatedMotor
 
     frequency_hz = np.geomspace(150e3, 30e6, PLAIN_POINTS)
     motor, analyser = SimulatedMotor.random(seed, (effect,)), SimulatedAnalyser(seed)
