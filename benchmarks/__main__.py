@@ -15,7 +15,7 @@ from benchmarks.growth import growth, refits
 from benchmarks.motors import GROUPS, NAMES, cases, chi_squared
 from benchmarks.packages import MORE_TIME, MOTORS, PACKAGES
 from benchmarks.peers import HALVED, PEERS, run_peer
-from motoremi.fitting.paper import paper_colony
+from motoremi.fitting.paper_colony import paper_colony
 
 OURS = "motoremi"
 PAPER = "the paper's colony, 200 loops"

@@ -12,7 +12,7 @@ import motoremi as me
 from benchmarks.motors import cases
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.fitting import colony, paper
+from motoremi.fitting import aco_r, paper_colony
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.search import SEARCH_POINTS
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
@@ -56,17 +56,17 @@ def growth() -> list[str]:
     thinned = Problem(me.dc_motor(), measurement, points=SEARCH_POINTS, weights="log")
 
     def printed() -> None:
-        with patch.object(paper, "STOP_DEVIATION", 0.0):
-            paper.paper_colony(full, np.random.default_rng(1), loops=LOOPS)
+        with patch.object(paper_colony, "STOP_DEVIATION", 0.0):
+            paper_colony.paper_colony(full, np.random.default_rng(1), loops=LOOPS)
 
     def ours() -> None:
-        colony.Colony(thinned, np.random.default_rng(1), np.empty((0, 7))).walk(LOOPS)
+        aco_r.Colony(thinned, np.random.default_rng(1), np.empty((0, 7))).walk(LOOPS)
 
     for title, module, name, work in (
-        (f"ants, {LOOPS} loops of the printed colony, 30 candidates", paper, "ANTS", printed),
-        (f"candidates, {LOOPS} loops of the printed colony, 150 ants", paper, "CANDIDATES", printed),
-        (f"ants, {LOOPS} generations of our colony, archive of 60", colony, "ANTS", ours),
-        (f"archive, {LOOPS} generations of our colony, 60 ants", colony, "ARCHIVE", ours),
+        (f"ants, {LOOPS} loops of the printed colony, 30 candidates", paper_colony, "ANTS", printed),
+        (f"candidates, {LOOPS} loops of the printed colony, 150 ants", paper_colony, "CANDIDATES", printed),
+        (f"ants, {LOOPS} generations of our colony, archive of 60", aco_r, "ANTS", ours),
+        (f"archive, {LOOPS} generations of our colony, 60 ants", aco_r, "ARCHIVE", ours),
     ):
         costs = []
         for count in COUNTS:

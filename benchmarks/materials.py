@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.real_motor import write
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.diagnosis import dispersion as laws
-from motoremi.diagnosis.dispersion import DispersionFit, fit_laws
+from motoremi.inspection import dispersion as laws
+from motoremi.inspection.dispersion import DispersionFit, fit_laws
 from motoremi.quantities import show, show_band
 
 EPSILON_0 = 8.8541878128e-12

@@ -16,7 +16,7 @@ import numpy as np
 
 import motoremi as me
 from motoremi.data.files import read_impedance
-from motoremi.diagnosis.ladder import further
+from motoremi.diagnosis.ladder_step import further
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show, show_band
 

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from motoremi.data.session import Session, load, verify
     from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
-    from motoremi.diagnosis.compare import Comparison, Tolerance, compare
     from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
-    from motoremi.diagnosis.element import Inspection, inspect
     from motoremi.emission.predict import Prediction, predict
     from motoremi.emission.setup import Setup
     from motoremi.errors import BadInput, InstrumentError, MotoremiError
@@ -29,6 +27,8 @@ if TYPE_CHECKING:
     from motoremi.fitting.fit import fit
     from motoremi.fitting.result import Fit
     from motoremi.fleet.fleet_frames import fleet_frames
+    from motoremi.inspection.compare import Comparison, Tolerance, compare
+    from motoremi.inspection.element import Inspection, inspect
     from motoremi.model.effects import effects_from
     from motoremi.model.motor import Motor, dc_motor
 
@@ -44,13 +44,13 @@ _HOMES = {
     "verify": "motoremi.data.session",
     "Spectrum": "motoremi.data.spectrum",
     "ImpedanceSweep": "motoremi.data.sweep",
-    "Comparison": "motoremi.diagnosis.compare",
-    "Tolerance": "motoremi.diagnosis.compare",
-    "compare": "motoremi.diagnosis.compare",
+    "Comparison": "motoremi.inspection.compare",
+    "Tolerance": "motoremi.inspection.compare",
+    "compare": "motoremi.inspection.compare",
     "Diagnosis": "motoremi.diagnosis.diagnosis",
     "diagnose": "motoremi.diagnosis.diagnosis",
-    "Inspection": "motoremi.diagnosis.element",
-    "inspect": "motoremi.diagnosis.element",
+    "Inspection": "motoremi.inspection.element",
+    "inspect": "motoremi.inspection.element",
     "BadInput": "motoremi.errors",
     "InstrumentError": "motoremi.errors",
     "MotoremiError": "motoremi.errors",

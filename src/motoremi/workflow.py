@@ -16,14 +16,14 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session, load, reopen
 from motoremi.data.storage import write_whole
-from motoremi.diagnosis.compare import Comparison, Tolerance, compare
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
-from motoremi.diagnosis.element import Inspection, inspect
-from motoremi.diagnosis.ladder import further, ladder_step
-from motoremi.diagnosis.signature import Signature, signature
+from motoremi.diagnosis.ladder_step import further, ladder_step
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import checked_held, fit
 from motoremi.fitting.result import Fit, restore
+from motoremi.inspection.compare import Comparison, Tolerance, compare
+from motoremi.inspection.effect_signature import Signature, signature
+from motoremi.inspection.element import Inspection, inspect
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.progress import part

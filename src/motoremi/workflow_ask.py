@@ -11,9 +11,9 @@ from motoremi.arrays import JsonDict
 from motoremi.data.session import Session, load
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import decode, read_bytes, show_name
-from motoremi.diagnosis.asking import NOTHING_ASKED, NOTHING_BITS
-from motoremi.diagnosis.menu import BY_NAME
 from motoremi.errors import BadInput
+from motoremi.investigation.menu import BY_NAME
+from motoremi.investigation.question import NOTHING_ASKED, NOTHING_BITS
 from motoremi.workflow import diagnose_session, opened
 
 _KEYS = {"id", "like", "minutes", "instruction", "hands"}

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import load
-from motoremi.diagnosis.asking import next_question
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.informed import NOT_AS_ASKED, of_the_operator
-from motoremi.diagnosis.rivals import Lessons
 from motoremi.fitting.fit import fit
+from motoremi.investigation.question import next_question
+from motoremi.investigation.rivals import Lessons
 from motoremi.model.motor import dc_motor
 from motoremi.workflow import Store, measurement_of
 from motoremi.workflow_investigate import Assessment

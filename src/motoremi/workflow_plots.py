@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session, load
-from motoremi.diagnosis.compare import compare
-from motoremi.diagnosis.element import inspect
-from motoremi.diagnosis.signature import signature
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import compare
+from motoremi.inspection.effect_signature import signature
+from motoremi.inspection.element import inspect
 from motoremi.report import plots
 from motoremi.report.emission_section import emission_fit_figure, prediction_figure
 from motoremi.report.renderings import reported_as_unreadable

@@ -7,8 +7,8 @@ from typing import Any
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.session import load
-from motoremi.diagnosis.compare import Tolerance
 from motoremi.errors import BadInput
+from motoremi.inspection.compare import Tolerance
 from motoremi.workflow import compare_session, diagnose_session, diagnosis_in, fit_session, report_session
 from motoremi.workflow_emission import choose_finals, judged
 

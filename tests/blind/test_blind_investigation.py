@@ -13,8 +13,8 @@ from motoremi.blind.policies import EXPERT, FIXED, POLICIES, PRODUCT, Offer, Sta
 from motoremi.blind.scoring import Answer
 from motoremi.blind.sealed import OUTSIDE, STARTS, Asked, Evidence, Sealed, draw_sealed, draw_sealed_many
 from motoremi.data.conditions import CONDITIONS, VALUES, condition
-from motoremi.diagnosis.menu import MENU
 from motoremi.errors import BadInput
+from motoremi.investigation.menu import MENU
 
 OFFERS = (
     Offer(Asked("dc-bias", condition("dc-bias", 1.0)), 20.0, 0.9),

@@ -10,10 +10,10 @@ import motoremi as me
 from motoremi.data.coarse import MOST_POINTS, bins_of, coarse, points_in_bins, scatter_in_bins
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import Noise
-from motoremi.diagnosis.causal import check_causality
 from motoremi.diagnosis.outliers import outlying
 from motoremi.fitting.polish import sharpened
 from motoremi.fitting.problem import Problem
+from motoremi.inspection.causal import check_causality
 
 MOTOR = {"Ra": 10.0, "La": 25e-6, "Ca": 60e-12, "Rr": 30.0, "Lr": 1.6e-6, "Cr": 424e-12, "Cf": 210e-12}
 MANY_HZ = np.geomspace(150e3, 30e6, 6001)

@@ -15,9 +15,9 @@ from motoremi.blind.cases import Case
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.candidates import at_bounds, possible_effects
 from motoremi.diagnosis.candidates import candidate as weighed
-from motoremi.diagnosis.compare import Tolerance
 from motoremi.diagnosis.diagnosis import _closeness
 from motoremi.errors import BadInput
+from motoremi.inspection.compare import Tolerance
 from motoremi.simulate.hidden_effects import DEMO_EFFECTS
 
 pytestmark = pytest.mark.slow

@@ -14,7 +14,7 @@ from motoremi.data.noise import estimate_noise
 from motoremi.data.sweep import group_repeats
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import informative_points
-from motoremi.fitting.paper import CANDIDATES, LOOPS, STOP_DEVIATION
+from motoremi.fitting.paper_colony import CANDIDATES, LOOPS, STOP_DEVIATION
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import restore

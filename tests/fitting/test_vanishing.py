@@ -10,7 +10,7 @@ from conftest import simulated_sweeps
 from workbench_tools import make_fitted_session
 
 import motoremi as me
-from motoremi.diagnosis.ladder import ladder_step
+from motoremi.diagnosis.ladder_step import ladder_step
 from motoremi.fitting.fit import followed, trail_to
 from motoremi.fitting.result import restore
 from motoremi.workbench import desk

@@ -8,7 +8,7 @@ from places import DATA
 
 import motoremi as me
 from motoremi.data.files import read_impedance
-from motoremi.diagnosis.ladder import further
+from motoremi.diagnosis.ladder_step import further
 from motoremi.errors import BadInput
 from motoremi.model import materials
 from motoremi.model.effects import add_effects, find_effect

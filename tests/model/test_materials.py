@@ -10,8 +10,8 @@ import pytest
 from places import DATA
 
 from benchmarks import real_cores
-from motoremi.diagnosis import dispersion as laws
-from motoremi.diagnosis.dispersion import fit_laws
+from motoremi.inspection import dispersion as laws
+from motoremi.inspection.dispersion import fit_laws
 
 DATA = DATA / "n87_ferrite_material"
 

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from motoremi.diagnosis.parts import whole_element
 from motoremi.export.realise import impedance_of
+from motoremi.inspection.element_circuit import whole_element
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect, identifiers
 from motoremi.model.motor import BASE_PARAMETERS, BOTH, Motor, dc_motor

@@ -16,8 +16,8 @@ import motoremi as me
 from motoremi import drawing
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
-from motoremi.diagnosis.signature import signature
 from motoremi.emission.source_effects import EFFECTS
+from motoremi.inspection.effect_signature import signature
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from motoremi.report.kinds import PLOTS
 from motoremi.report.svg import to_svg

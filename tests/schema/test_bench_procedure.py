@@ -11,8 +11,8 @@ import pytest
 from places import ROOT
 
 from motoremi.cli.session_commands import compare_
-from motoremi.diagnosis.compare import PAPER_TOLERANCE
 from motoremi.errors import BadInput
+from motoremi.inspection.compare import PAPER_TOLERANCE
 from motoremi.quantities import parse
 from motoremi.schema.bench_file import BenchFile, load_bench_file
 from motoremi.schema.keys import reference

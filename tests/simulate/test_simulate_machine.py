@@ -30,8 +30,8 @@ OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
     **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }
-# What is hidden by other sizes than the catalogue's has tests elsewhere: conductors in test_simulate_ladders, a coupled mesh in test_readings;
-# a motor that warms up changes all its capacitances, the catalogue's only Ca.
+# What is hidden by other sizes than the catalogue's has tests elsewhere: conductors in test_simulate_ladders, a coupled mesh in
+# test_rational_starts; a motor that warms up changes all its capacitances, the catalogue's only Ca.
 OTHER_SIZES = ("skin-effect", "proximity-effect", "field-coupling", "temperature-drift")
 
 

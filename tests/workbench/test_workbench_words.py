@@ -10,7 +10,7 @@ from workbench_browser import Watched, needs_chromium
 from workbench_tools import bench_of, client_of, make_fitted_session, make_session, served
 
 from motoremi.data.session import load, reopen
-from motoremi.diagnosis.compare import Tolerance
+from motoremi.inspection.compare import Tolerance
 from motoremi.report.cause import diagnosis_section
 from motoremi.report.identity import identity_section
 from motoremi.report.overlay import LOOKS

@@ -18,9 +18,9 @@ from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome
 from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.asking import next_question
 from motoremi.diagnosis.diagnosis import Diagnosis
-from motoremi.diagnosis.rivals import Lessons
+from motoremi.investigation.question import next_question
+from motoremi.investigation.rivals import Lessons
 from motoremi.workflow_assess import searched, with_lessons
 
 ODDS, BUDGET_MINUTES = 20.0, 240.0

@@ -10,8 +10,8 @@ import typer
 from motoremi.cli.options import AsJson, command, plot_file
 
 if TYPE_CHECKING:
-    from motoremi.diagnosis.signature import Signature
     from motoremi.emission.source_effects import SourceEffect
+    from motoremi.inspection.effect_signature import Signature
     from motoremi.model.effects import Effect
 
 

@@ -238,7 +238,7 @@ def fit_(
     """Fit the last model of the session's ladder; at first the paper's circuit."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
-    from motoremi.diagnosis.following import next_measurement
+    from motoremi.investigation.next_measurement import next_measurement
     from motoremi.quantities import error_bar, show
     from motoremi.workflow import fit_session, model_of, opened
 
@@ -297,7 +297,7 @@ def compare_(
 ) -> None:
     """Compare model and measurement: error per sweep and band, where it fails, PASS or FAIL. Without a tolerance: the last one, at first 10 %."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.diagnosis.compare import Tolerance
+    from motoremi.inspection.compare import Tolerance
     from motoremi.workflow import compare_session, opened
 
     with opened(path) as store:

@@ -11,25 +11,25 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.asking import Question, next_question
 from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.candidates import Candidate, possible_effects
-from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps, the_same_twice
-from motoremi.diagnosis.following import next_measurement
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
-from motoremi.diagnosis.remainder import Remainder, remainder
-from motoremi.diagnosis.rivals import Rivals
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.fitting.search import Task, arrived_on_all
+from motoremi.inspection.compare import compare
+from motoremi.inspection.unexplained import Remainder, remainder
+from motoremi.investigation.next_measurement import next_measurement
+from motoremi.investigation.question import Question, next_question
+from motoremi.investigation.rivals import Rivals
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
 from motoremi.quantities import show_band

@@ -11,8 +11,8 @@ from motoremi.data.analyser import Analyser
 from motoremi.data.kernels import logarithm
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
-from motoremi.diagnosis.remainder import Remainder
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
+from motoremi.inspection.unexplained import Remainder
 from motoremi.quantities import show
 
 # Drift and correlated noise of so many times the white noise could pass for an effect.

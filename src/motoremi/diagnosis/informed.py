@@ -6,11 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.asking import ODDS
 from motoremi.diagnosis.belief import MOST_NAMES, Belief
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
-from motoremi.diagnosis.rivals import Key, Rivals, rivals_of, update
+from motoremi.investigation.question import ODDS
+from motoremi.investigation.rivals import Key, Rivals, rivals_of, update
 
 # An explanation at which an investigation stops stands alone.
 STANDS = ODDS / (1 + ODDS)
@@ -48,7 +48,7 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
 
 
 def departs(rivals: Rivals) -> bool:
-    """Whether what was measured since is none of what any explanation of the catalogue foresees."""
+    """Whether what was measured since is none of what any explanation of the catalogue predicts."""
     return bool(rivals.taught) and rivals.outside > 0.5
 
 

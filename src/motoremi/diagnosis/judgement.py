@@ -12,7 +12,7 @@ from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, Belief, Standing, believe, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
-from motoremi.diagnosis.motors import MotorBoard
+from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.workers import Map

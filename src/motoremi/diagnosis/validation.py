@@ -66,8 +66,7 @@ def _inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
     directions = problem.whitening.directions(fit.sizes.discrepancy)
 
     def less_smooth(weighted: ComplexArray) -> ComplexArray:
-        left: ComplexArray = weighted - (weighted @ directions.conj()) @ directions.T
-        return left
+        return weighted - (weighted @ directions.conj()) @ directions.T
 
     # A parameter that only the left-out data determine is spread over its range.
     spread = np.where(problem.precision == 0, 12 / (problem.high - problem.low) ** 2, 0.0)
@@ -100,5 +99,4 @@ def _root_of_inverse(matrix: FloatArray) -> FloatArray:
     """R with R R' the inverse of a positive matrix, shape (k, k); its unknowns may be of very different scales."""
     scale = np.sqrt(np.diag(matrix))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    root: FloatArray = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1])) / scale[:, None]
-    return root
+    return vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1])) / scale[:, None]

@@ -66,5 +66,4 @@ def other_assignment(problem: Problem, u: FloatArray) -> FloatArray | None:
     ends = polish(problem, start, iterations=STEPS)
     if ends.objective[0] - float(problem.objective(u)) > AS_GOOD:
         return None
-    apart: FloatArray = ends.u[0] - u
-    return apart
+    return ends.u[0] - u

@@ -14,15 +14,15 @@ from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
-from motoremi.fitting.colony import Colony
+from motoremi.fitting.aco_r import Colony
+from motoremi.fitting.band_scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.exchange import exchanged
 from motoremi.fitting.marginal import marginal
-from motoremi.fitting.paper import paper_colony
+from motoremi.fitting.paper_colony import paper_colony
 from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import THOROUGH, Trail, race
 from motoremi.fitting.result import METHODS, Fit, on_fits, summarise
-from motoremi.fitting.scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.search import (
     FOLLOWED,
     GENERATIONS,

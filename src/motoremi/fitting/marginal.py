@@ -48,14 +48,12 @@ class Marginal:
     @property
     def of_discrepancy(self) -> FloatArray:
         """Posterior of the discrepancy, shape (discrepancies,)."""
-        total: FloatArray = self.probabilities.sum(axis=1)
-        return total
+        return self.probabilities.sum(axis=1)
 
     @property
     def of_scale(self) -> FloatArray:
         """Posterior of the scale of the declared errors, shape (scales,)."""
-        total: FloatArray = self.probabilities.sum(axis=0)
-        return total
+        return self.probabilities.sum(axis=0)
 
     @property
     def likeliest(self) -> Sizes:
@@ -165,5 +163,4 @@ def _log_evidences(problem: Problem, u: FloatArray, products: ComplexArray, decl
     objective = squares + float(away**2 @ precision) - gained
     determinants = np.linalg.slogdet(scaled)[1] + 2 * np.sum(np.log(scale), axis=1)
     prior = np.sum(np.where(flat, 0.5 * np.log(2 * np.pi) - np.log(width), 0.5 * np.log(np.maximum(precision, 1e-300))))
-    found: FloatArray = -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - analyser - 0.5 * determinants + prior
-    return found
+    return -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - analyser - 0.5 * determinants + prior

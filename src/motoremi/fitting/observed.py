@@ -128,8 +128,7 @@ class Observed:
         for mine, its in zip(self.sweeps, other.sweeps, strict=True):
             own, place, wanted = values[self.slices[mine.termination]], np.log(mine.frequency_hz), np.log(its.frequency_hz)
             found.append(np.interp(wanted, place, own.real) + 1j * np.interp(wanted, place, own.imag))
-        result: ComplexArray = np.concatenate(found)
-        return result
+        return np.concatenate(found)
 
     @cached_property
     def columns(self) -> Columns:

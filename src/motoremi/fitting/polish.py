@@ -148,7 +148,7 @@ def polish(
             break
         new = problem.linearised(trial)
         if bending:
-            evaluations += _led_back(problem, trial, new, here.objective, damped)
+            evaluations += _watchdog_step(problem, trial, new, here.objective, damped)
         gained = here.objective - new.objective
         better = gained >= 0
         bent |= gained < 0.7 * expected
@@ -189,8 +189,7 @@ class _Newton(NamedTuple):
 
 def _held(problem: Problem, u: FloatArray, here: Linearised) -> BoolArray:
     """Unknowns at a bound that the gradient pushes outwards."""
-    held: BoolArray = ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
-    return held
+    return ((u <= problem.low) & (here.gradient > 0)) | ((u >= problem.high) & (here.gradient < 0))
 
 
 def _newton(problem: Problem, u: FloatArray, here: Linearised, damped: FloatArray) -> _Newton:
@@ -203,11 +202,10 @@ def _newton(problem: Problem, u: FloatArray, here: Linearised, damped: FloatArra
 
 def _expected(here: Linearised, right: FloatArray, step: FloatArray) -> FloatArray:
     """What a step gains by the linear model, shape (batch,)."""
-    gain: FloatArray = -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
-    return gain
+    return -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
 
 
-def _led_back(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
+def _watchdog_step(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
     """Lead trials that went uphill on by a second step, in place, where its slopes promise less than `before`; how many there were."""
     uphill = np.flatnonzero(new.objective > before)
     if not uphill.size:
@@ -263,14 +261,12 @@ def _decrement(matrix: FloatArray, right: FloatArray, held: BoolArray) -> FloatA
     system = _free_part(matrix, held)
     diagonal = _diagonal(system)
     diagonal[...] = np.where(held, 1.0, diagonal * (1 + 1e-12) + 1e-12)
-    gain: FloatArray = np.sum(right * np.linalg.solve(system, right[..., None])[..., 0], axis=1)
-    return gain
+    return np.sum(right * np.linalg.solve(system, right[..., None])[..., 0], axis=1)
 
 
 def _limited(step: FloatArray) -> FloatArray:
     """Steps of at most e^2 in a parameter: beyond, the linear model means nothing."""
-    limited: FloatArray = step * np.minimum(1.0, 2.0 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-    return limited
+    return step * np.minimum(1.0, 2.0 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
 
 
 def _free_part(matrix: FloatArray, held: BoolArray) -> FloatArray:
@@ -283,5 +279,4 @@ def _free_part(matrix: FloatArray, held: BoolArray) -> FloatArray:
 
 def _diagonal(matrix: FloatArray) -> FloatArray:
     """A view of the diagonals of a batch, shape (batch, k)."""
-    view: FloatArray = np.einsum("...ii->...i", matrix)
-    return view
+    return np.einsum("...ii->...i", matrix)

@@ -76,8 +76,7 @@ class Linearised:
     @property
     def jacobian(self) -> FloatArray:
         """Derivatives of the residuals for the unknowns, shape (..., k, 2 n), real parts first."""
-        joined: FloatArray = np.concatenate([self.slopes.real, self.slopes.imag], axis=-1) * self.chain[..., None]
-        return joined
+        return np.concatenate([self.slopes.real, self.slopes.imag], axis=-1) * self.chain[..., None]
 
     def subset(self, index: np.ndarray) -> Linearised:
         """Some members of the batch."""
@@ -205,8 +204,7 @@ class Problem:
         return np.where(self._declared, self.precision * ratio, self.precision)
 
     def _penalty(self, u: FloatArray) -> FloatArray:
-        total: FloatArray = (u - self.centre) ** 2 @ self.precision
-        return total
+        return (u - self.centre) ** 2 @ self.precision
 
     def _circuit(self, sweep: ObservedSweep) -> Node:
         circuit, analyser = self.motor.circuit(sweep.termination), self.measurement.analyser
@@ -231,8 +229,7 @@ class Problem:
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
         """Unknowns from values in SI units; what is not given starts at zero or in the middle of its range; kept within bounds."""
-        u: FloatArray = self.vectors([values])[0]
-        return u
+        return self.vectors([values])[0]
 
     def vectors(self, starts: Sequence[Mapping[str, float]]) -> FloatArray:
         """Several at once, shape (m, k)."""
@@ -267,8 +264,7 @@ class Problem:
     @cached_property
     def _to_relative(self) -> ComplexArray:
         """2 / (1 - G^2): relative change of Z for one of the reflection coefficient."""
-        factor: ComplexArray = 2 / (1 - reflection_of(self.observed.smooth) ** 2)
-        return factor
+        return 2 / (1 - reflection_of(self.observed.smooth) ** 2)
 
     @cached_property
     def _directions(self) -> ComplexArray:
@@ -301,13 +297,11 @@ class Problem:
     def objective(self, u: FloatArray) -> FloatArray:
         """Minus twice the log likelihood (and prior), up to a constant for these sizes, shape (...)."""
         residual = self.residual(u) * self.observed.weight
-        total: FloatArray = _squares(residual.view(np.float64)) - _squares(self._along(residual)) + self._penalty(u)
-        return total
+        return _squares(residual.view(np.float64)) - _squares(self._along(residual)) + self._penalty(u)
 
     def _along(self, values: ComplexArray) -> FloatArray:
         """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the smooth directions."""
-        found: FloatArray = (values @ self._adjoint).view(np.float64) if self._adjoint.shape[1] else np.zeros((*values.shape[:-1], 0))
-        return found
+        return (values @ self._adjoint).view(np.float64) if self._adjoint.shape[1] else np.zeros((*values.shape[:-1], 0))
 
     def linearised(self, u: FloatArray) -> Linearised:
         """The objective round `u`, shape (..., k), to second order."""
@@ -364,8 +358,7 @@ class Problem:
     def pull(self, here: Linearised, weighted: ComplexArray) -> FloatArray:
         """J' C^-1 times a change of the weighted residuals, shape (..., n): half of what it adds to the gradient; shape (..., k)."""
         along = _product(here.along, self._along(weighted))
-        result: FloatArray = (_product(here.slopes.view(np.float64), weighted.view(np.float64)) - along) * here.chain
-        return result
+        return (_product(here.slopes.view(np.float64), weighted.view(np.float64)) - along) * here.chain
 
     def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:
         """Derivatives of `deviation` for the unknowns, shape (k, n); `u` of shape (k,)."""
@@ -398,8 +391,7 @@ class Problem:
         weight, columns = self.observed.weight, self.observed.columns.analyser * self.sizes.declared
         weighted = self.residual(u) * weight
         white = weighted - self._directions @ (self._adjoint.T @ weighted)
-        error: ComplexArray = columns @ (columns.conj().T @ (white * weight))
-        return error
+        return columns @ (columns.conj().T @ (white * weight))
 
     def analyser_sigma(self, u: FloatArray) -> float:
         """How far the analyser's errors had to go, in standard deviations of what was declared: the farthest of them."""
@@ -434,8 +426,7 @@ class Problem:
         """Weighted residuals, shape (..., n), with unit covariance."""
         unit, shares = orthonormal(self._directions)
         taken = 1 - np.sqrt(np.maximum(1 - shares, 0.0))
-        white: ComplexArray = weighted - ((weighted @ unit.conj()) * taken) @ unit.T
-        return white
+        return weighted - ((weighted @ unit.conj()) * taken) @ unit.T
 
     def whitened(self, u: FloatArray) -> ComplexArray:
         """Residuals whose covariance is one, shape (n,)."""
@@ -465,14 +456,12 @@ def _repaired(values: ComplexArray, replacement: float) -> ComplexArray:
     """Real and imaginary parts that are not finite numbers replaced, the sign of infinity kept."""
     if np.isfinite(values).all():
         return values
-    result: ComplexArray = np.nan_to_num(values, nan=replacement, posinf=replacement, neginf=-replacement)
-    return result
+    return np.nan_to_num(values, nan=replacement, posinf=replacement, neginf=-replacement)
 
 
 def _squares(values: FloatArray) -> FloatArray:
     """Sum of squares along the last axis."""
-    total: FloatArray = np.einsum("...i,...i->...", values, values)
-    return total
+    return np.einsum("...i,...i->...", values, values)
 
 
 def _wrapped(logarithm: ComplexArray) -> ComplexArray:
@@ -483,8 +472,7 @@ def _wrapped(logarithm: ComplexArray) -> ComplexArray:
 
 def _product(rows: FloatArray, column: FloatArray) -> FloatArray:
     """Matrix times vector for a batch."""
-    product: FloatArray = (rows @ column[..., None])[..., 0]
-    return product
+    return (rows @ column[..., None])[..., 0]
 
 
 def _linear_scale(parameter: Parameter) -> float:

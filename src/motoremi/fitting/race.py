@@ -223,8 +223,7 @@ def _leaders(objective: FloatArray, group: int, most: int) -> np.ndarray:
         return np.arange(len(objective))
     best = np.array([at + int(np.argmin(objective[at : at + group])) for at in range(0, len(objective), group)])
     rest = np.setdiff1d(np.arange(len(objective)), best)
-    ordered: np.ndarray = np.concatenate([best[np.argsort(objective[best])], rest[np.argsort(objective[rest])]])[:most]
-    return ordered
+    return np.concatenate([best[np.argsort(objective[best])], rest[np.argsort(objective[rest])]])[:most]
 
 
 @one_blas_thread

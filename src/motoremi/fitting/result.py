@@ -498,5 +498,4 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     """Covariance from the Gauss-Newton matrix; very large along directions that the data leave open."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    covariance: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
-    return covariance
+    return (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)

@@ -16,7 +16,7 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
-from motoremi.fitting.colony import Colony
+from motoremi.fitting.aco_r import Colony
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
 from motoremi.fitting.observed import OUT_OF_SIGHT
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened

@@ -70,5 +70,4 @@ def _moved(sweep: RepeatedSweep, noise: Noise, slopes: ComplexArray) -> FloatArr
     # Of steps of one along the unit contrast; what shows in no repeat keeps what is believed beforehand.
     variance = np.linalg.inv(length**2 * design @ design.T + np.eye(len(slopes)) / MOST_A_REPEAT**2)
     step = variance @ (length * design @ target)
-    size: FloatArray = sweep.repeats * np.sqrt(step**2 + np.diag(variance))
-    return size
+    return sweep.repeats * np.sqrt(step**2 + np.diag(variance))

@@ -15,11 +15,11 @@ from motoremi.data.plain import plain
 from motoremi.data.session import load
 from motoremi.data.storage import write_whole
 from motoremi.data.text import clean_text
-from motoremi.diagnosis.compare import compare
 from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.errors import MotoremiError
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import compare
 from motoremi.model.effects import catalogue_sha256
 from motoremi.model.motor import dc_motor
 from motoremi.report.html import render_html

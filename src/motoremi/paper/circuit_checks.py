@@ -9,7 +9,7 @@ import numpy as np
 from motoremi.arrays import FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.fit import fit
-from motoremi.fitting.paper import CANDIDATES, STOP_DEVIATION
+from motoremi.fitting.paper_colony import CANDIDATES, STOP_DEVIATION
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
 from motoremi.model.motor import dc_motor

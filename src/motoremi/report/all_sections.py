@@ -8,9 +8,9 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import Comparison, compare
 from motoremi.quantities import error_bar, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of

@@ -17,9 +17,9 @@ from motoremi.arrays import JsonDict
 from motoremi.data.laboratory import Laboratory
 from motoremi.data.session import Session
 from motoremi.data.text import clean_text
-from motoremi.diagnosis.compare import Comparison
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import Comparison
 from motoremi.report.kinds import FORMS, SECTIONS
 
 # Longer texts are cut for display; the machine-readable data hold them complete.

@@ -8,16 +8,16 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.session import Session
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.diagnosis.compare import Comparison
 from motoremi.diagnosis.diagnosis import Diagnosis
-from motoremi.diagnosis.element import Inspection
-from motoremi.diagnosis.signature import Signature
 from motoremi.drawing import figure_of
 from motoremi.emission.diagnose import EmissionDiagnosis
 from motoremi.emission.predict import Prediction
 from motoremi.emission.spectrum_fit import EmissionFit
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import Comparison
+from motoremi.inspection.effect_signature import Signature
+from motoremi.inspection.element import Inspection
 from motoremi.report.emission_section import emission_fit_figure, prediction_figure
 from motoremi.report.inspection_figure import inspection_figure
 from motoremi.report.plots import comparison_figure, fit_figure, measured_figure, ranking_figure, spectrum_figure

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from motoremi.arrays import JsonDict
-from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import Comparison, compare
 from motoremi.quantities import show_band
 from motoremi.report.contents import Box, Materials, is_result
 from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser

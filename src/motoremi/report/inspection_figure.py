@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.diagnosis.element import ElementCurve, Inspection
+from motoremi.inspection.element import ElementCurve, Inspection
 from motoremi.report.axes import BLACK, BLUE, ORANGE, VERMILION, frequency_axis, legend_above, panels
 
 if TYPE_CHECKING:

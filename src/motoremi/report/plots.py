@@ -15,8 +15,8 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import RepeatedSweep
-from motoremi.diagnosis.compare import Comparison, compare
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import Comparison, compare
 from motoremi.quantities import show
 from motoremi.report.axes import (
     BAND_GREY,

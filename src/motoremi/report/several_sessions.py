@@ -11,8 +11,8 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
-from motoremi.diagnosis.compare import bands_over, compare
 from motoremi.errors import BadInput
+from motoremi.inspection.compare import bands_over, compare
 from motoremi.quantities import error_bar, show, show_band
 from motoremi.report.contents import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.gaps import gaps

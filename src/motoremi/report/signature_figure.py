@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.diagnosis.signature import Shown, Signature
+from motoremi.inspection.effect_signature import Shown, Signature
 from motoremi.report.axes import BLUE, GREEN, GREY, VERMILION, frequency_axis, legend_above, panels
 
 if TYPE_CHECKING:

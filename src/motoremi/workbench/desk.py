@@ -12,12 +12,12 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.data.paths import inside
 from motoremi.data.session import Session, load
-from motoremi.diagnosis.compare import Comparison, Tolerance, compare
-from motoremi.diagnosis.element import Inspection, inspect
-from motoremi.diagnosis.ladder import further
+from motoremi.diagnosis.ladder_step import further
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit, restore
 from motoremi.fitting.vanishing import no_worse
+from motoremi.inspection.compare import Comparison, Tolerance, compare
+from motoremi.inspection.element import Inspection, inspect
 from motoremi.model.effects import find_effect
 from motoremi.workbench.draft import Draft
 from motoremi.workbench.ladder import FileStamp, Ladder

@@ -23,8 +23,8 @@ from motoremi.data.analyser import ANALYSERS
 from motoremi.data.paths import inside
 from motoremi.data.plain import object_from_json, plain
 from motoremi.data.text import clean_text, clean_value
-from motoremi.diagnosis.compare import Tolerance
 from motoremi.errors import BadInput, MotoremiError
+from motoremi.inspection.compare import Tolerance
 from motoremi.interrupts import Cancelled
 from motoremi.report.contents import Choice
 from motoremi.report.kinds import FORMS, SECTIONS

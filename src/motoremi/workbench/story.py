@@ -16,7 +16,7 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import possible_effects
-from motoremi.diagnosis.ladder import accumulates
+from motoremi.diagnosis.ladder_step import accumulates
 from motoremi.emission.source_effects import source_effects
 from motoremi.emission.spectrum_fit import EmissionFit
 from motoremi.errors import BadInput

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.session import Session
-from motoremi.diagnosis.compare import Comparison
-from motoremi.diagnosis.menu import MENU
-from motoremi.diagnosis.parts import ELEMENTS
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import Comparison
+from motoremi.inspection.element_circuit import ELEMENTS
+from motoremi.investigation.menu import MENU
 from motoremi.model.effects import catalogue
 from motoremi.quantities import show, show_band
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, probability_of, reasons_of

@@ -19,10 +19,10 @@ from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
-from motoremi.diagnosis.menu import BY_NAME, Option
-from motoremi.diagnosis.responses import Responses, factors, responses
 from motoremi.fitting.problem import behind_fixture, residual_parameters
 from motoremi.fitting.result import Fit
+from motoremi.investigation.menu import BY_NAME, Option
+from motoremi.investigation.responses import Responses, factors, responses
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Parallel, Series, Tape
 from motoremi.model.effects import add_effects, find_effect
@@ -106,9 +106,9 @@ class Outcome:
         return self.option.kind != "change"
 
     @property
-    def unforeseen(self) -> IntArray:
-        """As `Responses.unforeseen`; what compensation leaves anew is foreseen."""
-        return np.concatenate([self._responses.unforeseen, np.zeros(len(self._anew), dtype=np.intp)])
+    def unpredicted(self) -> IntArray:
+        """As `Responses.unpredicted`; what compensation leaves anew is predicted."""
+        return np.concatenate([self._responses.unpredicted, np.zeros(len(self._anew), dtype=np.intp)])
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -299,8 +299,7 @@ class _Unit:
     impedance_ohm: FloatArray
 
     def number(self, impedance_ohm: ComplexArray) -> ComplexArray:
-        found: ComplexArray = (impedance_ohm / self.impedance_ohm) ** self.power
-        return found
+        return (impedance_ohm / self.impedance_ohm) ** self.power
 
 
 class ValueOutcome:
@@ -316,7 +315,7 @@ class ValueOutcome:
     size = 1
     absolute = True
     density = 0.0
-    unforeseen: IntArray = np.zeros(1, dtype=np.intp)
+    unpredicted: IntArray = np.zeros(1, dtype=np.intp)
 
     def __init__(self, fit: Fit, value: SingleValue) -> None:
         self.fit, self.value = fit, value
@@ -432,5 +431,4 @@ def _finite(impedance_ohm: ComplexArray) -> ComplexArray:
 
 def _real(values: ComplexArray) -> FloatArray:
     """Real parts, then imaginary parts, along the last axis."""
-    joined: FloatArray = np.concatenate([values.real, values.imag], axis=-1)
-    return joined
+    return np.concatenate([values.real, values.imag], axis=-1)

@@ -16,12 +16,12 @@ from motoremi.arrays import JsonDict
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.diagnosis.causal import CausalModel, alone, check_causality
 from motoremi.fitting.fit import fit, on_all_points
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Task
 from motoremi.fitting.starts import data_driven_starts
+from motoremi.inspection.causal import CausalModel, alone, check_causality
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
 from motoremi.quantities import show

@@ -9,7 +9,7 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
 from motoremi.data.session import SessionWriter, load
-from motoremi.diagnosis.ladder import ladder_step
+from motoremi.diagnosis.ladder_step import ladder_step
 from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.workflow import add_to_session, drop_from_session, fit_session, opened
 

@@ -10,9 +10,9 @@ import pytest
 from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
-from motoremi.diagnosis import causal
 from motoremi.diagnosis.findings import of_the_sweeps
-from motoremi.diagnosis.remainder import Remainder, remainder
+from motoremi.inspection import causal
+from motoremi.inspection.unexplained import Remainder, remainder
 
 pytestmark = pytest.mark.slow
 

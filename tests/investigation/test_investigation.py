@@ -16,15 +16,15 @@ from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.diagnosis.asking import next_question
 from motoremi.diagnosis.belief import believe
 from motoremi.diagnosis.informed import informed, of_the_operator, rivals_in
-from motoremi.diagnosis.menu import BY_NAME, MENU
-from motoremi.diagnosis.outcome import Observed, Outcome
-from motoremi.diagnosis.responses import COPPER_PER_K, factors, responses
-from motoremi.diagnosis.rivals import OUTSIDE, Rivals, rivals_of, update
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
+from motoremi.investigation.menu import BY_NAME, MENU
+from motoremi.investigation.outcome import Observed, Outcome
+from motoremi.investigation.question import next_question
+from motoremi.investigation.responses import COPPER_PER_K, factors, responses
+from motoremi.investigation.rivals import OUTSIDE, Rivals, rivals_of, update
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
 from motoremi.workflow_ask import chosen, question_of
@@ -331,7 +331,7 @@ def test_a_judgement_takes_over_what_was_learnt() -> None:
 def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it() -> None:
     from motoremi.diagnosis.candidates import Candidate
     from motoremi.diagnosis.judgement import Judgement
-    from motoremi.diagnosis.rivals import Taught
+    from motoremi.investigation.rivals import Taught
 
     bare, leak = base(), ("insulation-leakage@Cf",)
     found = {(): Candidate((), bare, 0.0, ()), leak: Candidate(leak, rivals().members[1].fit, 0.5, ())}

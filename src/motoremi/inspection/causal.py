@@ -23,9 +23,9 @@ from scipy.optimize import least_squares
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
 from motoremi.data.covariance import orthonormal
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.compare import spans_of
 from motoremi.fitting.observed import observed
 from motoremi.fitting.problem import AS_DECLARED
+from motoremi.inspection.compare import spans_of
 from motoremi.quantities import show_band
 from motoremi.threads import one_blas_thread
 
@@ -121,8 +121,7 @@ class CausalModel:
         """Impedance in ohm."""
         s: ComplexArray = np.asarray(2j * np.pi * np.asarray(frequency_hz, dtype=np.float64), dtype=np.complex128)
         reflection = self.constant + _columns(s, self.poles) @ _stacked(self.residues, self.poles)
-        result: ComplexArray = self.reference_ohm * (1 + reflection) / (1 - reflection)
-        return result
+        return self.reference_ohm * (1 + reflection) / (1 - reflection)
 
     def resonances(self) -> list[tuple[complex, complex]]:
         """Poles of the impedance in the upper half plane, in 1/s, and their residues, in ohm/s: where S is one."""
@@ -273,8 +272,7 @@ class _Task:
         """Weighted, and freed of what noise that is correlated and the analyser's smooth errors may explain; shape (n, ...)."""
         weighted = (columns.T * self.weight).T
         along = self.directions.conj().T @ weighted
-        result: ComplexArray = weighted - self.directions @ (along.T * self.taken).T
-        return result
+        return weighted - self.directions @ (along.T * self.taken).T
 
 
 def _fitted(measurement: Measurement) -> CausalModel:
@@ -384,8 +382,7 @@ def _vector_fitted(task: _Task, unit: float, reference: float, pairs: int) -> Co
         # It warns of iterations that did not settle and of fits that are not passive; both are judged here, after the polish.
         warnings.simplefilter("ignore")
         fitting.vector_fit(n_poles_real=1, n_poles_cmplx=pairs, init_pole_spacing="log", fit_constant=True, fit_proportional=False)
-    found: ComplexArray = np.asarray(fitting.poles, dtype=np.complex128) / unit
-    return found
+    return np.asarray(fitting.poles, dtype=np.complex128) / unit
 
 
 def _order(poles: ComplexArray) -> int:
@@ -432,8 +429,7 @@ def _polished(task: _Task, start: ComplexArray) -> tuple[ComplexArray, FloatArra
         height = np.zeros(start.size)
         height[~real] = np.exp(u[start.size :])
         narrowest = np.where(real, 0.0, NARROWEST * np.interp(height, task.s.imag, np.gradient(task.s.imag)))
-        poles: ComplexArray = -np.maximum(np.exp(u[: start.size]), narrowest) + 1j * height
-        return poles
+        return -np.maximum(np.exp(u[: start.size]), narrowest) + 1j * height
 
     def solved(u: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
         poles = poles_of(u)
@@ -465,8 +461,7 @@ def _polished(task: _Task, start: ComplexArray) -> tuple[ComplexArray, FloatArra
         white = task.whitened(slopes)
         parts = np.concatenate([white.real, white.imag])
         # Kaufman: what the linear coefficients can follow does not count.
-        slope: FloatArray = q @ (q.T @ parts) - parts
-        return slope
+        return q @ (q.T @ parts) - parts
 
     u = np.concatenate([widths, heights])
     found = least_squares(residual, u, jacobian, method="lm", max_nfev=40, xtol=1e-6, ftol=1e-6)

@@ -14,7 +14,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, IntArray
 from motoremi.data.conditions import Condition
-from motoremi.diagnosis.menu import BY_NAME, REPEATABILITY, UNREACHED, Moved, Option
+from motoremi.investigation.menu import BY_NAME, REPEATABILITY, UNREACHED, Moved, Option
 from motoremi.model.effects import find_effect
 from motoremi.model.motor import BASE_PARAMETERS
 
@@ -46,7 +46,7 @@ class Response:
     number : int
         Which eta.
     listed : bool
-    unforeseen : int
+    unpredicted : int
         Where nothing says that it moves at all, how far is a matter of the whole measurement: 1 of an element, 2 of an effect; 0 elsewhere.
     """
 
@@ -55,7 +55,7 @@ class Response:
     sigma: float
     number: int
     listed: bool = False
-    unforeseen: int = 0
+    unpredicted: int = 0
 
     def logarithm(self, eta: FloatArray) -> tuple[float, float]:
         """Of the factor, and its derivative for eta."""
@@ -81,11 +81,11 @@ class Responses:
     size: int
 
     @property
-    def unforeseen(self) -> IntArray:
-        """Which response numbers belong to what nobody foresees, shape (size,): `Response.unforeseen` of each."""
+    def unpredicted(self) -> IntArray:
+        """Which response numbers belong to what nobody can predict, shape (size,): `Response.unpredicted` of each."""
         found = np.zeros(self.size, dtype=np.intp)
         for one in self.members:
-            found[one.number] = one.unforeseen
+            found[one.number] = one.unpredicted
         return found
 
     @property
@@ -119,7 +119,7 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
         if name in elements:
             moved = option.elements.get(name, Moved(0.0, 0.0)) if power is None else Moved(0.0, 0.0)
             members.append(
-                Response(name, moved.mean * strength, math.hypot(moved.sigma * strength, REPEATABILITY), count, unforeseen=int(not moved.mean))
+                Response(name, moved.mean * strength, math.hypot(moved.sigma * strength, REPEATABILITY), count, unpredicted=int(not moved.mean))
             )
             count += 1
         elif label:
@@ -128,7 +128,7 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
                 members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
                 count += 1
             reached = factor is None and find_effect(label.split("#")[0]).effect.group in option.reaches
-            members.append(Response(name, 0.0, option.others if reached else UNREACHED, count, unforeseen=2))
+            members.append(Response(name, 0.0, option.others if reached else UNREACHED, count, unpredicted=2))
             count += 1
     return Responses(tuple(members), count)
 

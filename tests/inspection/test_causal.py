@@ -10,8 +10,8 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.causal import CausalCheck, check_causality
-from motoremi.diagnosis.together import check_together
+from motoremi.inspection.causal import CausalCheck, check_causality
+from motoremi.inspection.sweep_consistency import check_together
 from motoremi.simulate.analyser_errors import noise_sd_ohm
 from motoremi.simulate.hidden_effects import MOTOR_EFFECTS
 

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
-from motoremi.diagnosis.dispersion import BY_UNIT, CONSTANT_ENOUGH, DESCRIBES, TOLD, DispersionFit, fit_laws
-from motoremi.diagnosis.free import with_free
-from motoremi.diagnosis.parts import ELEMENTS, distinct, outermost, substituted, whole_element, with_element
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import behind_fixture
 from motoremi.fitting.result import Fit
+from motoremi.inspection.dispersion import BY_UNIT, CONSTANT_ENOUGH, DESCRIBES, TOLD, DispersionFit, fit_laws
+from motoremi.inspection.element_circuit import ELEMENTS, distinct, outermost, substituted, whole_element, with_element
+from motoremi.inspection.free_element import with_free
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Scaled, Tape, ThroughCable, Wrapped, walk
 from motoremi.model.parameter import Parameter
@@ -311,8 +311,7 @@ def _wrap_target(fit: Fit, wrap: Wrapped, circuit: Node) -> _Target:
     """The factor, admittance or line of a part that wraps another."""
 
     def model(s: ComplexArray) -> ComplexArray:
-        value: ComplexArray = np.asarray(wrap.law(s, *(np.array([fit.parameters[p.name]]) for p in wrap.parameters))[0], dtype=np.complex128)
-        return value
+        return np.asarray(wrap.law(s, *(np.array([fit.parameters[p.name]]) for p in wrap.parameters))[0], dtype=np.complex128)
 
     def changed(x: ComplexArray) -> Node:
         return substituted(circuit, wrap, dataclasses.replace(wrap, law=laws.given(x), parameters=()))
@@ -364,8 +363,7 @@ def _impedance_sigma(fit: Fit, circuit: Node, s: ComplexArray) -> FloatArray:
     jacobian = np.array(rows)
     covariance = fit.covariance[np.ix_(shared, shared)]
     variance = np.einsum("in,ij,jn->n", jacobian.conj(), covariance, jacobian).real
-    sigma: FloatArray = np.sqrt(np.maximum(variance, 0.0))
-    return sigma
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def _values(fit: Fit, node: Node) -> tuple[list[str], FloatArray]:

@@ -10,9 +10,9 @@ from motoremi.arrays import FloatArray
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition
 from motoremi.data.measurement import Conditioned, Measurement
 from motoremi.data.noise import Noise
-from motoremi.diagnosis.menu import BY_NAME, Option
-from motoremi.diagnosis.outcome import Observed
-from motoremi.diagnosis.responses import ROOM_DEGC
+from motoremi.investigation.menu import BY_NAME, Option
+from motoremi.investigation.outcome import Observed
+from motoremi.investigation.responses import ROOM_DEGC
 
 # Points of a sweep that are weighed: changes are smooth but for resonances, which move by more than their width over so many.
 POINTS = 100
@@ -28,7 +28,7 @@ def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]
     for condition in dict.fromkeys(one.condition for one in measurement.conditioned):
         option = BY_NAME.get(condition.id)
         own = [one for one in measurement.conditioned if one.condition == condition]
-        if option is not None and option.foreseen:
+        if option is not None and option.predicted:
             sweeps = [seen for one in own if (seen := _observed(one, option, measurement)) is not None]
             if sweeps:
                 found.append((option, sweeps))

@@ -9,9 +9,9 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.candidates import prior_of_values
-from motoremi.diagnosis.compare import compare
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
+from motoremi.inspection.compare import compare
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 

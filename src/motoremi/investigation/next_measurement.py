@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.diagnosis.asking import Question
-from motoremi.diagnosis.conditioned import ahead
-from motoremi.diagnosis.menu import MENU, REPEATABILITY, Option
-from motoremi.diagnosis.outcome import Outcome
 from motoremi.fitting.result import Fit
+from motoremi.investigation.conditioned import ahead
+from motoremi.investigation.menu import MENU, REPEATABILITY, Option
+from motoremi.investigation.outcome import Outcome
+from motoremi.investigation.question import Question
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show, show_band
 
@@ -83,8 +83,8 @@ def _confirming(fit: Fit) -> JsonDict:
     """The change to which the effect that was added last would answer most."""
     effect = find_effect(fit.effects[-1]).effect
     names = {*effect.responds, *(["second-temperature"] if effect.copper else [])}
-    foreseen = [(option, _answer(option, fit)) for option in MENU if option.name in names and option.kind == "change"]
-    option, (ratio, place, frequency_hz) = max(foreseen, key=lambda entry: entry[1][0], default=(None, (0.0, "", 0.0)))
+    predicted = [(option, _answer(option, fit)) for option in MENU if option.name in names and option.kind == "change"]
+    option, (ratio, place, frequency_hz) = max(predicted, key=lambda entry: entry[1][0], default=(None, (0.0, "", 0.0)))
     if option is None or ratio < CLEAR:
         return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}
     found: JsonDict = {

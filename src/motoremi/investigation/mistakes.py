@@ -10,10 +10,10 @@ from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.conditions import STANDARDS, Condition
 from motoremi.data.kernels import logarithm, smooth_basis
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.menu import BY_NAME, Option
-from motoremi.diagnosis.outcome import SMOOTH, Observed, Outcome
-from motoremi.diagnosis.weighing import Known, anything, weigh
 from motoremi.fitting.result import Fit
+from motoremi.investigation.menu import BY_NAME, Option
+from motoremi.investigation.outcome import SMOOTH, Observed, Outcome
+from motoremi.investigation.weighing import Known, anything, weigh
 
 # One action in twenty goes wrong. An assumption; unconfirmed.
 WRONG = 0.05
@@ -100,7 +100,7 @@ class _Given:
     size = 0
     absolute = True
     density = 0.0
-    unforeseen: IntArray = np.zeros(0, dtype=np.intp)
+    unpredicted: IntArray = np.zeros(0, dtype=np.intp)
 
     def __init__(self, sweep: Observed, impedance_ohm: ComplexArray) -> None:
         ratio = np.log(_impedance(sweep) / impedance_ohm)

@@ -56,8 +56,8 @@ class Option:
         Groups of effects that the change reaches.
     hands : bool
         Whether a person has to do something.
-    foreseen : bool
-        Whether what it shows can be foreseen by the models; else it is listed, never asked for, and its sweeps are only kept.
+    predicted : bool
+        Whether what it shows can be predicted by the models; else it is listed, never asked for, and its sweeps are only kept.
     procedure : str
         Bench procedure that does it, if the bench can.
     """
@@ -72,7 +72,7 @@ class Option:
     others: float = UNREACHED
     reaches: tuple[str, ...] = ()
     hands: bool = True
-    foreseen: bool = True
+    predicted: bool = True
     procedure: str = ""
 
     @property
@@ -87,7 +87,7 @@ class Option:
         return "" if setting is None else setting.unit
 
 
-# Changes of insulation, iron and mechanics that nobody can foresee better than this.
+# Changes of insulation, iron and mechanics that nobody can predict better than this.
 _WARM = {
     "La": Moved(0.0, 0.01),
     "Ca": Moved(0.01, 0.015),
@@ -185,7 +185,7 @@ MENU = (
         "lift the brushes, clip the leads to the commutator bars under them and repeat both sweeps",
         "change",
         10.0,
-        foreseen=False,
+        predicted=False,
     ),
     Option(
         "second-temperature",
@@ -197,7 +197,7 @@ MENU = (
         others=0.03,
         reaches=EVERYTHING,
     ),
-    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, foreseen=False),
+    Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, predicted=False),
     Option(
         "dried",
         "dry the motor at 60 - 80 °C, let it cool, and repeat both sweeps",

@@ -8,7 +8,7 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.fitting.scaling import bands, scaled_ranges, scaled_starts
+from motoremi.fitting.band_scaling import bands, scaled_ranges, scaled_starts
 from motoremi.model.effects import catalogue, find_effect
 from motoremi.simulate.simulated_motor import SimulatedMotor
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.diagnosis.causal import MOST_POLES, CausalCheck, check_causality, smoothed
-from motoremi.diagnosis.compare import spans_of
-from motoremi.diagnosis.free import promise
-from motoremi.diagnosis.parts import ELEMENTS
-from motoremi.diagnosis.together import Together, check_together
 from motoremi.fitting.problem import AS_DECLARED
 from motoremi.fitting.result import Fit
+from motoremi.inspection.causal import MOST_POLES, CausalCheck, check_causality, smoothed
+from motoremi.inspection.compare import spans_of
+from motoremi.inspection.element_circuit import ELEMENTS
+from motoremi.inspection.free_element import promise
+from motoremi.inspection.sweep_consistency import Together, check_together
 from motoremi.quantities import show_band
 from motoremi.workers import Map
 

@@ -16,8 +16,8 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import logsumexp
 
 from motoremi.arrays import FloatArray, IntArray
-from motoremi.diagnosis.responses import NONE_AT_ALL
 from motoremi.fitting.result import Fit
+from motoremi.investigation.responses import NONE_AT_ALL
 
 # Relative size of what no model describes of a change -> prior. The least is what a motor repeats to. An assumption; unconfirmed.
 UNDESCRIBED = {5e-4: 0.45, 2e-3: 0.3, 8e-3: 0.17, 3e-2: 0.08}
@@ -26,16 +26,16 @@ UNDESCRIBED_ELSEWHERE = {5e-4: 0.2, 2e-3: 0.22, 8e-3: 0.22, 3e-2: 0.2, 0.1: 0.12
 # The same for a motor that the catalogue does not hold, where the condition changes the motor itself: half of them answer
 # as any other motor does.
 UNDESCRIBED_OUTSIDE = {5e-4: 0.23, 2e-3: 0.2, 8e-3: 0.2, 3e-2: 0.17, 0.1: 0.13, 0.4: 0.07}
-# Share of their prior width by which elements, and parameters of effects, move where nobody foresees that they do -> prior. It is one number for
+# Share of their prior width by which elements, and parameters of effects, move where nobody can predict that they do -> prior. It is one number for
 # all elements and one for all effects: else a model with many parameters, none of which moved, would pay for each. An assumption; unconfirmed.
-UNFORESEEN = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
+UNPREDICTED = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
 # Where the search for the best ends: at a size in the middle.
 MIDDLE = 2e-3
 # Steps at most of each part, and the damping that each begins with.
 STEPS, DAMPING = 25, 1e-3
 # Standard deviations beyond which no response is looked for; what a step must gain.
 FARTHEST_RESPONSE, CONVERGED = 6.0, 1e-2
-# Size of what no model describes, and share of what nobody foresees of elements and of effects.
+# Size of what no model describes, and share of what nobody can predict of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
 
@@ -51,8 +51,8 @@ class Prediction(Protocol):
         """Whether it depends on the model's unknowns at all but slightly."""
 
     @property
-    def unforeseen(self) -> IntArray:
-        """Which response numbers belong to what nobody foresees, shape (size,): 1 of an element, 2 of an effect, 0 elsewhere."""
+    def unpredicted(self) -> IntArray:
+        """Which response numbers belong to what nobody can predict, shape (size,): 1 of an element, 2 of an effect, 0 elsewhere."""
 
     @property
     def sigma(self) -> FloatArray:
@@ -143,7 +143,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     # From where almost anything goes to where little does: a resonance that moved by more than its width is out of sight of the second.
     for size in (max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))):
         best = _best_near(best, prediction, white, smooth, (size, 1.0, 1.0))
-    elements, effects = (UNFORESEEN if np.any(prediction.unforeseen == kind) else {1.0: 1.0} for kind in (1, 2))
+    elements, effects = (UNPREDICTED if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     priors = {
         (size, *widths): float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
         for size, prior in sizes.items()
@@ -240,8 +240,8 @@ class _System:
         prior[:k, :k] = known.precision
         self._prior = prior
         self._k = k
-        self._unforeseen = np.zeros(len(self._rows), dtype=np.intp)
-        self._unforeseen[k : k + eta.size] = prediction.unforeseen
+        self._unpredicted = np.zeros(len(self._rows), dtype=np.intp)
+        self._unpredicted[k : k + eta.size] = prediction.unpredicted
         self._equations: dict[Scale, tuple[FloatArray, FloatArray]] = {}
         self._away = np.concatenate([away, np.zeros(len(smooth))])
         # In these the prediction is looked at where they are, in all others it is linear.
@@ -252,7 +252,7 @@ class _System:
         """Matrix, priors included, and right-hand side of the normal equations."""
         if at not in self._equations:
             size, *widths = at
-            factor = np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unforeseen]
+            factor = np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unpredicted]
             self._equations[at] = self._gram * factor * factor[:, None] + self._prior, self._pull * factor
         return self._equations[at]
 

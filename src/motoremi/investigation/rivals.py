@@ -19,12 +19,12 @@ from scipy.special import logsumexp
 from motoremi.arrays import JsonDict
 from motoremi.data.conditions import VALUES, SingleValue
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.conditioned import by_condition
-from motoremi.diagnosis.menu import BY_NAME, Option
-from motoremi.diagnosis.mistakes import WRONG, Mistake, mistakes
-from motoremi.diagnosis.outcome import Observed, Outcome, ValueOutcome
-from motoremi.diagnosis.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, weigh, weigh_either
 from motoremi.fitting.result import Fit
+from motoremi.investigation.conditioned import by_condition
+from motoremi.investigation.menu import BY_NAME, Option
+from motoremi.investigation.mistakes import WRONG, Mistake, mistakes
+from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
+from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, weigh, weigh_either
 
 Key = tuple[str, ...]
 # Name of the rival that the catalogue does not hold.
@@ -32,7 +32,7 @@ OUTSIDE = "outside-the-catalogue"
 # Log odds behind the best beyond which a model is not weighed: it keeps its distance.
 BEHIND = 12.0
 MOST_RIVALS = 10
-# How often the response that is foreseen for a true explanation is wrong altogether: no single measurement refutes by more than 50 to 1.
+# How often the response that is predicted for a true explanation is wrong altogether: no single measurement refutes by more than 50 to 1.
 DOUBT = 0.02
 # What the catalogue does not hold is like one of so many that lead.
 LIKE = 3
@@ -317,7 +317,7 @@ OUTSIDE_VALUE = {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 
 def _with(rivals: Rivals, members: Sequence[Rival], name: str, told: tuple[Mistake, ...]) -> Rivals:
     leading = Rivals(tuple(members)).likeliest
-    # What the catalogue does not hold is foreseen as the one that leads now.
+    # What the catalogue does not hold is predicted as the one that leads now.
     after = Rivals(tuple(dataclasses.replace(one, fit=leading.fit, known=leading.known) if one.outside else one for one in members))
     bits = sum(p * np.log2(p / max(rivals.probabilities[key], 1e-300)) for key, p in after.probabilities.items() if p > 0)
     taught = Taught(name, float(max(bits, 0.0)), after.by_label, told)

@@ -8,12 +8,12 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.dispersion import BY_UNIT, fit_laws
-from motoremi.diagnosis.element import inspect, solve_bilinear
 from motoremi.fitting.marginal import marginal
 from motoremi.fitting.problem import AS_DECLARED
 from motoremi.fitting.result import summarise
 from motoremi.fitting.search import Found, Solution, Task
+from motoremi.inspection.dispersion import BY_UNIT, fit_laws
+from motoremi.inspection.element import inspect, solve_bilinear
 from motoremi.model.effects import find_effect
 
 pytestmark = pytest.mark.slow

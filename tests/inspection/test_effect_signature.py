@@ -9,7 +9,7 @@ import pytest
 from conftest import simulated_sweeps
 
 import motoremi as me
-from motoremi.diagnosis.signature import signature
+from motoremi.inspection.effect_signature import signature
 from motoremi.model.effects import find_effect, identifiers
 
 pytestmark = pytest.mark.slow

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.diagnosis.parts import with_element
 from motoremi.fitting.marginal import NOTHING_LEFT
 from motoremi.fitting.polish import polish
 from motoremi.fitting.race import THOROUGH, Trail, race
 from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.fitting.starts import base_starts
+from motoremi.inspection.element_circuit import with_element
 from motoremi.model import laws
 from motoremi.model.circuit import Scaled
 from motoremi.model.motor import Motor

@@ -11,9 +11,9 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
+from motoremi.fitting.band_scaling import scaled_starts
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
-from motoremi.fitting.scaling import scaled_starts
 from motoremi.model.circuit import Tape, walk
 from motoremi.model.effects import find_effect
 from motoremi.model.parameter import Parameter

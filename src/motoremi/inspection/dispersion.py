@@ -68,8 +68,7 @@ def _scaled(factor: laws.Law, inverse: bool = False) -> Shape:
 
     def shape(s: ComplexArray, size: float, *own: float) -> ComplexArray:
         value = factor(s, *own)[0]
-        result: ComplexArray = size / value if inverse else size * value
-        return result
+        return size / value if inverse else size * value
 
     return shape
 
@@ -79,32 +78,27 @@ def _constant(s: ComplexArray, size: float) -> ComplexArray:
 
 
 def _shunted_inductance(s: ComplexArray, size: float, resistance_ohm: float) -> ComplexArray:
-    result: ComplexArray = size / (1 + s * size / resistance_ohm)
-    return result
+    return size / (1 + s * size / resistance_ohm)
 
 
 def _lorentz(s: ComplexArray, size: float, share: float, resonance_hz: float, quality: float) -> ComplexArray:
     ratio = s / (TWO_PI * resonance_hz)
-    result: ComplexArray = size * (1 - share + share / (1 + ratio / quality + ratio**2))
-    return result
+    return size * (1 - share + share / (1 + ratio / quality + ratio**2))
 
 
 def _leaking(s: ComplexArray, size: float, leak_hz: float) -> ComplexArray:
-    result: ComplexArray = size * (1 + TWO_PI * leak_hz / s)
-    return result
+    return size * (1 + TWO_PI * leak_hz / s)
 
 
 def _leaking_cole_cole(s: ComplexArray, size: float, leak_hz: float, strength: float, corner_hz: float, exponent: float) -> ComplexArray:
     relaxing = size / materials.relaxation_factor(s, strength, corner_hz, exponent)[0]
-    result: ComplexArray = relaxing + size * TWO_PI * leak_hz / s
-    return result
+    return relaxing + size * TWO_PI * leak_hz / s
 
 
 def _leaking_skewed(s: ComplexArray, size: float, leak_hz: float, strength: float, corner_hz: float, exponent: float, skew: float) -> ComplexArray:
     """Havriliak and Negami (Polymer 8 (1967) 161): passive as long as neither the exponent nor its product with the skew exceeds 1."""
     relaxing = size * (1 + strength / (1 + (s / (TWO_PI * corner_hz)) ** exponent) ** skew)
-    result: ComplexArray = relaxing + size * TWO_PI * leak_hz / s
-    return result
+    return relaxing + size * TWO_PI * leak_hz / s
 
 
 def _leaking_debye(s: ComplexArray, size: float, leak_hz: float, strength: float, corner_hz: float) -> ComplexArray:
@@ -114,25 +108,21 @@ def _leaking_debye(s: ComplexArray, size: float, leak_hz: float, strength: float
 def _leaking_diffusion(s: ComplexArray, size: float, leak_hz: float, corner_hz: float) -> ComplexArray:
     """A conducting sheet in which the field is pushed out: both parts of the admittance fall together."""
     value = materials.lamination_factor(s, 1.0, corner_hz)[0]
-    result: ComplexArray = (size + size * TWO_PI * leak_hz / s) * value
-    return result
+    return (size + size * TWO_PI * leak_hz / s) * value
 
 
 def _film(s: ComplexArray, size: float, resistance_ohm: float, corner_hz: float) -> ComplexArray:
-    result: ComplexArray = size + resistance_ohm / (1 + s / (TWO_PI * corner_hz))
-    return result
+    return size + resistance_ohm / (1 + s / (TWO_PI * corner_hz))
 
 
 def _with_inductance(s: ComplexArray, size: float, inductance_h: float) -> ComplexArray:
-    result: ComplexArray = size + s * inductance_h
-    return result
+    return size + s * inductance_h
 
 
 def _cell(s: ComplexArray, size: float, resonance_hz: float, quality: float) -> ComplexArray:
     """A parallel cell by its resistance at resonance."""
     ratio = s / (TWO_PI * resonance_hz)
-    result: ComplexArray = size / (1 + quality * (ratio + 1 / ratio))
-    return result
+    return size / (1 + quality * (ratio + 1 / ratio))
 
 
 CONSTANT = DispersiveLaw("constant", "x", _constant)
@@ -287,8 +277,7 @@ def _fitted(law: DispersiveLaw, frequency_hz: FloatArray, value: ComplexArray, s
     def residual(u: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
             left = (law.shape(s, *np.exp(np.clip(u, -200, 200))) - value) * weight
-        parts: FloatArray = np.nan_to_num(np.concatenate([left.real, left.imag]), nan=1e8, posinf=1e8, neginf=-1e8)
-        return parts
+        return np.nan_to_num(np.concatenate([left.real, left.imag]), nan=1e8, posinf=1e8, neginf=-1e8)
 
     low, high = _limits(law, frequency_hz)
     best: Any = None

@@ -19,12 +19,12 @@ from scipy.special import logsumexp
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.conditions import VALUES, SingleValue
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.conditioned import POINTS_AHEAD, ahead, asked_condition
-from motoremi.diagnosis.menu import BY_NAME, MENU, SWEEP_MINUTES, Option
-from motoremi.diagnosis.outcome import Outcome, ValueOutcome
-from motoremi.diagnosis.responses import NONE_AT_ALL
-from motoremi.diagnosis.rivals import Rival, Rivals
-from motoremi.diagnosis.weighing import Prediction
+from motoremi.investigation.conditioned import POINTS_AHEAD, ahead, asked_condition
+from motoremi.investigation.menu import BY_NAME, MENU, SWEEP_MINUTES, Option
+from motoremi.investigation.outcome import Outcome, ValueOutcome
+from motoremi.investigation.responses import NONE_AT_ALL
+from motoremi.investigation.rivals import Rival, Rivals
+from motoremi.investigation.weighing import Prediction
 from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
 
@@ -42,7 +42,7 @@ AHEAD = {2e-3: 1.0}
 AHEAD_ELSEWHERE = {2e-3: 0.5, 3e-2: 0.5}
 AHEAD_OUTSIDE = {2e-3: 0.5, 8e-3: 0.2, 0.06: 0.3}
 OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
-# As `weighing.UNFORESEEN`, coarser: of changes that reach the effects, and of the others.
+# As `weighing.UNPREDICTED`, coarser: of changes that reach the effects, and of the others.
 MOVED_AHEAD, MOVED_AHEAD_BESIDE = {0.05: 0.6, 1.0: 0.4}, {0.1: 1.0}
 # Draws of the outcome under each explanation.
 DRAWS = 40
@@ -199,11 +199,11 @@ def next_question(
     stands = share >= odds / (1 + odds)
     # Where one stands, what is left to measure is only listed.
     points = POINTS_LISTED if stands else POINTS_AHEAD
-    worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible if option.foreseen]
+    worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible if option.predicted]
     ranked = sorted((one for one in worths if one is not None), key=_order, reverse=True)
-    # What these would teach is not foreseen.
-    unforeseen = [BY_NAME["repeats"], *(option for option in possible if not option.foreseen)]
-    ranked += [Worth(option, 0.0, _minutes(option, sweep_minutes)) for option in unforeseen if option.name not in left_out]
+    # What these would teach is not predicted.
+    unpredicted = [BY_NAME["repeats"], *(option for option in possible if not option.predicted)]
+    ranked += [Worth(option, 0.0, _minutes(option, sweep_minutes)) for option in unpredicted if option.name not in left_out]
     if missing is not None and missing.name not in left_out:
         first = Worth(missing, _bits(weight for _, weight in standing) / 2, _minutes(missing, sweep_minutes))
         return Question((first, *ranked), None, f"{missing.action}: one sweep cannot locate an effect", labels)
@@ -262,12 +262,11 @@ class _Component:
 
     def log_density(self, outcomes: FloatArray) -> FloatArray:
         white = solve_triangular(self.root, (outcomes - self.mean).T, lower=True, check_finite=False)
-        density: FloatArray = self.log_scale + self.log_share - 0.5 * np.sum(white**2, axis=0)
-        return density
+        return self.log_scale + self.log_share - 0.5 * np.sum(white**2, axis=0)
 
 
 def _predictions(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[tuple[float, Prediction]]:
-    """What one explanation foresees, with the share of each way in which it may respond."""
+    """What one explanation predicts, with the share of each way in which it may respond."""
     if option.kind == "value":
         guess = ValueOutcome(rival.fit, _value(option, rival))
         return [(1.0, guess)] if guess.known else []
@@ -289,7 +288,7 @@ def _value(option: Option, rival: Rival) -> SingleValue:
     return SingleValue(option.name, 1.0, quantity.setting.unit, quantity.relative)
 
 
-class _Foreseen(NamedTuple):
+class _Predicted(NamedTuple):
     """One way in which a measurement may come out: its share, mean, derivatives for the model's own unknowns, other columns, white noise."""
 
     share: float
@@ -299,7 +298,7 @@ class _Foreseen(NamedTuple):
     sigma: FloatArray
 
 
-def _foreseen(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[_Foreseen]:
+def _predicted(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[_Predicted]:
     if option.kind == "value":
         sizes = OF_VALUE_OUTSIDE if rival.outside else OF_VALUE
     elif rival.outside and option.reaches_motor:
@@ -311,15 +310,15 @@ def _foreseen(option: Option, rival: Rival, measurement: Measurement, points: in
     for share, prediction in _predictions(option, rival, measurement, points):
         mean, own, by_eta = prediction.at(rival.known.centre, np.zeros(prediction.size))
         for (size, part), (width, likely) in product(sizes.items(), widths.items()):
-            answers = by_eta * np.where(prediction.unforeseen == 2, width, 1.0)[:, None]
+            answers = by_eta * np.where(prediction.unpredicted == 2, width, 1.0)[:, None]
             columns = np.concatenate([answers, prediction.errors, size * prediction.smooth])
-            found.append(_Foreseen(share * part * likely, mean, own, columns, prediction.sigma))
+            found.append(_Predicted(share * part * likely, mean, own, columns, prediction.sigma))
     return found
 
 
 def _distributions(options: Sequence[Option], rival: Rival, measurement: Measurement, points: int) -> list[_Component]:
     """The outcomes of measurements that are made one after the other: the model's own unknowns are the same in all of them."""
-    parts = [_foreseen(option, rival, measurement, points) for option in options]
+    parts = [_predicted(option, rival, measurement, points) for option in options]
     if not all(parts):
         return []
     precision = rival.known.precision + np.eye(rival.known.centre.size) / OPEN**2
@@ -340,7 +339,7 @@ def _distributions(options: Sequence[Option], rival: Rival, measurement: Measure
 
 
 def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float, points: int) -> Worth | None:
-    """What one measurement would teach; None where it cannot be foreseen with the sweeps at hand."""
+    """What one measurement would teach; None where it cannot be predicted with the sweeps at hand."""
     told = _information([option], standing, measurement, points)
     return None if told is None else Worth(option, told[0], _minutes(option, sweep_minutes), told[1], told[2])
 
@@ -371,8 +370,7 @@ def _information(
 def _draws(components: Sequence[_Component], normal: FloatArray, rng: np.random.Generator) -> FloatArray:
     shares = np.exp([one.log_share for one in components])
     which = rng.choice(len(components), size=len(normal), p=shares / shares.sum())
-    drawn: FloatArray = np.array([components[index].mean + components[index].root @ row for index, row in zip(which, normal, strict=True)])
-    return drawn
+    return np.array([components[index].mean + components[index].root @ row for index, row in zip(which, normal, strict=True)])
 
 
 def _groups(labels: Sequence[str], apart: FloatArray) -> tuple[tuple[str, ...], ...]:
