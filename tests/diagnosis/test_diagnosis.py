@@ -16,7 +16,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.candidates import at_bounds, possible_effects
 from motoremi.diagnosis.candidates import candidate as weighed
 from motoremi.diagnosis.compare import Tolerance
-from motoremi.diagnosis.diagnosis import _closeness
+from motoremi.diagnosis.diagnosis import closeness
 from motoremi.errors import BadInput
 from motoremi.simulate.effects import DEMO_EFFECTS
 
@@ -130,8 +130,8 @@ def test_parameter_pushed_against_its_bound_is_told(measure):
     # Where nothing is believed, the smaller error comes first, but not at the end of what physics allows.
     pushed, free = weighed(wrong, fit), weighed(right, fit)
     assert free.fit.rms_error_percent < pushed.fit.rms_error_percent
-    assert _closeness(free) < _closeness(pushed)
-    assert _closeness(dataclasses.replace(pushed, at_bound=())) < _closeness(dataclasses.replace(free, at_bound=("its parameter",)))
+    assert closeness(free) < closeness(pushed)
+    assert closeness(dataclasses.replace(pushed, at_bound=())) < closeness(dataclasses.replace(free, at_bound=("its parameter",)))
 
 
 def test_real_inductor_is_not_called_a_motor(request):

@@ -98,7 +98,7 @@ def estimate_noise(sweep: RepeatedSweep) -> Noise:
 @lru_cache(maxsize=8)
 def _noise_of(asked: _Asked) -> Noise:
     sweep = asked.sweep
-    noise = _estimated(sweep)
+    noise = estimated(sweep)
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated))
     if not off.any():
         return noise
@@ -106,7 +106,7 @@ def _noise_of(asked: _Asked) -> Noise:
     return dataclasses.replace(noise, sigma=np.maximum(noise.sigma, off), outliers=outliers)
 
 
-def _estimated(sweep: RepeatedSweep) -> Noise:
+def estimated(sweep: RepeatedSweep) -> Noise:
     """From what there is: repeats, what the user states, or scatter."""
     if sweep.repeats > 1:
         return _from_repeats(sweep)

@@ -39,8 +39,8 @@ class Ladder(ABC, Generic[F]):
         self._prepared: dict[tuple[str, str], F] = {}
         self._making: dict[tuple[str, str], threading.Lock] = {}
         self._keeping = threading.Lock()
-        self._glancing = threading.Lock()
-        self._looking: object = None
+        self.glancing = threading.Lock()
+        self.looking: object = None
         self._dropped: tuple[F, ...] = ()
         self._dropped_from = ""
 
@@ -122,13 +122,13 @@ class Ladder(ABC, Generic[F]):
 
     def glance(self, effect: str) -> tuple[F, F] | None:
         """The model that stands, and `prepared`, for a pointer that moves on: None if another effect was asked for in the meantime."""
-        self._looking = asked = object()
-        with self._glancing:
-            return (self.top, self.prepared(effect)) if self._looking is asked else None
+        self.looking = asked = object()
+        with self.glancing:
+            return (self.top, self.prepared(effect)) if self.looking is asked else None
 
     def add(self, effect: str, shown: str | None = None, progress: Progress | None = None) -> tuple[F, F]:
         """Put an effect on top of the ladder, as often as the command would; returns the model before and after."""
-        self._looking = None
+        self.looking = None
         with self._turn:
             self._require(shown)
             before, stands = self.top, self.standing
