@@ -56,7 +56,8 @@ def keep(page: Page, name: str) -> None:
     """A picture of the page as it is, where somebody wants them."""
     folder = os.environ.get("MOTOREMI_SCREENSHOTS")
     if folder:
-        page.wait_for_selector("#busy", state="hidden")
+        for box in ("#busy", "#jobs"):
+            page.wait_for_selector(box, state="hidden")
         page.mouse.move(0, 0)
         taken = Image.open(BytesIO(page.screenshot()))
         # A page has few colours; a palette makes the file a third as large.

@@ -104,8 +104,9 @@ def test_the_story_by_clicks(browser, tmp_path):
         keep(page, "emission")
 
         watched.see("report")
-        page.click("#write-report")
-        page.wait_for_selector("#report-files a")
+        with page.expect_response(lambda answer: answer.request.method == "POST" and answer.url.endswith("/report"), timeout=PATIENCE_MS):
+            page.click("#write-report")
+        expect(page.locator("main:not([aria-busy]) #report-files a").first).to_be_visible()
         with page.expect_download() as download:
             page.click("#report-files a:text-is('report.html')")
         text = Path(download.value.path()).read_text()

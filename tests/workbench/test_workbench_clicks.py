@@ -172,7 +172,7 @@ def test_everything_is_exported_by_clicks(browser, fitted):
         watched.see("session")
         page.wait_for_selector("#exports button")
         names = page.locator("#exports button").all_inner_texts()
-        assert {"motor.cir", "emission-test.cir", "open.s1p", "short-model.z1p", "sweeps.csv", "session.h5"} <= set(names)
+        assert {"motor.cir", "emission-test.cir", "open.s1p", "short-model.z1p", "sweeps.csv", "session.h5", "sweeps.parquet"} <= set(names)
         for name, begin in (("motor.cir", b"*"), ("open.s1p", b"! motoremi"), ("sweeps.csv", b"termination"), ("session.h5", b"\x89HDF")):
             with page.expect_download() as download:
                 page.click(f"[data-export='{name}']")

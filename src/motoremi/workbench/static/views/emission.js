@@ -16,7 +16,7 @@ export const emission = {
     const { spectra, prediction } = data;
     const limit = h("select", { id: "limit" }, Object.entries(data.limits).map(([name, title]) => h("option", { value: name, selected: name === (prediction?.limit?.name ?? data.usual_limit) }, title)));
     if (spectra.length && (page.head.ladder.length || !data.modelled)) {
-      where.append(h("div", { class: "row" }, h("label", {}, term("limit"), " ", limit), button(data.modelled ? (prediction ? "Predict again" : "Predict from the fitted motor") : "Judge against the limit", () => predict(page, limit.value), { class: "main", id: "predict" })));
+      where.append(h("div", { class: "row" }, h("label", {}, term("limit", "Limit"), " ", limit), button(data.modelled ? (prediction ? "Predict again" : "Predict from the fitted motor") : "Judge against the limit", () => predict(page, limit.value), { class: "main", id: "predict" })));
     }
     if (!spectra.length) where.append(h("p", { class: "empty" }, "No spectrum in this session: run 'emission only' or the full motor test (view Bench)."));
     const columns = h("div", { class: "columns" });
