@@ -224,7 +224,7 @@ def section(curve: Curve, path: Path) -> tuple[str, list[str]]:
         *parameter_table(last),
         largest_errors(last),
         "",
-        f"`motoremi diagnose` ({curve.analyser}): {named}, sure by {diagnosis.confidence:.2g}; first candidate {first}. "
+        f"`motoremi diagnose` ({curve.analyser}): {named}, confidence {diagnosis.confidence:.2g}; first candidate {first}. "
         + sentences(diagnosis.reasons),
     ]
 

@@ -46,7 +46,12 @@ def options(command: str) -> dict[str, Any]:
 
 
 def command_lines() -> Iterator[tuple[str, str, list[str]]]:
-    """File, command and arguments of every `motoremi COMMAND ...` in a code block or code span of the documentation."""
+    """Place, command and arguments of every `motoremi COMMAND ...` in the examples of help, and in code of the documentation."""
+    for name, command in COMMANDS.items():
+        for line in command.epilog.removeprefix("Example: ").split(";"):
+            words = shlex.split(line)
+            assert words[0] == "motoremi"
+            yield f"motoremi {name} --help", words[1], words[2:]
     for path in PAGES:
         text = path.read_text(encoding="utf-8")
         blocks = re.findall(r"^```(?:bash|text)?\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
@@ -57,7 +62,7 @@ def command_lines() -> Iterator[tuple[str, str, list[str]]]:
             yield path.name, words[1], words[2:]
 
 
-def test_every_command_of_the_documentation_exists_with_its_options():
+def test_every_command_of_help_and_documentation_exists_with_its_options():
     seen = 0
     for where, command, arguments in command_lines():
         assert command in COMMANDS, f"{where}: there is no command {command}"
