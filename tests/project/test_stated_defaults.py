@@ -277,7 +277,7 @@ def test_modules_on_the_map_exist():
         cells = line.split("|")
         folders = [ROOT / name if name.startswith(("src", "sim")) else ROOT / "src/motoremi" / name for name in re.findall(r"`([^`]+)`", cells[1])]
         missing += [str(folder) for folder in folders if not folder.is_dir()]
-        for name in re.findall(r"`([\w/.]+)`", cells[2]):
+        for name in re.findall(r"(?<!method )`([\w/.]+)`", cells[2]):
             places = [place / name for folder in (*folders, ROOT, ROOT / "src/motoremi") for place in (folder, folder / "effects")]
             if not any(place.exists() or place.with_name(f"{place.name}.py").exists() for place in places):
                 missing.append(f"{cells[1].strip()}: {name}")
