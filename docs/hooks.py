@@ -89,14 +89,13 @@ def _picture(effect) -> str:
 def _impedance(identifier: str | None, start, termination: str):
     from motoremi.export.realise import impedance_of
     from motoremi.model.effects import find_effect
+    from motoremi.model.effects.start import with_start
     from motoremi.model.motor import dc_motor
 
     motor, values = dc_motor(), dict(MOTOR)
     if identifier is not None:
         motor = find_effect(identifier).added_to(motor)
-        for name, value in start.items():
-            key = name[1:] if name.startswith("*") else f"{identifier}.{name}"
-            values[key] = values[key] * value if name.startswith("*") else value
+        values = with_start(values, start, identifier)
     return impedance_of(motor.circuit(termination), values, FREQUENCY_HZ)
 
 

@@ -11,6 +11,7 @@ import motoremi as me
 from motoremi.errors import BadInput
 from motoremi.export.realise import impedance_of, realise
 from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects.start import own_values
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.simulated_motor import SimulatedMotor
 
@@ -88,7 +89,7 @@ def test_one_section_is_the_lumped_circuit_and_many_unlinked_ones_are_the_line(t
 
 @pytest.mark.parametrize(("line", "own"), [("distributed-winding", {"share": 0.6}), ("machine-winding", {})])
 def test_a_line_that_is_there_already_is_cut_into_sections(line, own):
-    start = {name: value for name, value in find_effect(line).effect.starts[0].items() if name[0] not in "*-"} | own
+    start = own_values(find_effect(line).effect.starts[0]) | own
     values = {f"{line}.{name}": value for name, value in start.items()}
     cut = {"winding-sections.sections": 128.0, "winding-sections.coupling": 0.0}
     low = FREQUENCY_HZ < 1e6
