@@ -86,7 +86,7 @@ class Agilent4294A(BridgeAnalyser):
 
     def set_up(self, asked: SweepSettings) -> JsonDict:
         """Set the sweep up; see `SweepSettings`."""
-        self._complete = False
+        self.complete = False
         self.measurement = "resistance-reactance"
         self.tell("SWPP FREQ")
         self.spacing = asked.spacing

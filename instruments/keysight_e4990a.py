@@ -72,7 +72,7 @@ class KeysightE4990A(BridgeAnalyser):
 
     def set_up(self, asked: SweepSettings) -> JsonDict:
         """Set the sweep up; see `SweepSettings`."""
-        self._complete = False
+        self.complete = False
         self.tell(":CALC1:PAR:COUN 2", ":CALC1:PAR1:DEF R", ":CALC1:PAR2:DEF X", ":FORM:DATA REAL", ":FORM:BORD NORM")
         self.spacing = asked.spacing
         self.start_hz = asked.start_hz

@@ -82,7 +82,7 @@ class KeysightMXE(EmiReceiver):
         frequency_hz = np.linspace(settings["start_hz"], settings["stop_hz"], settings["points"])
         self.run_scan(10.0 + 3 * float(settings["scan_time_s"]))
         with self.transport.patience(self.transfer_s(frequency_hz.size)):
-            level_dbuv = self._levels()
+            level_dbuv = self.read_levels()
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(
                 f"{self}: received {level_dbuv.size} levels for a scan table of {frequency_hz.size} points; was the scan stopped?"
@@ -91,7 +91,8 @@ class KeysightMXE(EmiReceiver):
         overload = np.full(frequency_hz.shape, self._was_overloaded())
         return Spectrum(detector, frequency_hz, level_dbuv, float(settings["resolution_bandwidth_hz"]), overload, metadata)
 
-    def _levels(self) -> FloatArray:
+    def read_levels(self) -> FloatArray:
+        """Levels of the trace in dBuV."""
         query = ":TRAC:FSC? TRACE1"
         block = self.transport.query_block(query)
         self.check_errors(query)

@@ -90,15 +90,16 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
 
     def read_axis(self) -> FloatArray:
         """Frequencies of the sweep in hertz, as the firmware rounds them."""
-        rows = [self._rows(piece, self.AXIS_ONLY, 1) for piece in self._pieces]
+        rows = [self.rows(piece, self.AXIS_ONLY, 1) for piece in self._pieces]
         return np.concatenate([row[:, 0] for row in rows])
 
     def scan(self) -> ComplexArray:
         """S11 of one sweep."""
-        rows = np.concatenate([self._rows(piece, self.AXIS_AND_S11, 3) for piece in self._pieces])
+        rows = np.concatenate([self.rows(piece, self.AXIS_AND_S11, 3) for piece in self._pieces])
         return rows[:, 1] + 1j * rows[:, 2]
 
-    def _rows(self, piece: tuple[int, int, int], mask: int, columns: int) -> FloatArray:
+    def rows(self, piece: tuple[int, int, int], mask: int, columns: int) -> FloatArray:
+        """The lines of numbers that the shell prints of one piece of the sweep."""
         start, stop, points = piece
         # The slowest bandwidth takes a third of a second for a point.
         with self.transport.patience(10.0 + 0.5 * points):

@@ -94,7 +94,7 @@ class RohdeSchwarzESR(EmiReceiver):
         # `run_scan` begins with *CLS, which clears the event registers, so an overload found afterwards belongs to this scan.
         self.run_scan(10.0 + 3 * frequency_hz.size * float(settings["dwell_s"]))
         with self.transport.patience(self.transfer_s(frequency_hz.size)):
-            level_dbuv = self._levels("TRAC? TRACE1")
+            level_dbuv = self.read_levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: received {level_dbuv.size} levels for a scan table of {frequency_hz.size} steps; was the scan stopped?")
         metadata = {"receiver": self.name, "resource": self.transport.resource_name, "settings": settings}
@@ -108,7 +108,8 @@ class RohdeSchwarzESR(EmiReceiver):
         # The small addition keeps a last step that rounding would lose.
         return start + step * np.arange(int((stop - start) / step + 1e-6) + 1)
 
-    def _levels(self, query: str) -> FloatArray:
+    def read_levels(self, query: str) -> FloatArray:
+        """Levels of a trace in dBuV."""
         answer = self.ask(query)
         try:
             levels = np.array([float(field) for field in answer.split(",")])

@@ -203,7 +203,7 @@ def drop_from_session(store: Store) -> tuple[Fit, Fit]:
     return steps[-1], steps[-2]
 
 
-def _materials_of(session: Session) -> Materials:
+def materials_of(session: Session) -> Materials:
     """What a report of the session is made of."""
     from motoremi.report.contents import Materials
 
@@ -230,7 +230,7 @@ def report_session(store: Store, profile: Path | None = None, choice: Choice | N
 
     session = load(store.path)
     laboratory, issue = issue_for(session, profile)
-    files = render_session(replace(_materials_of(session), laboratory=laboratory, issue=issue), choice or WHOLE, progress)
+    files = render_session(replace(materials_of(session), laboratory=laboratory, issue=issue), choice or WHOLE, progress)
     if laboratory is not None and issue is not None and issue != session.analysis(ISSUE):
         store.save_analysis(LABORATORY, stored_laboratory(laboratory))
         store.save_analysis(ISSUE, issue)
@@ -252,7 +252,7 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     named = {path.resolve().name: path for path in paths}
     if len(named) < len(paths):
         raise BadInput("two of these sessions have the same name: rename one folder, or the report could not tell them apart")
-    materials = {name: _materials_of(load(path)) for name, path in named.items()}
+    materials = {name: materials_of(load(path)) for name, path in named.items()}
     with reported_as_unreadable("one of these sessions"):
         files = render_together(build_together(materials))
     try:

@@ -204,7 +204,7 @@ def test_a_link_that_loses_requests_is_polled_from_then_on(bench: SimulatedBench
     first = measure(driver)
 
     def deaf(library: BenchLibrary, session: Any, event: Any, timeout: int) -> Any:
-        library._device(session).clock.sleep(timeout / 1000)
+        library.device_on(session).clock.sleep(timeout / 1000)
         raise pyvisa.VisaIOError(StatusCode.error_timeout)
 
     monkeypatch.setattr(BenchLibrary, "wait_on_event", deaf)
@@ -295,7 +295,7 @@ def test_ctrl_c_in_the_wait_leaves_the_instruments_safe_and_replays(tmp_path: Pa
     real, waits = BenchLibrary.wait_on_event, iter(range(1000))
 
     def interrupted(library: BenchLibrary, session: Any, event: Any, timeout: int) -> Any:
-        if library._device(session) is bench.devices[role] and (role == "receiver" or next(waits) == 3):
+        if library.device_on(session) is bench.devices[role] and (role == "receiver" or next(waits) == 3):
             raise KeyboardInterrupt
         return real(library, session, event, timeout)
 

@@ -23,7 +23,7 @@ from motoremi.bench.supply import Supply
 from motoremi.data.session import SessionWriter, load
 from motoremi.data.state import marks_of, state_line
 from motoremi.errors import BadInput, InstrumentError
-from motoremi.report.gaps import _of_the_run
+from motoremi.report.gaps import of_the_run
 from motoremi.report.motor_state_section import state_section
 from motoremi.run.runner import run, start_document
 from motoremi.schema.text_lines import Lines
@@ -285,4 +285,4 @@ def test_the_report_shows_the_state_and_what_is_marked(tmp_path: Path) -> None:
     assert rows[2][4].startswith("speed not read: ASRL3::INSTR: no line came within 3 s")
     assert section.tables[0].marked == {2}
     assert "speed: tachometer: line reader at ASRL3::INSTR" in section.texts[0]
-    assert [gap for gap in _of_the_run(session) if gap.startswith("spectra/average-1.csv: speed not read")]
+    assert [gap for gap in of_the_run(session) if gap.startswith("spectra/average-1.csv: speed not read")]

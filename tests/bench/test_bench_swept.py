@@ -97,7 +97,7 @@ def test_a_short_span_is_one_sweep(bench: SimulatedBench, name: str) -> None:
 def test_a_line_at_the_edge_of_two_parts_is_kept(bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = ready(bench, "dsa800")
     levels = iter([*(np.full(601, -60.0) for _ in range(11)), np.full(601, -40.0)])
-    monkeypatch.setattr(driver, "_levels", lambda: next(levels))
+    monkeypatch.setattr(driver, "read_levels", lambda: next(levels))
     spectrum = driver.scan("peak")
     # The last part begins where the one before it ends; the higher of both readings counts.
     assert np.count_nonzero(spectrum.level_dbuv > 60.0) == 601
@@ -205,7 +205,7 @@ def test_a_garbled_trace_is_refused(bench: SimulatedBench, monkeypatch: pytest.M
 
 def test_a_trace_of_other_length_is_refused(bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = ready(bench, "ssa3000x", step_hz=1e6)
-    monkeypatch.setattr(driver, "_levels", lambda: np.zeros(3))
+    monkeypatch.setattr(driver, "read_levels", lambda: np.zeros(3))
     with pytest.raises(InstrumentError, match="received 3 levels, but a sweep has 751"):
         driver.scan("peak")
 

@@ -248,14 +248,14 @@ def test_a_link_that_the_other_side_has_closed_is_opened_anew() -> None:
 @pytest.mark.parametrize("count", [0, 100], ids=["a line", "so many bytes"])
 def test_a_serial_line_that_trickles_meets_its_deadline(count: int) -> None:
     with served("4294a", "pty") as (server, _):
-        server._send = lambda *_: None  # type: ignore[method-assign]
+        server.send = lambda *_: None  # type: ignore[method-assign]
         link = open_transport(open_manager("@py"), server.resource, timeout_s=0.3)
         link.write("*IDN?")
         ended = threading.Event()
 
         def trickle() -> None:
             while not ended.wait(0.05):
-                os.write(server._master, b"x")  # type: ignore[attr-defined]
+                os.write(server.master, b"x")  # type: ignore[attr-defined]
 
         thread = threading.Thread(target=trickle)
         thread.start()

@@ -233,7 +233,7 @@ def test_traces_that_are_none(answer: bytes, message: str) -> None:
     if "5 bytes" in message:
         exchanges.pop()
     with script(Agilent4294A, *exchanges) as analyser:
-        analyser._complete = True
+        analyser.complete = True
         with pytest.raises(InstrumentError, match=message):
             analyser.read_impedance()
 
@@ -254,4 +254,4 @@ def test_levels_that_are_none(answer: str, message: str) -> None:
         script(RohdeSchwarzESR, ("TRAC? TRACE1", answer), FINE_ESR) as receiver,
         pytest.raises(InstrumentError, match=message),
     ):
-        receiver._levels("TRAC? TRACE1")
+        receiver.read_levels("TRAC? TRACE1")

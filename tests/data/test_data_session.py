@@ -406,7 +406,7 @@ def test_crash_while_adding_leaves_a_loadable_session_that_can_be_completed(sess
     writer = reopen(session)
     writer.save_analysis("ladder", {"steps": [{"n": 1}]})
     writer.save_analysis("fit", {"n": 1})
-    writer._log.close()  # what the death of the process does
+    writer.log.close()  # what the death of the process does
     with open(session / "session.jsonl", "ab") as file:
         file.write(end)
     (session / "analysis" / ".fit.json.0000.pending").write_text("half")
@@ -427,7 +427,7 @@ def test_crash_while_adding_leaves_a_loadable_session_that_can_be_completed(sess
 def test_change_behind_an_interrupted_addition_is_found(session: Path, name: str) -> None:
     writer = reopen(session)
     writer.save_analysis("fit", {})
-    writer._log.close()
+    writer.log.close()
     path = session / name
     data = path.read_bytes()
     path.write_bytes(data[:9] + bytes([data[9] ^ 1]) + data[10:])
@@ -675,7 +675,7 @@ def test_the_noise_of_the_same_sweeps_is_estimated_once(monkeypatch):
     rng = np.random.default_rng(3)
     impedance_ohm = 50 * (1 + 1e-3 * rng.standard_normal((3, 41)))
     asked = []
-    monkeypatch.setattr(noise_module, "_estimated", lambda sweep, own=noise_module._estimated: asked.append(sweep) or own(sweep))
+    monkeypatch.setattr(noise_module, "estimated", lambda sweep, own=noise_module.estimated: asked.append(sweep) or own(sweep))
 
     def sigma(factor: float) -> np.ndarray:
         return estimate_noise(RepeatedSweep("short", np.geomspace(1e5, 3e7, 41), impedance_ohm * factor + 0j, None)).sigma

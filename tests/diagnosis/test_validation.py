@@ -48,7 +48,7 @@ def test_left_out_bands_agree_with_real_refits(hidden):
     fit = hidden.add("core-loss")
     frequency = fit.problem.observed.frequency_hz
     block = np.tile((frequency > 5e6) & (frequency < 8e6), 2)
-    pulled, columns = validation._inverse_covariance(fit)
+    pulled, columns = validation.inverse_covariance(fit)
     by_formula = np.linalg.solve(np.eye(block.sum()) - columns[block] @ columns[block].T, pulled[block])
 
     band = {s.termination: (s.frequency_hz > 5e6) & (s.frequency_hz < 8e6) for s in fit.measurement.sweeps}

@@ -115,7 +115,7 @@ def test_a_detector_that_this_receiver_lacks(receiver: RohdeSchwarzESR) -> None:
 
 @pytest.mark.slow
 def test_levels_that_do_not_fit_the_scan_table(bench: SimulatedBench, receiver: RohdeSchwarzESR, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(receiver, "_levels", lambda query: np.zeros(600))
+    monkeypatch.setattr(receiver, "read_levels", lambda query: np.zeros(600))
     with pytest.raises(InstrumentError, match="received 600 levels for a scan table of 664 steps"):
         receiver.scan("peak")
 

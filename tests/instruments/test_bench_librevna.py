@@ -52,7 +52,7 @@ def device_of(bench: SimulatedBench) -> SimulatedLibreVna:
 def answering(monkeypatch: pytest.MonkeyPatch, bench: SimulatedBench, query: str, answer: str) -> None:
     """Have the program answer one query in another way."""
     device = device_of(bench)
-    monkeypatch.setitem(device._commands, device.fold(query), lambda _: answer.encode())
+    monkeypatch.setitem(device.known_commands, device.fold(query), lambda _: answer.encode())
 
 
 def test_identity(analyser: LibreVna) -> None:
@@ -173,7 +173,7 @@ def test_sweeps_that_are_none(
 
 def test_a_trace_of_other_frequencies_is_refused(bench: SimulatedBench, analyser: LibreVna) -> None:
     analyser.read_axis()
-    device_of(bench)._assign("stop", "29E6")
+    device_of(bench).assign("stop", "29E6")
     with pytest.raises(InstrumentError, match="the trace S11 is no sweep of the frequencies asked for; do not touch"):
         analyser.sweep("open")
 

@@ -193,7 +193,7 @@ def test_scans_that_are_none(answer: str, message: str) -> None:
     transport = ReplayTransport("SCRIPT", exchanges(("scan 150000 160000 2 3", answer)))
     analyser = NanoVna(transport)
     with pytest.raises(InstrumentError, match=message):
-        analyser._rows((150_000, 160_000, 2), 3, 3)
+        analyser.rows((150_000, 160_000, 2), 3, 3)
 
 
 def test_an_echo_that_is_another_one_is_a_bad_link() -> None:

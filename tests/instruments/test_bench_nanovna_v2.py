@@ -85,13 +85,13 @@ def test_identity(analyser: NanoVnaV2) -> None:
     ],
 )
 def test_another_instrument_is_refused(bench: SimulatedBench, analyser: NanoVnaV2, register: str, value: int, message: str) -> None:
-    device_of(bench)._registers[REGISTERS[register][0]] = value
+    device_of(bench).registers[REGISTERS[register][0]] = value
     with pytest.raises(InstrumentError, match=message):
         analyser.identify()
 
 
 def test_a_litevna_is_told_by_its_firmware(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
-    device_of(bench)._registers[REGISTERS["firmware_major"][0]] = 2
+    device_of(bench).registers[REGISTERS["firmware_major"][0]] = 2
     assert analyser.identify().model == "LiteVNA, board 2"
 
 
@@ -109,7 +109,7 @@ def test_what_speaks_another_language_is_refused(bench: SimulatedBench, analyser
 
 def test_settings_are_what_the_registers_hold(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
     # A LiteVNA that another program has told to send data that it has calibrated.
-    device_of(bench)._registers[REGISTERS["data_mode"][0]] = 3
+    device_of(bench).registers[REGISTERS["data_mode"][0]] = 3
     assert analyser.configure(200e3, 20e6, 51, "linear", 5) == {
         "start_hz": 200e3,
         "stop_hz": 20e6,
@@ -253,8 +253,8 @@ def test_a_procedure_without_its_standards_is_refused_before_anything_is_connect
 
 def test_lost_values_are_told(bench: SimulatedBench, analyser: NanoVnaV2, monkeypatch: pytest.MonkeyPatch) -> None:
     device = device_of(bench)
-    values = device._values
-    monkeypatch.setattr(device, "_values", lambda count: values(count + 1)[:64] + values(count + 1)[96:][: (count - 2) * 32])
+    values = device.fifo_values
+    monkeypatch.setattr(device, "fifo_values", lambda count: values(count + 1)[:64] + values(count + 1)[96:][: (count - 2) * 32])
     with pytest.raises(InstrumentError, match="is incomplete; values were lost on the link, measure again"):
         analyser.compensate("open")
 
@@ -270,7 +270,7 @@ def test_a_restart_before_the_values_are_read_is_told(bench: SimulatedBench, ana
 
 def test_the_instrument_gets_its_screen_back(bench: SimulatedBench, analyser: NanoVnaV2) -> None:
     analyser.safe()
-    assert device_of(bench)._register("data_mode") == 2
+    assert device_of(bench).register("data_mode") == 2
 
 
 def test_values_that_do_not_come_are_told(bench: SimulatedBench, analyser: NanoVnaV2) -> None:

@@ -17,7 +17,7 @@ import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter, load
 from motoremi.data.text import clean_text
-from motoremi.report.pdf import _in_font
+from motoremi.report.pdf import in_font
 from motoremi.workflow import opened, report_session
 
 pytestmark = pytest.mark.slow
@@ -83,7 +83,7 @@ def test_every_field_is_shown_and_none_obeyed(tmp_path, sound, text):
     assert missing == set(), "\n".join(sorted(missing))
 
     pdf = pypdfium2.PdfDocument(files["report.pdf"])
-    pdf_shows = poison.found_in("".join(one.get_textpage().get_text_range() for one in pdf), "".join(map(_in_font, clean_text(text))))
+    pdf_shows = poison.found_in("".join(one.get_textpage().get_text_range() for one in pdf), "".join(map(in_font, clean_text(text))))
     assert sorted(poison.places[number] for number in page_shows ^ pdf_shows) == []
 
     ElementTree.fromstring(files["junit.xml"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import os
@@ -28,7 +29,7 @@ from motoremi.data.text import clean_text
 from motoremi.report.contents import Choice
 from motoremi.report.headline import boxes
 from motoremi.report.model import Materials, build_report
-from motoremi.report.pdf import _BREAK, _in_font, _shown
+from motoremi.report.pdf import BREAK, breakable, in_font
 from motoremi.report.renderings import render_all
 from motoremi.report.words import SIMULATED
 from motoremi.workflow import ladder_of, opened, report_session
@@ -188,7 +189,7 @@ def test_every_field_of_a_profile_is_shown_and_none_obeyed(tmp_path, session, te
         shown = poison.found_in("".join(page.text), text)
         assert {place for number, place in poison.places.items() if number not in shown} == set()
         pdf = next(data for name, data in files.items() if name.endswith(".pdf"))
-        in_pdf = poison.found_in("".join(pages_of(pdf)), "".join(map(_in_font, clean_text(text))))
+        in_pdf = poison.found_in("".join(pages_of(pdf)), "".join(map(in_font, clean_text(text))))
         assert {poison.places[number] for number in shown ^ in_pdf} == set()
         if form == "long":
             ElementTree.fromstring(files["junit.xml"])
@@ -298,9 +299,9 @@ def test_what_is_only_proposed_is_not_green(diagnosed):
     judged = {"detector": "peak", "line": "quasi-peak", "worst_margin_db": 5.0, "verdict": "pass", "why": "below"}
     stored = {"verdict": "pass", "judged": [judged], "limit": {"title": "L"}}
     for what, mood in (("predicted", "plain"), ("measured", "good")):
-        materials = Materials(session, (), None, None)
-        materials._parsed["prediction"] = {**stored, "judged_what": what}
-        assert boxes(materials)[1].verdict[2] == mood
+        document = json.dumps({**stored, "judged_what": what}).encode()
+        changed = dataclasses.replace(session, analysis_files={**session.analysis_files, "prediction": document})
+        assert boxes(Materials(changed, (), None, None))[1].verdict[2] == mood
 
 
 def test_sections_are_chosen_and_what_is_left_out_is_told(tmp_path, diagnosed):
@@ -332,7 +333,7 @@ def test_names_are_broken_at_their_joints_only():
         "a_very_long_name_of_a_setting": ["a_", "very_", "long_", "name_", "of_", "a_", "setting"],
         "0123456789abcdef" * 4: ["0123456789abcdef"] * 4,
     }.items():
-        assert _shown(name).split(_BREAK) == pieces
+        assert breakable(name).split(BREAK) == pieces
 
 
 def test_a_logo_stands_at_the_margin(session, tmp_path):

@@ -23,7 +23,7 @@ from motoremi.report.contents import Materials, Picture
 from motoremi.report.gaps import STORED
 from motoremi.report.peaks import clear_maxima
 from motoremi.report.renderings import render_session
-from motoremi.workflow import _materials_of, fit_session, ladder_of, opened
+from motoremi.workflow import fit_session, ladder_of, materials_of, opened
 from motoremi.workflow_plots import figure_of
 
 pytestmark = pytest.mark.slow
@@ -81,7 +81,7 @@ def session(whole: Path) -> Session:
 
 
 def with_analysis(session: Session, name: str, document: Any) -> Session:
-    return dataclasses.replace(session, _analyses={**session._analyses, name: json.dumps(document).encode()})
+    return dataclasses.replace(session, analysis_files={**session.analysis_files, name: json.dumps(document).encode()})
 
 
 @pytest.mark.parametrize("name", ["diagnosis", "prediction", "emission-diagnosis", "emission", "ladder", "comparison"])
@@ -91,13 +91,13 @@ def test_an_analysis_that_lacks_anything_gives_a_report_or_one_line(
     stored = session.analysis(name)
     assert stored is not None
     # What another analysis holds is the same in all these reports: it is restored once, and its figures are not made.
-    others = None if name in ("ladder", "comparison") else _materials_of(session)
+    others = None if name in ("ladder", "comparison") else materials_of(session)
     for figure, (of, module) in FIGURES.items():
         if of != name:
             monkeypatch.setattr(module, figure, lambda *_: None)
 
     def materials(changed: Session) -> Materials:
-        return _materials_of(changed) if others is None else dataclasses.replace(others, session=changed, diagnosis=changed.analysis("diagnosis"))
+        return materials_of(changed) if others is None else dataclasses.replace(others, session=changed, diagnosis=changed.analysis("diagnosis"))
 
     ends = {"as before": 0, "left out": 0, "told": 0}
     for path, document in lacking(stored):
@@ -120,7 +120,7 @@ def test_an_analysis_that_lacks_anything_gives_a_report_or_one_line(
 @pytest.mark.parametrize("name", STORED)
 @pytest.mark.parametrize("content", [{}, {"schema": "motoremi.other/9"}, {"verdict": None, "candidates": 7, "judged": "x", "steps": 3}])
 def test_something_else_altogether_is_left_out(session: Session, undrawn: None, name: str, content: Any) -> None:
-    made = render_session(_materials_of(with_analysis(session, name, content)))
+    made = render_session(materials_of(with_analysis(session, name, content)))
     if name != "emission" or "steps" in content:
         assert f"the stored {name} was made by another version and cannot be read: {STORED[name]}" in made["report/report.html"].decode()
         assert any(f"the stored {name}" in warning for warning in json.loads(made["report/report.json"])["warnings"])
@@ -129,7 +129,7 @@ def test_something_else_altogether_is_left_out(session: Session, undrawn: None, 
 def test_all_of_them_at_once(session: Session, undrawn: None) -> None:
     for name in STORED:
         session = with_analysis(session, name, {"steps": 3})
-    page = render_session(_materials_of(session))["report/report.html"].decode()
+    page = render_session(materials_of(session))["report/report.html"].decode()
     assert page.count("was made by another version and cannot be read") == len(STORED)
 
 

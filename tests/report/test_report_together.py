@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter, load
-from motoremi.report.several_sessions import _change, _level
+from motoremi.report.several_sessions import change_in_percent, level_change
 from motoremi.workflow import compare_session, fit_session, ladder_of, opened, report_together
 
 pytestmark = pytest.mark.slow
@@ -76,8 +76,8 @@ def test_table_and_page_say_the_same(compared):
     text = "".join(parsed(compared["comparison.html"].decode()).text)
     for told in ("before", "after", "Verdicts", "PASS", "change (in error bars)", "+0.17 dB", data["sessions"][1]["session_sha256"]):
         assert told in text
-    assert [_change(value) for value in (2.04, -18.6, 166.0, -12345.0)] == ["+2", "-19", "+166", "-12345"]
-    assert [_level(value) for value in (-0.001, 0.172)] == ["+0.00 dB", "+0.17 dB"]
+    assert [change_in_percent(value) for value in (2.04, -18.6, 166.0, -12345.0)] == ["+2", "-19", "+166", "-12345"]
+    assert [level_change(value) for value in (-0.001, 0.172)] == ["+0.00 dB", "+0.17 dB"]
 
 
 def test_same_sessions_same_bytes(compared, pair, tmp_path):

@@ -188,8 +188,8 @@ def test_what_is_measured_outside_of_the_demanded_state_is_marked(tmp_path: Path
     def brake(document: JsonDict) -> None:
         """Somebody puts a brake on the shaft when the motor was warm and steady."""
         if document.get("file") == "spectra/peak-1.csv":
-            bench.stand._speed *= 0.9
-            bench.stand._advance = lambda: None  # type: ignore[method-assign]
+            bench.stand.rotation *= 0.9
+            bench.stand.advance = lambda: None  # type: ignore[method-assign]
 
     session = measure(tmp_path / "s", bench, listener=brake)
     _, first, second = [spectrum.metadata["state"].get("outside") for spectrum in session.spectra]

@@ -312,12 +312,12 @@ def test_the_line_is_switched_by_command_where_the_receiver_controls_the_lisn(tm
 
 def test_a_line_switch_that_does_not_follow_ends_the_run_and_keeps_what_was_measured(tmp_path: Path) -> None:
     class Stuck(SimulatedBench):
-        def _place(self, role: str, name: str) -> None:
-            super()._place(role, name)
+        def place(self, role: str, name: str) -> None:
+            super().place(role, name)
             if role == "receiver":
                 device = self.devices[role]
-                device._line = "L2"  # type: ignore[attr-defined]
-                device._commands[device.fold("INP:LISN:PHAS")] = lambda argument: None
+                device.write(b"INP:LISN:PHAS L2\n")
+                device.known_commands[device.fold("INP:LISN:PHAS")] = lambda argument: None
 
     procedure = narrow(line_switch="receiver")
     data = copy.deepcopy(procedure.source)

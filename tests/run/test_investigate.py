@@ -138,9 +138,9 @@ def gone_through(
         found = investigate(writer, scripted(writer, menu), hands, minutes)
     if kill:
         # What the end of a process does.
-        writer._log.close()
-        if writer._traffic is not None:
-            writer._traffic.close()
+        writer.log.close()
+        if writer.traffic_log is not None:
+            writer.traffic_log.close()
     else:
         hands.asking.leave_safe()
         writer.close("done" if found is not None else "interrupted")

@@ -142,14 +142,14 @@ def test_eddy_currents_of_the_frame_show_in_the_resistance_of_the_return() -> No
 def test_every_effect_can_be_had_on_the_bench_in_a_band_that_shows_it(effect: str) -> None:
     with closing(SimulatedBench(4, (effect,))) as bench:
         assert effect in (*(hidden.name for hidden in bench.motor.effects), *ANALYSER_FAULTS)
-    sweep = demo._procedure(effect).sweep
+    sweep = demo.story_procedure(effect).sweep
     assert sweep is not None
     assert sweep.start == (100.0 if effect in ("rotor-cage", "shorted-turn", "machine-winding", "winding-sections") else 150e3)
 
 
 def test_the_demo_of_nothing_measures_the_usual_band() -> None:
     for effect in ("none", "outside-tapped-winding"):
-        assert demo._procedure(effect) == load_procedure("full_motor_test")
+        assert demo.story_procedure(effect) == load_procedure("full_motor_test")
 
 
 def test_two_accounts_of_one_winding_are_not_hidden_together() -> None:

@@ -43,8 +43,8 @@ for _name, _instrument in VIRTUAL_INSTRUMENTS.items():
 def headers(device: SimulatedDevice) -> list[str]:
     """Everything that the instrument knows."""
     if isinstance(device, SimulatedShell):
-        return sorted(device._shell)
-    return sorted({*device._commands, *device._settable, *device._queries})
+        return sorted(device.by_name)
+    return sorted({*device.known_commands, *device.settable, *device.known_queries})
 
 
 def identity(device: SimulatedDevice) -> bytes:
@@ -85,5 +85,5 @@ def test_a_line_without_end_does_not_fill_the_memory(name: str) -> None:
     healthy = identity(device)
     for _ in range(100):
         converse(device, b"x" * 65536)
-    assert len(device._incoming) <= 1 << 20
+    assert len(device.incoming) <= 1 << 20
     assert identity(device) == healthy

@@ -114,7 +114,7 @@ def test_several_messages_in_one_packet_and_one_in_several() -> None:
 
 def test_only_this_machine_can_connect() -> None:
     with served("4294a") as (server, _):
-        assert server._listener.getsockname()[0] == "127.0.0.1"  # type: ignore[attr-defined]
+        assert server.listener.getsockname()[0] == "127.0.0.1"  # type: ignore[attr-defined]
 
 
 def test_a_taken_port_is_one_clear_line() -> None:
@@ -186,7 +186,7 @@ def test_a_fault_in_one_message_does_not_end_the_server(
     over: str, manager: pyvisa.ResourceManager, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served("4294a", over) as (server, _):
-        device = server._device
+        device = server.device
         healthy = device.respond
 
         def faulty(query: bytes) -> object:
@@ -236,7 +236,7 @@ def test_ctrl_c_stops_a_scan_on_a_plain_socket(tmp_path: Path, name: str) -> Non
     with served(name, bench=SimulatedBench(SEED, clock=clock)) as (server, _):
         bench_file = BenchFile(backend="@py", resources={"receiver": server.resource})
         writer = SessionWriter.create(tmp_path / "s", start_document(procedure, bench_file))
-        device = server._device
+        device = server.device
 
         def stop() -> None:
             if device.busy_until() > clock.now() + 60.0:

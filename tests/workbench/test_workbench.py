@@ -234,13 +234,13 @@ def test_pointing_leads_from_the_model_to_the_measurement(at):
 def test_a_pointer_that_moved_on_is_not_waited_for(fitted):
     desk = Desk(fitted)
     answers = {}
-    with desk._glancing:
+    with desk.glancing:
         threads = []
         for effect in ("core-loss", "eddy-laminations"):
-            before = desk._looking
+            before = desk.looking
             threads.append(threading.Thread(target=lambda name=effect: answers.__setitem__(name, desk.glance(name))))
             threads[-1].start()
-            until(lambda asked=before: desk._looking is not asked)
+            until(lambda asked=before: desk.looking is not asked)
     for thread in threads:
         thread.join()
     assert answers["core-loss"] is None

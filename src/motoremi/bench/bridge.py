@@ -64,7 +64,7 @@ class BridgeAnalyser(ImpedanceAnalyser):
     def __init__(self, transport: Transport, poll_s: float = 0.1) -> None:
         super().__init__(transport)
         self.poll_s = poll_s
-        self._complete = False
+        self.complete = False
         self._load: JsonDict = {}
         self._bias: JsonDict = {}
 
@@ -98,7 +98,7 @@ class BridgeAnalyser(ImpedanceAnalyser):
     def prepare(self, options: SweepOptions) -> JsonDict:
         """Set up adapter, averaging and list; see `ImpedanceAnalyser.prepare`."""
         super().prepare(options)
-        self._complete = False
+        self.complete = False
         self.adapter = options.adapter
         self.sweep_averages = options.sweep_averages
         self.sweep_averaging = options.sweep_averages > 1
@@ -122,7 +122,7 @@ class BridgeAnalyser(ImpedanceAnalyser):
 
     def trigger(self) -> None:
         """Start a single sweep, or as many as are averaged."""
-        self._complete = False
+        self.complete = False
         if self.options.sweep_averages > 1:
             self.tell(self.RESTART_AVERAGE)
         self.begin(self.options.sweep_averages)
@@ -130,11 +130,11 @@ class BridgeAnalyser(ImpedanceAnalyser):
     def wait_until_complete(self) -> None:
         """Wait for the end of the sweep."""
         self.end(self.options.sweep_averages)
-        self._complete = True
+        self.complete = True
 
     def read_impedance(self) -> ComplexArray:
         """Impedance in ohm of the last complete sweep."""
-        if not self._complete:
+        if not self.complete:
             raise InstrumentError(f"{self}: the sweep is not complete; the traces still hold older data")
         parts = []
         for index, name in enumerate(self.PARTS):

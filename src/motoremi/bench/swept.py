@@ -170,7 +170,7 @@ class SweptAnalyser(EmiReceiver):
         """Frequencies, levels in dBm and overload (0 or 1) of one partial sweep."""
         self._sweep_over(low_hz, high_hz)
         self.run_scan(10.0 + 3 * sweep_time_s)
-        levels = self._levels()
+        levels = self.read_levels()
         if levels.size != self._points:
             raise InstrumentError(f"{self}: received {levels.size} levels, but a sweep has {self._points}; was it stopped or set up by hand?")
         overload = any(int(float(self.ask(query))) & self.overload_bits for query in self.overload_queries)
@@ -197,7 +197,7 @@ class SweptAnalyser(EmiReceiver):
         except RefusedCommand as error:
             raise InstrumentError(f"{error}; the 6 dB EMI filter and quasi-peak need {self.emi_option}") from error
 
-    def _levels(self) -> FloatArray:
+    def read_levels(self) -> FloatArray:
         """Levels of a trace, sent as text; some instruments put it into a block, and some end it with a comma."""
         with self.transport.patience(self.transfer_s(self._points)):
             answer = self.ask(self.trace_query)

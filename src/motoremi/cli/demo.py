@@ -64,7 +64,7 @@ def demo_(
     hidden = () if chosen == "none" else (chosen,)
     bench = SimulatedBench(chosen_seed, hidden)
     folder = out if out is not None else fresh_folder("demo")
-    procedure = _procedure(chosen)
+    procedure = story_procedure(chosen)
     bench_file = BenchFile(backend="sim", operator="demo", seed=chosen_seed)
     try:
         writer = SessionWriter.create(folder, {**start_document(procedure, bench_file), "motor": f"simulated motor {chosen_seed}"})
@@ -147,7 +147,7 @@ def _missed_percent(seed: int, effect: str) -> float:
     return fit(dc_motor(), sweeps).rms_error_percent
 
 
-def _procedure(effect: str) -> Procedure:
+def story_procedure(effect: str) -> Procedure:
     """The full motor test; from 100 Hz for an effect that is visible only below the usual band. Its report is made at the end of the demo."""
     from motoremi.model.effects import find_effect, identifiers
     from motoremi.schema.procedure import load_procedure, parse_procedure

@@ -97,7 +97,7 @@ def estimate_noise(sweep: RepeatedSweep) -> Noise:
 @lru_cache(maxsize=8)
 def _noise_of(key: _ByContent) -> Noise:
     sweep = key.sweep
-    noise = _estimated(sweep)
+    noise = estimated(sweep)
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated))
     if not off.any():
         return noise
@@ -105,7 +105,7 @@ def _noise_of(key: _ByContent) -> Noise:
     return dataclasses.replace(noise, sigma=np.maximum(noise.sigma, off), outliers=outliers)
 
 
-def _estimated(sweep: RepeatedSweep) -> Noise:
+def estimated(sweep: RepeatedSweep) -> Noise:
     """Noise from the repeats, as stated by the user, or from the scatter."""
     if sweep.repeats > 1:
         return _from_repeats(sweep)

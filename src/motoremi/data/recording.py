@@ -50,10 +50,10 @@ class SessionWriter:
         self.path = path
         # Written into every measured file, so that a copy of it is still marked as simulated.
         self._mark: JsonDict = {"simulated": True} if simulated else {}
-        self._log = log
+        self.log = log
         self._seq = seq
         self._previous = previous_sha256
-        self._traffic: AppendFile | None = None
+        self.traffic_log: AppendFile | None = None
         self._listeners: list[Listener] = []
         self._ended = False
         self._closed = False
@@ -207,9 +207,9 @@ class SessionWriter:
         """Append one line to `traffic.jsonl`, which is synced to disk at the next sweep and at the end."""
         with self._turn:
             self._must_be_open()
-            if self._traffic is None:
-                self._traffic = AppendFile(inside(self.path, TRAFFIC), new=False)
-            self._traffic.append(to_line(record), sync=False)
+            if self.traffic_log is None:
+                self.traffic_log = AppendFile(inside(self.path, TRAFFIC), new=False)
+            self.traffic_log.append(to_line(record), sync=False)
 
     def end(self) -> None:
         """Emit the "stop" document of a completed measurement, while the session stays open for its report."""
@@ -250,9 +250,9 @@ class SessionWriter:
             return document
         finally:
             self._closed = True
-            if self._traffic is not None:
-                self._traffic.close()
-            self._log.close()
+            if self.traffic_log is not None:
+                self.traffic_log.close()
+            self.log.close()
 
     def _must_be_open(self) -> None:
         if self._closed:
@@ -264,7 +264,7 @@ class SessionWriter:
         document = make_document(self._seq, time, kind, self._previous, content)
         line = document_line(document)
         with unbroken():
-            self._log.append(line, sync=True)
+            self.log.append(line, sync=True)
             self._seq += 1
             self._previous = line_sha256(line)
         return document
@@ -304,8 +304,8 @@ class SessionWriter:
         return target
 
     def _sync_traffic(self) -> None:
-        if self._traffic is not None:
-            self._traffic.sync()
+        if self.traffic_log is not None:
+            self.traffic_log.sync()
 
 
 def reopen(path: str | os.PathLike[str]) -> SessionWriter:

@@ -73,7 +73,7 @@ class Session:
     finals: tuple[Spectrum, ...]
     interrupted: bool
     status: str
-    _analyses: Mapping[str, bytes]
+    analysis_files: Mapping[str, bytes]
     conditioned: tuple[ImpedanceSweep, ...] = ()
     values: tuple[SingleValue, ...] = ()
 
@@ -93,7 +93,7 @@ class Session:
         count = len({sweep.condition for sweep in self.conditioned})
         beside = f", {len(self.conditioned)} sweeps under {count} conditions" if count else ""
         beside += f", {len(self.values)} single values" if self.values else ""
-        return f"{len(self.sweeps)} sweeps{beside}, {len(self.spectra)} spectra{finals}{motor}, {len(self._analyses)} analyses, {ending}"
+        return f"{len(self.sweeps)} sweeps{beside}, {len(self.spectra)} spectra{finals}{motor}, {len(self.analysis_files)} analyses, {ending}"
 
     @cached_property
     def corrections(self) -> Corrections:
@@ -126,11 +126,11 @@ class Session:
     @property
     def analyses(self) -> tuple[str, ...]:
         """Names of the stored analyses."""
-        return tuple(sorted(self._analyses))
+        return tuple(sorted(self.analysis_files))
 
     def analysis(self, name: str) -> JsonDict | None:
         """Content of `analysis/<name>.json`, or None if there was no such file."""
-        data = self._analyses.get(name)
+        data = self.analysis_files.get(name)
         return None if data is None else object_from_json(data)
 
     @property
@@ -242,7 +242,7 @@ def load(path: str | os.PathLike[str]) -> Session:
         finals=tuple(spectra["final"]),
         interrupted=not closed,
         status=status,
-        _analyses=analyses,
+        analysis_files=analyses,
         conditioned=tuple(conditioned),
         values=tuple(SingleValue.restored(document) for document in chain.documents if document["kind"] == "value"),
     )

@@ -325,7 +325,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
-        singles.sort(key=_closeness)
+        singles.sort(key=closeness)
         following = next_measurement(base, question)
     else:
         singles.sort(key=lambda one: (-round(probabilities[one.effect], 6), -one.score))
@@ -352,7 +352,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
     )
 
 
-def _closeness(one: Candidate) -> tuple[bool, float]:
+def closeness(one: Candidate) -> tuple[bool, float]:
     """Where nothing is believed: what describes the data best comes first, and after it what needs a value at the end of what physics allows."""
     return not one.plausible, one.fit.rms_error_percent
 

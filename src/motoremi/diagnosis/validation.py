@@ -47,7 +47,7 @@ class Validation:
 def cross_validated(fit: Fit) -> Validation:
     """Leave out blocks of a fit's data, one after the other."""
     problem = fit.weighed
-    pulled, columns = _inverse_covariance(fit)
+    pulled, columns = inverse_covariance(fit)
     frequency = np.tile(problem.observed.frequency_hz, 2)
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BLOCKS + 1)
     inside = [(low <= frequency) & (frequency < high) for low, high in pairwise(edges)]
@@ -60,7 +60,7 @@ def cross_validated(fit: Fit) -> Validation:
     return Validation(bands, _left_out(pulled, columns, np.tile(second, 2)))
 
 
-def _inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
+def inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
     """P r, shape (2 n,), and columns F, shape (2 n, m), of P = 1 - F F', for residuals weighted by the noise, real parts first."""
     problem, here = fit.weighed, fit.linearised
     directions = problem.whitening.directions(fit.sizes.discrepancy)

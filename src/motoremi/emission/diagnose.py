@@ -118,10 +118,10 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     """
     start = base if base is not None else fit_base(problem)
     board = SpectrumBoard(start)
-    found = _paying(explore(board, board.start(), BUDGET, progress))
+    found = paying(explore(board, board.start(), BUDGET, progress))
     belief, best = believe(found), best_of(found.values()).fit
     candidates = tuple(sorted((one for key, one in found.items() if len(key) == 1), key=lambda one: -one.score))
-    answer = _answer(start, best, candidates, belief)
+    answer = answer_from(start, best, candidates, belief)
     return EmissionDiagnosis(
         verdict=answer.verdict,
         effects=answer.named,
@@ -138,7 +138,7 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     )
 
 
-def _paying(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
+def paying(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
     """The models without pairs, unless the best pair gains enough and explains everything: two effects can fit almost any spectrum."""
     fewer = {key: one for key, one in found.items() if len(key) < 2}
     best, before = best_of(found.values()), best_of(fewer.values())
@@ -157,7 +157,7 @@ class _Answer:
     reasons: tuple[str, ...]
 
 
-def _answer(start: EmissionFit, best: EmissionFit, candidates: Sequence[Candidate], belief: Belief) -> _Answer:
+def answer_from(start: EmissionFit, best: EmissionFit, candidates: Sequence[Candidate], belief: Belief) -> _Answer:
     """The verdict that a belief leads to."""
     named = belief.named
     if not named and start.chi2_reduced <= GOOD_CHI2:

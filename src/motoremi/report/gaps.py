@@ -33,7 +33,7 @@ STORED = {
 def gaps(materials: Materials) -> tuple[str, ...]:
     """Every limitation that a reader has to know, each once."""
     session = materials.session
-    found = [*_of_the_run(session), *_of_the_import(session), *_of_the_set_up(session), *overdue(materials), *_of_the_analysis(materials)]
+    found = [*of_the_run(session), *_of_the_import(session), *_of_the_set_up(session), *overdue(materials), *_of_the_analysis(materials)]
     for spectrum in session.spectra:
         count = int(spectrum.overload.sum())
         if count:
@@ -46,7 +46,8 @@ def gaps(materials: Materials) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _of_the_run(session: Session) -> list[str]:
+def of_the_run(session: Session) -> list[str]:
+    """What the run itself says of its end and of its gaps."""
     found = []
     found += [str(remark) for remark in session.start.get("remarks") or ()]
     for document in session.documents:

@@ -30,7 +30,7 @@ _JOINT = re.compile(r"(?<=[./@:;,=+&|?~#)\]}])(?=\w)")
 _LONG_PIECE = re.compile(r"\w{25,}")
 _NO_NAME = re.compile(r"\w{33,}")
 _PIECE = 16
-_BREAK = "\u200b"
+BREAK = "\u200b"
 NOT_INSTALLED = "no PDF: typst is not installed (pip install 'motoremi[pdf]')"
 
 
@@ -88,7 +88,7 @@ def _page(report: Report) -> JsonDict:
             number += 1
         tables = [{**dataclasses.asdict(table), "marked": sorted(table.marked)} for table in section.tables]
         sections.append({"title": section.title, "texts": section.texts, "pictures": pictures, "tables": tables})
-    shown: JsonDict = _shown(
+    shown: JsonDict = breakable(
         {
             "title": report.title,
             "subtitle": report.subtitle,
@@ -115,26 +115,26 @@ def _picture_name(number: int) -> str:
     return f"picture-{number}.svg"
 
 
-def _shown(value: Any) -> Any:
+def breakable(value: Any) -> Any:
     """Plain data, with every text in characters that the fonts have."""
     if isinstance(value, str):
-        return _LONG_WORD.sub(_broken, "".join(map(_in_font, in_symbols(value))))
+        return _LONG_WORD.sub(_broken, "".join(map(in_font, in_symbols(value))))
     if isinstance(value, dict):
-        return {key: _shown(item) for key, item in value.items()}
-    return [_shown(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: breakable(item) for key, item in value.items()}
+    return [breakable(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _broken(word: re.Match[str]) -> str:
-    joined = _LONG_PIECE.sub(lambda piece: piece.group().replace("_", f"_{_BREAK}"), _JOINT.sub(_BREAK, word.group()))
+    joined = _LONG_PIECE.sub(lambda piece: piece.group().replace("_", f"_{BREAK}"), _JOINT.sub(BREAK, word.group()))
     return _NO_NAME.sub(_in_pieces, joined)
 
 
 def _in_pieces(run: re.Match[str]) -> str:
     text = run.group()
-    return _BREAK.join(text[start : start + _PIECE] for start in range(0, len(text), _PIECE))
+    return BREAK.join(text[start : start + _PIECE] for start in range(0, len(text), _PIECE))
 
 
-def _in_font(character: str) -> str:
+def in_font(character: str) -> str:
     """A character, or its code if the fonts lack it: an empty box would hide it."""
     code = ord(character)
     return character if code in _known_characters() else f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

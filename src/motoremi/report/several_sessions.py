@@ -280,8 +280,8 @@ def _band_table(bands: Sequence[JsonDict]) -> Table:
             band["session"],
             band["sweep"],
             show_band(*band["band_hz"]),
-            _level(band["mean_db"]),
-            _level(band["largest_db"]),
+            level_change(band["mean_db"]),
+            level_change(band["largest_db"]),
             f"{100 * band['share_beyond_uncertainty']:.0f} %",
         )
         for band in bands
@@ -298,7 +298,7 @@ def _parameter_section(materials: Mapping[str, Materials], parameters: Sequence[
             if number:
                 bars = one["change_in_error_bars"]
                 known = one["change_percent"] is not None
-                cells.append(f"{_change(one['change_percent'])} %" + ("" if bars is None else f" ({bars:+.1f})") if known else NO_VALUE)
+                cells.append(f"{change_in_percent(one['change_percent'])} %" + ("" if bars is None else f" ({bars:+.1f})") if known else NO_VALUE)
                 if bars is not None and abs(bars) > CLEAR:
                     marked.add(index)
         rows.append(tuple(cells))
@@ -319,11 +319,11 @@ def _value(one: JsonDict, unit: str) -> str:
     return f"{show(one['value'], unit)} {error_bar(one['value'], one['sigma'])}" if one["value"] else show(0.0, unit)
 
 
-def _change(percent: float) -> str:
+def change_in_percent(percent: float) -> str:
     """A change with two digits, without a power of ten."""
     return f"{percent:+.2g}" if abs(percent) < 99.5 else f"{percent:+.0f}"
 
 
-def _level(db: float) -> str:
+def level_change(db: float) -> str:
     """A level difference, without a minus sign before zero."""
     return f"{round(db, 2) + 0.0:+.2f} dB"

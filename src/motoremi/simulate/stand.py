@@ -33,17 +33,17 @@ class MotorStand:
         self._now = now
         self._at_s = now()
         self._source: tuple[float, float] | None = None
-        self._speed = 0.0
+        self.rotation = 0.0
         self._temperature_degc = AMBIENT_DEGC
 
     def drive(self, voltage_volt: float, limit_ampere: float) -> None:
         """Feed the motor from now on."""
-        self._advance()
+        self.advance()
         self._source = (voltage_volt, limit_ampere)
 
     def release(self) -> None:
         """Switch the supply off: the motor coasts down and cools."""
-        self._advance()
+        self.advance()
         self._source = None
 
     @property
@@ -54,39 +54,40 @@ class MotorStand:
     @property
     def limited(self) -> bool:
         """Whether the supply limits the current now."""
-        self._advance()
+        self.advance()
         return self._source is not None and _exceeds(self._wanted_ampere(self._source[0]), self._source[1])
 
     @property
     def current_ampere(self) -> float:
         """Current now."""
-        self._advance()
+        self.advance()
         return 0.0 if self._source is None else min(self._wanted_ampere(self._source[0]), self._source[1])
 
     @property
     def voltage_volt(self) -> float:
         """Voltage between the terminals now."""
-        self._advance()
+        self.advance()
         if self._source is not None and not self.limited:
             return self._source[0]
-        return CONSTANT_VOLT_S * self._speed + RESISTANCE_OHM * self.current_ampere
+        return CONSTANT_VOLT_S * self.rotation + RESISTANCE_OHM * self.current_ampere
 
     @property
     def speed_rpm(self) -> float:
         """Speed of the shaft now."""
-        self._advance()
-        return self._speed * RPM_PER_RADIAN_S
+        self.advance()
+        return self.rotation * RPM_PER_RADIAN_S
 
     @property
     def temperature_degc(self) -> float:
         """Temperature of the motor now."""
-        self._advance()
+        self.advance()
         return self._temperature_degc
 
     def _wanted_ampere(self, voltage_volt: float) -> float:
-        return max(0.0, (voltage_volt - CONSTANT_VOLT_S * self._speed) / RESISTANCE_OHM)
+        return max(0.0, (voltage_volt - CONSTANT_VOLT_S * self.rotation) / RESISTANCE_OHM)
 
-    def _advance(self) -> None:
+    def advance(self) -> None:
+        """Let the motor turn and warm until now."""
         left_s, self._at_s = self._now() - self._at_s, self._now()
         for number in range(STEPS):
             if left_s <= 0:
@@ -99,16 +100,16 @@ class MotorStand:
         volt, limit = self._source or (0.0, 0.0)
         wanted = self._wanted_ampere(volt)
         current = min(wanted, limit)
-        power_watt = current * (CONSTANT_VOLT_S * self._speed + RESISTANCE_OHM * current)
+        power_watt = current * (CONSTANT_VOLT_S * self.rotation + RESISTANCE_OHM * current)
         if _exceeds(wanted, limit) or self._source is None:
             # With limited current the torque is constant: the shaft accelerates until the supply leaves the current limit, or decelerates.
             gain = (CONSTANT_VOLT_S * current - LOAD_NEWTON_M) / INERTIA_KG_M2 * step_s
             free = max(0.0, (volt - RESISTANCE_OHM * limit) / CONSTANT_VOLT_S)
-            self._speed = max(0.0, self._speed + gain if gain < 0 else min(self._speed + gain, max(free, self._speed)))
+            self.rotation = max(0.0, self.rotation + gain if gain < 0 else min(self.rotation + gain, max(free, self.rotation)))
         else:
             final = max(0.0, (volt - RESISTANCE_OHM * LOAD_NEWTON_M / CONSTANT_VOLT_S) / CONSTANT_VOLT_S)
             time_s = INERTIA_KG_M2 * RESISTANCE_OHM / CONSTANT_VOLT_S**2
-            self._speed = final + (self._speed - final) * math.exp(-step_s / time_s)
+            self.rotation = final + (self.rotation - final) * math.exp(-step_s / time_s)
         final_degc = AMBIENT_DEGC + HEAT_SHARE * power_watt * THERMAL_KELVIN_PER_WATT
         self._temperature_degc = final_degc + (self._temperature_degc - final_degc) * math.exp(-step_s / THERMAL_TIME_S)
 

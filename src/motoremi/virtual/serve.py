@@ -39,7 +39,7 @@ class Server(ABC):
 
     def __init__(self, device: SimulatedDevice, resource: str) -> None:
         self.resource = resource
-        self._device = device
+        self.device = device
         device.resource_name = resource
         self._stop_read, self._stop_write = socket.socketpair()
         self._thread = threading.Thread(target=self.serve_forever, name=f"serve {resource}", daemon=True)
@@ -73,7 +73,7 @@ class Server(ABC):
             raise
         except Exception as error:
             _LOG.error(clean_text(f"motoremi: {self.resource}: a message could not be answered ({type(error).__name__}: {error}); report it"))
-            self._device.device_clear()
+            self.device.device_clear()
 
     def _readable(self, source: int) -> bool:
         """Wait for data; False if the server is to stop."""
@@ -81,7 +81,7 @@ class Server(ABC):
         ready, _, _ = select.select([source, stop], [], [])
         return stop not in ready
 
-    def _send(self, target: int, write: Callable[[bytes], int], data: bytes) -> None:
+    def send(self, target: int, write: Callable[[bytes], int], data: bytes) -> None:
         """Send as fast as the client reads; give up if the server is to stop."""
         stop = self._stop_read.fileno()
         while data:
@@ -114,25 +114,25 @@ class SocketServer(Server):
         if not 0 <= port <= 65535:
             raise BadInput(f"{port} is no TCP port: use 0 (any free one) to 65535")
         try:
-            self._listener = socket.create_server((LOOPBACK, port))
+            self.listener = socket.create_server((LOOPBACK, port))
         except OSError as error:
             raise InstrumentError(f"TCP port {port} of {LOOPBACK} cannot be served: {error.strerror or error}") from error
         self._client: socket.socket | None = None
-        self.port: int = self._listener.getsockname()[1]
+        self.port: int = self.listener.getsockname()[1]
         super().__init__(device, f"TCPIP::{LOOPBACK}::{self.port}::SOCKET")
 
     def serve_forever(self) -> None:
         """Answer one client after the other."""
-        while self._readable(self._listener.fileno()):
-            client, _ = self._listener.accept()
+        while self._readable(self.listener.fileno()):
+            client, _ = self.listener.accept()
             # Answers that the last client has not read must not reach the next one.
-            self._device.device_clear()
+            self.device.device_clear()
             self._client = client
             with client, suppress(ConnectionError), self._survived():
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 client.setblocking(False)
                 while self._readable(client.fileno()) and (data := client.recv(_CHUNK)):
-                    self._send(client.fileno(), client.send, converse(self._device, data))
+                    self.send(client.fileno(), client.send, converse(self.device, data))
 
     def drop_client(self) -> None:
         """Cut the connection, as a pulled network cable or a restarted switch does."""
@@ -143,7 +143,7 @@ class SocketServer(Server):
     def close(self) -> None:
         """Stop serving."""
         super().close()
-        self._listener.close()
+        self.listener.close()
 
 
 class TerminalServer(Server):
@@ -161,24 +161,24 @@ class TerminalServer(Server):
             import tty
         except ImportError as error:
             raise BadInput("this operating system has no pseudo-terminals; use --tcp") from error
-        self._master, self._slave = pty.openpty()
+        self.master, self._slave = pty.openpty()
         # Raw mode: the terminal neither echoes nor translates line ends.
         tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
+        os.set_blocking(self.master, False)
         self.path = os.ttyname(self._slave)
         super().__init__(device, f"ASRL{self.path}::INSTR")
 
     def serve_forever(self) -> None:
         """Answer any program that opens the port; the port stays open in between."""
-        while self._readable(self._master):
-            data = os.read(self._master, _CHUNK)
+        while self._readable(self.master):
+            data = os.read(self.master, _CHUNK)
             with self._survived():
-                self._send(self._master, partial(os.write, self._master), converse(self._device, data))
+                self.send(self.master, partial(os.write, self.master), converse(self.device, data))
 
     def close(self) -> None:
         """Stop serving."""
         super().close()
-        for descriptor in (self._master, self._slave):
+        for descriptor in (self.master, self._slave):
             with suppress(OSError):
                 os.close(descriptor)
 

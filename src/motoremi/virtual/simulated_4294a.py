@@ -119,7 +119,7 @@ class Simulated4294A(SimulatedBridge):
     def _is_enabled(self, standard: str, _: str) -> bytes:
         return b"1" if self.is_enabled(standard) else b"0"
 
-    def _assign(self, name: str, argument: str) -> None:
+    def assign(self, name: str, argument: str) -> None:
         """Set a setting; while a segment is edited, start, stop and points are the segment's. A bias that exceeds the current range is refused."""
         if self._segment is not None and name in ("start", "stop", "points"):
             text = number_text(argument)
@@ -129,7 +129,7 @@ class Simulated4294A(SimulatedBridge):
                 return
             self._segment[name] = float(text)
             return
-        super()._assign(name, argument)
+        super().assign(name, argument)
         if name.startswith("bias") and abs(self.bias_current_a()) > BIAS_RANGES_A[self.value("bias_range")]:
             self.set_value("bias", "0")
             self.note_error("bias_overload")

@@ -75,21 +75,21 @@ class SimulatedBench:
         self._library = BenchLibrary(LibraryPath(f"motoremi-bench-{next(_library_numbers)}"))
         self._on_bench = dict(self.INSTRUMENTS)
         for role, name in self.INSTRUMENTS.items():
-            self._place(role, name)
+            self.place(role, name)
         self.resource_manager = pyvisa.ResourceManager(self._library)
 
     def open(self, role: str, driver: str, resource: str, sink: TrafficSink, options: Options | None = None) -> Driver:
         """Connect the driver of a role to the simulated instrument of that role, whatever resource the procedure names."""
         # A driver without a simulated instrument is connected to the present one, and refuses its identity.
         if driver != self._on_bench.get(role) and driver in VIRTUAL_INSTRUMENTS and VIRTUAL_INSTRUMENTS[driver].resource_as(role):
-            self._place(role, driver)
+            self.place(role, driver)
         if role not in self.resources:
             raise BadInput(f"the simulated bench has no {role!r} with the driver {driver!r}; it has {', '.join(self.resources)}")
         self.devices[role].use(options or {})
         transport = open_transport(self.resource_manager, self.resources[role], clock=self.clock)
         return attach(transport, role, driver, sink, options)
 
-    def _place(self, role: str, name: str) -> None:
+    def place(self, role: str, name: str) -> None:
         """Add the simulated instrument of that name to the bench."""
         instrument = virtual_instrument(name)
         resource = instrument.resource_as(role)

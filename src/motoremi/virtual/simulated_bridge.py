@@ -135,12 +135,12 @@ class SimulatedBridge(SimulatedDevice):
             return
         self._enabled[standard] = on
 
-    def _assign(self, name: str, argument: str) -> None:
+    def assign(self, name: str, argument: str) -> None:
         """Set a setting; start above stop moves the other one too, and a list sweep needs a list."""
         if name == "spacing" and self.fold_word(argument) == self.LIST and not self._segments:
             self.note_error("no_list")
             return
-        super()._assign(name, argument)
+        super().assign(name, argument)
         if name in ("start", "stop") and self.value("start") > self.value("stop"):
             self.set_value("stop" if name == "start" else "start", float(self.value(name)))
 

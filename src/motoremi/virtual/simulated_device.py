@@ -134,15 +134,15 @@ class SimulatedDevice:
         (error_texts,) = self._data["error"]["error_queue"] or [{}]
         self.texts = {row["q"]: row["r"] for row in self._data["dialogues"]}
         rows: dict[str, Any] = self._data["properties"]
-        self._settable = {self.fold(row["setter"]["q"].rpartition(" ")[0]): name for name, row in rows.items() if "setter" in row}
-        self._queries: dict[str, Callable[[], bytes]] = {
+        self.settable = {self.fold(row["setter"]["q"].rpartition(" ")[0]): name for name, row in rows.items() if "setter" in row}
+        self.known_queries: dict[str, Callable[[], bytes]] = {
             **{self.fold(query): text.encode for query, text in self.texts.items()},
             **{self.fold(one["q"]): query for one, query in ((self._standard_bits, self._read_standard), (error_texts, self._pop_error)) if one},
             **{self.fold(row["getter"]["q"]): lambda name=name: self._shown(name) for name, row in rows.items() if "getter" in row},  # type: ignore[misc]
         }
         self.errors = ErrorQueue(error_texts)
         self.power_on()
-        self._commands = {
+        self.known_commands = {
             "*CLS": self._clear_status,
             "*RST": self._reset,
             "*OPC": self._note_completion,
@@ -228,19 +228,19 @@ class SimulatedDevice:
 
     def device_clear(self) -> None:
         """Discard incomplete messages and unread answers."""
-        self._incoming = bytearray()
+        self.incoming = bytearray()
         self.answers.clear()
 
     def write(self, data: bytes) -> None:
         """Receive a message or a part of one; a message that is too long is discarded, as by an instrument whose buffer is full."""
-        if len(self._incoming) + len(data) > LONGEST_MESSAGE:
-            self._incoming.clear()
+        if len(self.incoming) + len(data) > LONGEST_MESSAGE:
+            self.incoming.clear()
             self.note_error("command_error")
             return
-        self._incoming += data
+        self.incoming += data
         ending, answer_ending = self._terminators
-        if self._incoming.endswith(ending):
-            message, self._incoming = bytes(self._incoming[: -len(ending)]), bytearray()
+        if self.incoming.endswith(ending):
+            message, self.incoming = bytes(self.incoming[: -len(ending)]), bytearray()
             answer = self.respond(message)
             if answer is not None:
                 self.answers.append(bytearray(answer + answer_ending))
@@ -286,17 +286,17 @@ class SimulatedDevice:
         header, argument = self.fold(header), argument.strip()
         # Before the command, which may clear the events that have happened meanwhile.
         self.notice_request()
-        if header in self._commands:
-            return self._commands[header](argument)
-        if header in self._settable and argument:
-            self._assign(self._settable[header], argument)
+        if header in self.known_commands:
+            return self.known_commands[header](argument)
+        if header in self.settable and argument:
+            self.assign(self.settable[header], argument)
             return None
-        if header in self._queries:
-            return self._queries[header]()
+        if header in self.known_queries:
+            return self.known_queries[header]()
         self.note_error("command_error")
         return None
 
-    def _assign(self, name: str, argument: str) -> None:
+    def assign(self, name: str, argument: str) -> None:
         """Set a setting; numbers may carry a unit, words may be in any case."""
         specs: Any = self._settings[name].specs
         text = argument

@@ -98,7 +98,7 @@ class SimulatedLibreVna(SimulatedDevice):
         if self._single and (not before or self._begun_s is None):
             self._run("")
 
-    def _assign(self, name: str, argument: str) -> None:
+    def assign(self, name: str, argument: str) -> None:
         """Set a setting; a value beyond its limits is changed to the limit without an error. A running sweep starts again."""
         specs = self._data["properties"][name]["specs"]
         if specs["type"] != "str":
@@ -114,9 +114,9 @@ class SimulatedLibreVna(SimulatedDevice):
         elif argument.upper() not in specs["valid"]:
             self.note_error("command_error")
             return
-        super()._assign(name, argument)
+        super().assign(name, argument)
         if name in ("start", "stop") and self.value("start") > self.value("stop"):
-            super()._assign("stop" if name == "start" else "start", argument)
+            super().assign("stop" if name == "start" else "start", argument)
         if self._begun_s is not None:
             self._run("")
 

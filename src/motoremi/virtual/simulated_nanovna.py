@@ -69,7 +69,7 @@ class SimulatedNanoVna(SimulatedShell):
                 self._set_edge(edge, text)
         # The firmware ignores a number of points that it cannot measure.
         if len(arguments) == 3 and 2 <= whole(arguments[2]) <= self._most_points():
-            self._assign("points", str(whole(arguments[2])))
+            self.assign("points", str(whole(arguments[2])))
         return ""
 
     def _set_edge(self, edge: str, text: str) -> str:

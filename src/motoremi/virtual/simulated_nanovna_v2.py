@@ -51,9 +51,9 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         super().power_on()
         self._vna = SimulatedVna(self.wiring.seed, RAW)
         self._command = bytearray()
-        self._registers = bytearray(256)
+        self.registers = bytearray(256)
         for name, (address, size) in REGISTERS.items():
-            self._registers[address : address + size] = int(self.value(name)).to_bytes(size, "little")
+            self.registers[address : address + size] = int(self.value(name)).to_bytes(size, "little")
         # Number of values measured since the sweep was changed.
         self._measured = 0
         self._busy_until_s = 0.0
@@ -100,18 +100,19 @@ class SimulatedNanoVnaV2(SimulatedDevice):
         if first == INDICATE:
             return b"2"
         if first in READ:
-            return bytes(self._registers[address : address + READ[first]])
+            return bytes(self.registers[address : address + READ[first]])
         if first in WRITE:
             for offset, byte in enumerate(message[2:]):
-                self._registers[(address + offset) % len(self._registers)] = byte
+                self.registers[(address + offset) % len(self.registers)] = byte
             self._written(address)
         if first == READ_FIFO and address == QUEUE:
-            return self._values(message[2] or self._register("points"))
+            return self.fifo_values(message[2] or self.register("points"))
         return None
 
-    def _register(self, name: str) -> int:
+    def register(self, name: str) -> int:
+        """What a register holds."""
         address, size = REGISTERS[name]
-        return int.from_bytes(self._registers[address : address + size], "little")
+        return int.from_bytes(self.registers[address : address + size], "little")
 
     def _written(self, address: int) -> None:
         if address in (REGISTERS["start"][0], REGISTERS["step"][0], REGISTERS["points"][0], REGISTERS["values_per_frequency"][0]):
@@ -120,13 +121,14 @@ class SimulatedNanoVnaV2(SimulatedDevice):
             # The sweep continues while the queue is emptied.
             self._measured += 7
 
-    def _values(self, count: int) -> bytes:
+    def fifo_values(self, count: int) -> bytes:
+        """So many values of the sweep, 32 bytes each."""
         self._busy_until_s = self.clock.now() + count * SECONDS_PER_POINT
         self.clock.sleep(count * SECONDS_PER_POINT)
-        points, each = max(1, self._register("points")), max(1, self._register("values_per_frequency"))
+        points, each = max(1, self.register("points")), max(1, self.register("values_per_frequency"))
         sweep, index = np.divmod((self._measured + np.arange(count)) // each, points)
         self._measured += count
-        frequency_hz = np.maximum(1.0, self._register("start") + float(self._register("step")) * index)
+        frequency_hz = np.maximum(1.0, self.register("start") + float(self.register("step")) * index)
         raw = self._vna.reflection(frequency_hz, behind_clips(self.wiring, frequency_hz), NOISE_BANDWIDTH_HZ)
         raw += np.where(sweep < EARLY_SWEEPS, EARLY_ERROR, 0.0)
         return b"".join(_record(gamma, int(point)) for gamma, point in zip(raw, index, strict=True))

@@ -23,7 +23,7 @@ class SimulatedShell(SimulatedDevice):
 
     def __init__(self, wiring: Wiring, clock: Clock) -> None:
         super().__init__(wiring, clock)
-        self._shell = self.shell_commands()
+        self.by_name = self.shell_commands()
 
     def power_on(self) -> None:
         """An empty command line."""
@@ -84,9 +84,9 @@ class SimulatedShell(SimulatedDevice):
         name, *arguments = message.decode("latin-1").split() or [""]
         if not name:
             return b""
-        if name not in self._shell:
+        if name not in self.by_name:
             return f"{name}?{NEWLINE}".encode()
-        printed = self._shell[name](arguments)
+        printed = self.by_name[name](arguments)
         return printed if isinstance(printed, bytes) else printed.encode()
 
     def _say(self, data: bytes) -> None:

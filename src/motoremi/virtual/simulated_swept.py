@@ -60,13 +60,14 @@ class SimulatedSwept(SimulatedReceiver):
     def _has_emi_filter(self) -> bool:
         return self.value("filter") in EMI_WORDS
 
-    def _assign(self, name: str, argument: str) -> None:
+    def assign(self, name: str, argument: str) -> None:
+        """Set a value, as a message says it."""
         word = self.fold_word(argument)
         lacks_option = name == "filter" and word in EMI_WORDS and self.value("emi_option") != "ON"
         if lacks_option or (name == "detector" and word in WEIGHTING_WORDS and not self._has_emi_filter()):
             self.note_error("execution_error")
             return
-        super()._assign(name, argument)
+        super().assign(name, argument)
         if name in ("filter", "bandwidth"):
             filters_hz = EMI_FILTERS_HZ if self._has_emi_filter() else GAUSS_FILTERS_HZ
             asked_hz = float(self.value("bandwidth"))

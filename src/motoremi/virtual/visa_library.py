@@ -45,7 +45,7 @@ class BenchLibrary(SimVisaLibrary):
 
     def read(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
         """Read from an instrument; the timeout is on the instrument's clock, so that it takes no real time if that clock is virtual."""
-        link, device = self.sessions[session], self._device(session)
+        link, device = self.sessions[session], self.device_on(session)
         if link.parsed.interface_type_const == constants.InterfaceType.asrl:
             return self._read_line(session, count)
         timeout_s = link.get_attribute(constants.ResourceAttribute.timeout_value)[0] / 1000
@@ -64,7 +64,7 @@ class BenchLibrary(SimVisaLibrary):
 
     def _read_line(self, session: VISASession, count: int) -> tuple[bytes, constants.StatusCode]:
         """Read from a serial line up to the termination character, or `count` bytes if none is enabled."""
-        link, device = self.sessions[session], self._device(session)
+        link, device = self.sessions[session], self.device_on(session)
         waiting = device.take_answers()
         if link.get_attribute(constants.ResourceAttribute.termchar_enabled)[0]:
             end = waiting.find(bytes([link.get_attribute(constants.ResourceAttribute.termchar)[0]])) + 1
@@ -82,17 +82,17 @@ class BenchLibrary(SimVisaLibrary):
 
     def clear(self, session: VISASession) -> constants.StatusCode:
         """Device clear."""
-        self._device(session).device_clear()
+        self.device_on(session).device_clear()
         return constants.StatusCode.success
 
     def flush(self, session: VISASession, mask: constants.BufferOperation) -> constants.StatusCode:
         """Discard the buffers of a serial line."""
-        self._device(session).device_clear()
+        self.device_on(session).device_clear()
         return constants.StatusCode.success
 
     def read_stb(self, session: VISASession) -> tuple[int, constants.StatusCode]:
         """Serial poll."""
-        return self._device(session).serial_poll(), constants.StatusCode.success
+        return self.device_on(session).serial_poll(), constants.StatusCode.success
 
     def enable_event(
         self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism, context: None = None
@@ -101,7 +101,7 @@ class BenchLibrary(SimVisaLibrary):
         link = self.sessions[session]
         if event_type != constants.EventType.service_request or link.parsed.interface_type_const != constants.InterfaceType.gpib:
             raise pyvisa.VisaIOError(constants.StatusCode.error_invalid_event)
-        self._seen.setdefault(session, self._device(session).service_requests)
+        self._seen.setdefault(session, self.device_on(session).service_requests)
         return constants.StatusCode.success
 
     def wait_on_event(
@@ -110,7 +110,7 @@ class BenchLibrary(SimVisaLibrary):
         """Wait for the next service request; on a virtual clock that takes no time."""
         if session not in self._seen:
             raise pyvisa.VisaIOError(constants.StatusCode.error_not_enabled)
-        device = self._device(session)
+        device = self.device_on(session)
         deadline_s = device.clock.now() + timeout / 1000
         device.notice_request()
         while device.service_requests == self._seen[session]:
@@ -126,7 +126,7 @@ class BenchLibrary(SimVisaLibrary):
     def discard_events(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
         """Discard the queued service requests."""
         if session in self._seen:
-            self._seen[session] = self._device(session).service_requests
+            self._seen[session] = self.device_on(session).service_requests
         return constants.StatusCode.success
 
     def disable_event(self, session: VISASession, event_type: constants.EventType, mechanism: constants.EventMechanism) -> constants.StatusCode:
@@ -134,5 +134,6 @@ class BenchLibrary(SimVisaLibrary):
         self._seen.pop(session, None)
         return constants.StatusCode.success
 
-    def _device(self, session: VISASession) -> SimulatedDevice:
+    def device_on(self, session: VISASession) -> SimulatedDevice:
+        """The instrument of a session."""
         return cast(SimulatedDevice, self.sessions[session].device)

@@ -44,8 +44,8 @@ class Ladder(ABC, Generic[F]):
         self._prepared: dict[tuple[str, str], F] = {}
         self._making: dict[tuple[str, str], threading.Lock] = {}
         self._keeping = threading.Lock()
-        self._glancing = threading.Lock()
-        self._looking: object = None
+        self.glancing = threading.Lock()
+        self.looking: object = None
         self._dropped: tuple[F, ...] = ()
         self._dropped_from = ""
 
@@ -127,13 +127,13 @@ class Ladder(ABC, Generic[F]):
 
     def glance(self, effect: str) -> tuple[F, F] | None:
         """The current model and the prepared one, for a preview; None if another preview was requested in the meantime."""
-        self._looking = asked = object()
-        with self._glancing:
-            return (self.top, self.prepared(effect)) if self._looking is asked else None
+        self.looking = asked = object()
+        with self.glancing:
+            return (self.top, self.prepared(effect)) if self.looking is asked else None
 
     def add(self, effect: str, shown: str | None = None, progress: Progress | None = None) -> tuple[F, F]:
         """Add an effect to the current model, as many times as the command would; return the models before and after."""
-        self._looking = None
+        self.looking = None
         with self._turn:
             self._require(shown)
             before, stands = self.top, self.standing
