@@ -149,7 +149,10 @@ def test_every_effect_can_be_had_on_the_bench_in_a_band_that_shows_it(effect: st
 
 def test_the_demo_of_nothing_measures_the_usual_band() -> None:
     for effect in ("none", "outside-tapped-winding"):
-        assert demo.story_procedure(effect) == load_procedure("full_motor_test")
+        told, full = demo.story_procedure(effect), load_procedure("full_motor_test")
+        assert told.sweep == full.sweep
+        # The story's own report comes after the last step.
+        assert [*told.steps, full.steps[-1]] == list(full.steps)
 
 
 def test_two_accounts_of_one_winding_are_not_hidden_together() -> None:

@@ -148,7 +148,7 @@ def polish(
             break
         new = problem.linearised(trial)
         if bending:
-            evaluations += _watchdog_step(problem, trial, new, here.objective, damped)
+            evaluations += watchdog_step(problem, trial, new, here.objective, damped)
         gained = here.objective - new.objective
         better = gained >= 0
         bent |= gained < 0.7 * expected
@@ -205,7 +205,7 @@ def _expected(here: Linearised, right: FloatArray, step: FloatArray) -> FloatArr
     return -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
 
 
-def _watchdog_step(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
+def watchdog_step(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
     """Lead trials that went uphill on by a second step, in place, where its slopes promise less than `before`; how many there were."""
     uphill = np.flatnonzero(new.objective > before)
     if not uphill.size:
