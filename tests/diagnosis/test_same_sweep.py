@@ -21,6 +21,7 @@ def measured(seed: int, termination: str, as_termination: str, connection: int) 
     return ImpedanceSweep(as_termination, FREQUENCY_HZ, ohm, metadata={"analyser": "4294a"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("twice", ["short", "open"])
 def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
     sweeps = [measured(7, twice, "short", 0), measured(7, twice, "open", 1)]

@@ -34,6 +34,7 @@ def test_no_step_of_a_ladder_is_worse_than_the_one_before(ladder):
         assert after.rms_error_percent <= 1.05 * before.rms_error_percent, after.effects[-1]
 
 
+@pytest.mark.slow
 def test_what_vanishes_is_held_and_told(ladder):
     before, after = ladder[1:3]
     # Wire of 0.2 mm diameter, the thinnest of the catalogue, would have more skin effect than these sweeps.
