@@ -341,7 +341,7 @@ def test_a_step_back_to_the_valley_floor_saves_steps(monkeypatch):
     problem = Problem(add_effects(dc_motor(), ["brush-contact"]), Measurement.of(sweeps, "none"))
     start = problem.vector({**DAMPED, "brush-contact.resistance_ohm": 2.0, "brush-contact.capacitance_f": 2e-8})
     with_it = polish(problem, start)
-    monkeypatch.setattr("motoremi.fitting.polish._led_back", lambda *arguments: 0)
+    monkeypatch.setattr("motoremi.fitting.polish._watchdog_step", lambda *arguments: 0)
     without = polish(problem, start)
     assert with_it.converged[0]
     assert with_it.objective[0] < without.objective[0] + 1e-3  # a thirtieth of an error bar
