@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+from places import DATA
 from diagnosis_contract import check_contract
 from scipy.optimize import least_squares
 
@@ -140,10 +141,10 @@ def test_parameter_pushed_against_its_bound_is_told(measure):
     assert closeness(dataclasses.replace(pushed, at_bound=())) < closeness(dataclasses.replace(free, at_bound=("its parameter",)))
 
 
-def test_real_inductor_is_not_called_a_motor(request):
+def test_real_inductor_is_not_called_a_motor():
     from motoremi.data.files import read_impedance
 
-    file = request.path.parent / "data" / "eth_4294A_inductor" / "impedance.txt"
+    file = DATA / "eth_4294A_inductor" / "impedance.txt"
     sweep = read_impedance(file, "short")
     assert Measurement.of([sweep]).analyser.name == "4294a"
     fit = me.fit(me.dc_motor(), [sweep])

@@ -22,6 +22,7 @@ import threadpoolctl
 import motoremi as me
 from motoremi import workers
 from motoremi.blind.cases import Case
+from motoremi.data.analyser import ADAPTERS, ANALYSERS, FIXTURES, find_analyser
 from motoremi.interrupts import Cancelled, checkpoint
 from motoremi.threads import one_blas_thread
 from motoremi.workers import own_processes, useful_processes
@@ -222,6 +223,15 @@ def arrived_twice(sent: bytes) -> tuple[int, int]:
     """Which objects a measurement is when it comes twice."""
     first, again = pickle.loads(sent), pickle.loads(sent)
     return id(first), id(again)
+
+
+def test_every_analyser_can_be_sent_with_its_adapters_and_fixtures() -> None:
+    frequency_hz = np.geomspace(1e3, 30e6, 7)
+    attached = [one.connected_to(find_analyser("4294a")) for one in (*ADAPTERS.values(), *FIXTURES.values())]
+    for analyser in (*ANALYSERS, *attached):
+        sent = pickle.loads(pickle.dumps(analyser))
+        np.testing.assert_array_equal(sent.gain_sigma(frequency_hz), analyser.gain_sigma(frequency_hz))
+        np.testing.assert_array_equal(sent.conductance_sigma_s(frequency_hz), analyser.conductance_sigma_s(frequency_hz))
 
 
 def test_a_circuit_of_nobodys_catalogue_is_not_sent_as_another() -> None:

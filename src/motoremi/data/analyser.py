@@ -10,6 +10,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.kernels import Parts, smooth_basis
 from motoremi.errors import BadInput
 
+# Functions of modules or parts of them, since an analyser is sent to other processes with its measurement.
+OfFrequency: TypeAlias = Callable[[FloatArray], FloatArray]
 # Prior of the factor on the declared sizes: three analysers in four are within their specification. An assumption; unconfirmed.
 DECLARED: Mapping[float, float] = {1.0: 0.75, 2.0: 0.17, 4.0: 0.08}
 # An analyser that is not named may be as accurate as a 4294A, or as inaccurate as a bridge of 3 %. An assumption; unconfirmed.
@@ -136,6 +140,22 @@ def _zero(frequency_hz: FloatArray) -> FloatArray:
     return np.zeros_like(frequency_hz)
 
 
+def _same(value: float, frequency_hz: FloatArray) -> FloatArray:
+    return np.full_like(frequency_hz, value)
+
+
+def _rising(constant: float, slope: float, frequency_hz: FloatArray) -> FloatArray:
+    return constant + slope * frequency_hz
+
+
+def _with_percent(gain_sigma: OfFrequency, percent: OfFrequency, frequency_hz: FloatArray) -> FloatArray:
+    return gain_sigma(frequency_hz) + percent(frequency_hz) / 300
+
+
+def _times(sigma: OfFrequency, factor: float, frequency_hz: FloatArray) -> FloatArray:
+    return sigma(frequency_hz) * factor
+
+
 _4294A = Analyser(
     name="4294a",
     title="Agilent 4294A with a four-terminal fixture, open and short compensated",
@@ -161,7 +181,7 @@ ANALYSERS = (
         title="NanoVNA, impedance from S11, calibrated at its connector, the fixture not compensated",
         source="residuals of -54, -50 and -46 dB taken for a careful calibration, a fixture of a few centimetres; unconfirmed",
         gain_sigma=_zero,
-        conductance_sigma_s=lambda f: np.full_like(f, 1e-6),
+        conductance_sigma_s=partial(_same, 1e-6),
         capacitance_sigma_f=0.05e-12,
         resistance_sigma_ohm=10e-3,
         inductance_sigma_h=1e-9,
@@ -211,19 +231,13 @@ class Attachment:
     def connected_to(self, analyser: Analyser) -> Analyser:
         """The error model of an analyser with this adapter or fixture."""
 
-        def gain_sigma(frequency_hz: FloatArray) -> FloatArray:
-            return analyser.gain_sigma(frequency_hz) + self.gain_percent(frequency_hz) / 300
-
-        def conductance_sigma_s(frequency_hz: FloatArray) -> FloatArray:
-            return analyser.conductance_sigma_s(frequency_hz) * self.residuals
-
         return dataclasses.replace(
             analyser,
             name=f"{analyser.name}+{self.name}",
             title=f"{analyser.title}, {self.title}",
             source=f"{analyser.source}; what {self.title} adds is an assumption, unconfirmed",
-            gain_sigma=gain_sigma,
-            conductance_sigma_s=conductance_sigma_s,
+            gain_sigma=partial(_with_percent, analyser.gain_sigma, self.gain_percent),
+            conductance_sigma_s=partial(_times, analyser.conductance_sigma_s, self.residuals),
             capacitance_sigma_f=analyser.capacitance_sigma_f * self.residuals,
             resistance_sigma_ohm=analyser.resistance_sigma_ohm * self.residuals,
             inductance_sigma_h=analyser.inductance_sigma_h * self.residuals,
@@ -235,10 +249,10 @@ FOUR_TERMINAL_PAIR = ("4294a", "e4990a")
 ADAPTERS: Mapping[str, Attachment] = {
     attachment.name: attachment
     for attachment in (
-        Attachment("1m", "a 1 m extension cable", lambda f: 0.02 + 0.02e-6 * f),
-        Attachment("2m", "a 2 m extension cable", lambda f: 0.02 + 0.03e-6 * f),
-        Attachment("42942a", "a 42942A terminal adapter", lambda f: 0.1 + 0.02e-6 * f),
-        Attachment("42941a", "a 42941A impedance probe", lambda f: 0.2 + 0.03e-6 * f, residuals=2.0),
+        Attachment("1m", "a 1 m extension cable", partial(_rising, 0.02, 0.02e-6)),
+        Attachment("2m", "a 2 m extension cable", partial(_rising, 0.02, 0.03e-6)),
+        Attachment("42942a", "a 42942A terminal adapter", partial(_rising, 0.1, 0.02e-6)),
+        Attachment("42941a", "a 42941A impedance probe", partial(_rising, 0.2, 0.03e-6), residuals=2.0),
     )
 }
 FIXTURES: Mapping[str, Attachment] = {

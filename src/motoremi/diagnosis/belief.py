@@ -141,7 +141,9 @@ def stands(base: Fit, best: Fit) -> Standing:
     """Whether a model leaves so little that it can be called the motor's."""
     left = best.unexplained_percent["value"]
     # Where only an analyser far beyond its specification is asked for, that is what is wrong, and the findings say so.
-    if best.marginal.nothing_left >= 0.5 or (best.explained and best.measurement.accuracy_percent is None):
+    # An effect that only reaches a stated accuracy may be of another law: it describes most. The base that does needs none.
+    enough = best.explained and (best is base or best.measurement.accuracy_percent is None)
+    if best.marginal.nothing_left >= 0.5 or enough:
         return "explained"
     if left <= SLIGHT_SHARE * best.floor_percent:
         return "slight"
