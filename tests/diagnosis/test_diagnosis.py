@@ -7,8 +7,8 @@ import json
 
 import numpy as np
 import pytest
-from places import DATA
 from diagnosis_contract import check_contract
+from places import DATA
 from scipy.optimize import least_squares
 
 import motoremi as me
