@@ -60,6 +60,11 @@ def logarithm(impedance_ohm: ComplexArray) -> ComplexArray:
     return np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
 
 
+def interpolated(frequency_hz: FloatArray, impedance_ohm: ComplexArray, wanted_hz: FloatArray) -> ComplexArray:
+    """A sweep at other frequencies: ln Z is straight over ln f between its points."""
+    return np.exp(np.interp(np.log(wanted_hz), np.log(frequency_hz), logarithm(impedance_ohm)))
+
+
 def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
     """A sweep with most of its white noise removed, for error models that depend on the impedance but must not depend on its noise."""
     if impedance_ohm.size < 2 * SMOOTHED_POINTS:

@@ -157,7 +157,7 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
     if found is None:
         return None
     place = np.log(sweep.frequency_hz)
-    return np.interp(place, place[inside], found.real) + 1j * np.interp(place, place[inside], found.imag)
+    return np.interp(place, place[inside], found)
 
 
 def _outliers(variance: FloatArray, magnitude: FloatArray) -> BoolArray:

@@ -273,8 +273,9 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
     left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
-    findings = (*_findings(searched.fit, declared, left), *of_the_operator(rivals))
-    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement), searched=searched)
+    same = the_same_twice(searched.fit.measurement)
+    findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
+    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
@@ -304,25 +305,30 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
     judgement = declared.judgement
     found = of_the_noise(judgement.base) + of_the_analyser(judgement.model.fit, judgement.stands) + of_the_sweeps(left) + of_the_amount(fit)
-    if (same := the_same_twice(fit.measurement)) is not None:
-        found.insert(0, same)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
     return tuple(found)
 
 
-def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement) -> Diagnosis:
-    """The diagnosis that a judgement leads to."""
+def _concluded(
+    judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement, same: Finding | None
+) -> Diagnosis:
+    """The diagnosis that a judgement leads to; two sweeps that are the same contradict every one."""
     question = next_question(rivals, measurement)
     base, belief = judgement.base, judgement.belief
     unknown = departs(rivals)
     named = () if judgement.accurate or not judgement.stands or unknown else judgement.named
     best = judgement.model if judgement.stands else judgement.closest
     families = tuple((name, *judgement.families[name])[:LARGEST_FAMILY] for name in named if judgement.families[name])
-    verdict = "unexplained" if unknown and judgement.stands else _verdict(judgement, named, families, findings, left)
+    verdict = _verdict(judgement, named, families, findings, left)
+    if unknown and judgement.stands:
+        verdict = "unexplained"
+    if same is not None:
+        verdict = "data"
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
+    confidence = _confidence(judgement, verdict, named, families, findings) if same is None else RELIABLE["the same sweep twice"]
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)
@@ -334,7 +340,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
         families=families if verdict not in ("unexplained", "data") else (),
-        confidence=confidence_of(rivals, judgement.belief, verdict, _confidence(judgement, verdict, named, families, findings)),
+        confidence=confidence_of(rivals, judgement.belief, verdict, confidence),
         base=base,
         best=base if verdict == "adequate" else best.fit,
         candidates=tuple(singles),
@@ -344,7 +350,7 @@ def _concluded(judgement: Judgement, findings: tuple[Finding, ...], left: Remain
         where=compare(base).where,
         findings=findings,
         following=following,
-        reasons=(*_reasons(judgement, verdict, named, families, validation), *reasons_of(rivals)),
+        reasons=(*(_reasons(judgement, verdict, named, families, validation) if same is None else (same.why,)), *reasons_of(rivals)),
         validation=validation if named or verdict == "unexplained" else {},
         left_over=left,
         rivals=rivals,
@@ -358,8 +364,6 @@ def closeness(one: Candidate) -> tuple[bool, float]:
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:
-    if the_same_twice(judgement.base.measurement) is not None:
-        return "data"
     serious = {finding.id for finding in findings if finding.serious}
     if not judgement.stands:
         about_data = left is not None and left.about_the_data
@@ -374,8 +378,6 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
 
 def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
     """How often such an answer is true: what the posterior says of the names, times what goes wrong beyond it."""
-    if the_same_twice(judgement.base.measurement) is not None:
-        return RELIABLE["the same sweep twice"]
     kinds: list[str] = [
         verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name" if len(named) == 1 else "two names"
     ]
@@ -396,8 +398,6 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
 
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:
     base, closest = judgement.base, judgement.closest
-    if (same := the_same_twice(base.measurement)) is not None:
-        return [same.why]
     if verdict in ("unexplained", "data"):
         tried = len(possible_effects(base))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])

@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
-from motoremi.data.kernels import logarithm
+from motoremi.data.kernels import interpolated
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
@@ -162,7 +162,7 @@ def the_same_twice(measurement: Measurement) -> Finding | None:
     common = (one.frequency_hz >= low) & (one.frequency_hz <= high)
     if not common.any():
         return None
-    between = np.exp(np.interp(np.log(one.frequency_hz[common]), np.log(other.frequency_hz), logarithm(other.mean_ohm)))
+    between = interpolated(other.frequency_hz, other.mean_ohm, one.frequency_hz[common])
     apart = float(np.quantile(np.abs(np.log(one.mean_ohm[common] / between)), OF_POINTS))
     if apart > THE_SAME:
         return None

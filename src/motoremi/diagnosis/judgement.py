@@ -146,10 +146,14 @@ class Judgement:
     def of_singles(self) -> Judgement | None:
         """The judgement without larger sets, where one effect of the likeliest set describes nearly all by itself; None elsewhere."""
         singles = {key: one for key, one in self.found.items() if len(key) <= 1}
-        under = Judgement(self.base, singles, believe(singles))
+        under = self._among(singles)
         left = under.model.fit.unexplained_percent["value"]
         nearly_all = under.stands and left <= NEARLY_ALL * self.base.unexplained_percent["value"]
         return under if nearly_all and not self.distributed and set(under.named) & set(self.best.added) else None
+
+    def _among(self, found: Mapping[Key, Candidate]) -> Judgement:
+        """The judgement if only these sets of effects had been tried."""
+        return Judgement(self.base, found, believe(found))
 
     @cached_property
     def families(self) -> Mapping[str, Key]:
@@ -172,7 +176,7 @@ class Judgement:
         enough = {key: one for key, one in self.found.items() if not key or (len(key) == 1 and accurate(one.fit))}
         if len(enough) == 1 or self.best.done:
             return None
-        single = Judgement(self.base, enough, believe(enough))
+        single = self._among(enough)
         return single if single.named and single.stands else None
 
     @property

@@ -126,8 +126,7 @@ class Observed:
         """Values at these points, shape (n,), interpolated to those of another grid."""
         found = []
         for mine, its in zip(self.sweeps, other.sweeps, strict=True):
-            own, place, wanted = values[self.slices[mine.termination]], np.log(mine.frequency_hz), np.log(its.frequency_hz)
-            found.append(np.interp(wanted, place, own.real) + 1j * np.interp(wanted, place, own.imag))
+            found.append(np.interp(np.log(its.frequency_hz), np.log(mine.frequency_hz), values[self.slices[mine.termination]]))
         return np.concatenate(found)
 
     @cached_property

@@ -47,10 +47,10 @@ STEPS, POOR_STEPS = 60, 20
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
+ABSORBING = 10.0
 # Degrees of freedom of a white error of unknown size (Student's t): a few points that stand out do not decide between models. Four is usual
 # (Lange, Little and Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
 TAILS = 4.0
-ABSORBING = 10.0
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.conditions import STANDARDS, Condition
-from motoremi.data.kernels import logarithm, smooth_basis
+from motoremi.data.kernels import interpolated, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.result import Fit
 from motoremi.investigation.menu import BY_NAME, Option
@@ -56,7 +56,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             continue
         if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
-        log = _log_likelihood(sweep, _at(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
+        log = _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
         what = f"it is the {reference.termination} sweep of the motor as it was"
         found.append(Mistake("nothing-changed" if same else "wrong-termination", f"{asked}: {what}, again", log))
     if option.kind == "standard":
@@ -81,12 +81,6 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
 
 def _covers(own_hz: FloatArray, wanted_hz: FloatArray) -> bool:
     return bool(own_hz[0] <= wanted_hz[0] * 1.001 and own_hz[-1] >= wanted_hz[-1] * 0.999)
-
-
-def _at(frequency_hz: FloatArray, impedance_ohm: ComplexArray, wanted_hz: FloatArray) -> ComplexArray:
-    values, place = logarithm(impedance_ohm), np.log(frequency_hz)
-    between: ComplexArray = np.interp(np.log(wanted_hz), place, values.real) + 1j * np.interp(np.log(wanted_hz), place, values.imag)
-    return np.exp(between)
 
 
 def _impedance(sweep: Observed) -> ComplexArray:

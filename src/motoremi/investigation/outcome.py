@@ -212,8 +212,7 @@ class Outcome:
         own = next(one for one in measurement.sweeps if one.termination == sweep.termination)
         fitted = self._modelled(own.termination, own.frequency_hz)
         left = logarithm(own.mean_ohm / fitted)
-        place, wanted = np.log(own.frequency_hz), np.log(sweep.frequency_hz)
-        between: ComplexArray = np.interp(wanted, place, left.real) + 1j * np.interp(wanted, place, left.imag)
+        between = np.interp(np.log(sweep.frequency_hz), np.log(own.frequency_hz), left)
         return between + logarithm(self._modelled(own.termination, sweep.frequency_hz))
 
     def _modelled(self, termination: str, frequency_hz: FloatArray) -> ComplexArray:

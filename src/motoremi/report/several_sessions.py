@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.data.kernels import interpolated
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.errors import BadInput
@@ -141,8 +142,7 @@ def _changes(first: Materials, other: Materials, before: Mapping[str, RepeatedSw
             continue
         here = np.log(two.frequency_hz[inside])
         known = np.log(one.frequency_hz)
-        log_z = np.log(np.abs(one.mean_ohm)) + 1j * np.unwrap(np.angle(one.mean_ohm))
-        reference = np.exp(np.interp(here, known, log_z.real) + 1j * np.interp(here, known, log_z.imag))
+        reference = interpolated(one.frequency_hz, one.mean_ohm, two.frequency_hz[inside])
         both = np.hypot(np.interp(here, known, _uncertainty(first, termination)), _uncertainty(other, termination)[inside])
         found[termination] = Change(two.frequency_hz[inside], two.mean_ohm[inside] / reference, both)
     return found
