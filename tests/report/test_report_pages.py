@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import random
 from pathlib import Path
 
 import pypdfium2
@@ -10,7 +11,8 @@ import pytest
 from laboratory_cases import PROFILE, pages_of, profile
 from report_cases import diagnosed_session, whole_session
 
-from motoremi.report.contents import Choice
+from motoremi.report.contents import Choice, Report, Section, Table
+from motoremi.report.pdf import render_pdf
 from motoremi.workflow import opened, report_session
 
 pytestmark = pytest.mark.slow
@@ -68,6 +70,34 @@ def test_no_heading_stands_at_the_end_of_a_page(pdfs):
             lines = [line.strip() for line in text.splitlines() if line.strip()]
             body = [line for line in lines if not line.startswith("page ") and "· data " not in line]
             assert body[-1] not in titles, name
+
+
+def made_up(seed: int) -> Report:
+    """A report of eight sections with tables of random length; some rows go over several lines."""
+    chance = random.Random(seed)
+    words = "a sentence that goes over several lines of the narrow column in which it stands "
+
+    def table(title: str) -> Table:
+        rows = tuple((f"row {number}", words * chance.choice([0, 0, 1, 3, 6]) or "short", "value") for number in range(chance.randint(1, 16)))
+        return Table(title, ("what", "words", "value"), rows)
+
+    sections = tuple(
+        Section(
+            f"Section {number}",
+            texts=() if chance.random() < 0.5 else (words * chance.randint(1, 4),),
+            tables=tuple(table(f"Table {number}.{part}") for part in range(chance.randint(1, 4))),
+        )
+        for number in range(8)
+    )
+    return Report("Test report", "", (), (), sections, {}, "2026-11-23T10:00:00Z", "data of a test", ())
+
+
+def test_wherever_a_page_ends_a_heading_goes_with_what_it_heads():
+    for seed in range(40):
+        for text in pages_of(render_pdf(made_up(seed)))[:-1]:
+            lines = [line.strip() for line in text.splitlines() if line.strip()]
+            body = [line for line in lines if not line.startswith(("page ", "data of a test"))]
+            assert not body[-1].startswith(("Section", "Table", "what")), seed
 
 
 def test_a_customer_reads_two_pages(pdfs):
