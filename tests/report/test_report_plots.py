@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -102,6 +103,9 @@ def test_no_text_is_cut_or_covers_another(session, what):
         assert all(figure.bbox.x0 <= box.x0 for box in [*shown, name])
         # Nor is the name of a resonance cut by the panel's edge.
         assert axes.get_xscale() != "log" or what == "ranking" or all(low <= note.get_window_extent().y0 for note in axes.texts)
+        if what in ("sweeps", "fit"):
+            notes = [note.get_window_extent() for note in axes.texts]
+            assert not any(one.overlaps(other) for one, other in itertools.combinations(notes, 2))
         # Ticks beyond the ends of an axis have a label too, which is not drawn.
         left, right = axes.get_window_extent().intervalx
         numbers = [label.get_window_extent() for label in axes.get_xticklabels()]

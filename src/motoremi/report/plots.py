@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import JsonDict
 from motoremi.data.measurement import Measurement
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import RepeatedSweep
@@ -37,7 +37,7 @@ from motoremi.report.axes import (
     panels,
 )
 from motoremi.report.contents import model_name
-from motoremi.report.peaks import clear_maxima
+from motoremi.report.resonance_labels import mark_resonances
 from motoremi.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -59,9 +59,6 @@ __all__ = [
 TITLES = {"short": "short-circuit sweep (winding)", "open": "open-circuit sweep (terminal to frame)"}
 UNCERTAINTY = "expanded uncertainty (k = 2)"
 MOST_CANDIDATES = 10
-# A resonance is labelled if |Z| falls, or rises, by at least this much on both sides.
-CLEAR_DB = 3.0
-NAME_SHARE = 0.3
 # Below odds of 30 to 1 two candidates count as one family: 2 ln(1/0.03).
 DISTINGUISHED = 7.0
 
@@ -115,7 +112,7 @@ def _draw_measured(top: Axes, middle: Axes, sweep: RepeatedSweep) -> None:
     top.plot(frequency, magnitude, color=BLACK, linewidth=3.0, alpha=0.35, label=f"measured, mean of {sweep.repeats}")
     middle.plot(frequency, np.degrees(np.angle(sweep.mean_ohm)), color=BLACK, linewidth=3.0, alpha=0.35)
     log_values(top, prefixes=True)
-    _mark_resonances(top, frequency, magnitude)
+    mark_resonances(top, frequency, magnitude)
     top.set_title(TITLES[sweep.termination], fontsize=10)
     top.set_ylabel("|Z| (Ω)")
     middle.set_ylabel("phase (deg)")
@@ -125,27 +122,6 @@ def _draw_measured(top: Axes, middle: Axes, sweep: RepeatedSweep) -> None:
 def fit_figure(fit: Fit) -> Figure:
     """Both sweeps against one model."""
     return sweeps_figure(fit, fit)
-
-
-def _mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> None:
-    """Label the frequencies of the clear maxima and minima of |Z|."""
-    level = 20 * np.log10(magnitude_ohm)
-    for sign, marker, above in ((1, "v", True), (-1, "^", False)):
-        for index in clear_maxima(sign * level, CLEAR_DB):
-            place = (frequency_hz[index], magnitude_ohm[index])
-            axes.plot(*place, marker, color=BLACK, markersize=4)
-            axes.annotate(
-                show(float(frequency_hz[index]), "Hz", 3),
-                place,
-                textcoords="offset points",
-                xytext=(6, 0) if above else (0, -5),
-                ha="left" if above else "center",
-                va="bottom" if above else "top",
-                fontsize=8,
-            )
-    # Room for the labels: a line of text below the curve takes this share of a low panel.
-    low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
-    axes.set_ylim(low / max(2.0, (high / low) ** NAME_SHARE), high * 2.5)
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
