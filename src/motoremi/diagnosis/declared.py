@@ -52,10 +52,13 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     each : callable
         As the built-in `map`.
     """
-    enough = first.standing == "explained" or accurate(first.model.fit)
-    if first.described or (enough and first.model.fit.analyser_sigma <= BEYOND_SIGMA):
+    if first.described:
         return Declared(first)
-    refitted = [(_refitted(first.base, other), _refitted(first.best.fit, other)) for other in hypotheses(first.base.measurement.analyser)]
+    others = hypotheses(first.base.measurement.analyser)
+    enough = first.standing == "explained" and not _denied_as_ideal(first.best.fit, others)
+    if (enough or accurate(first.model.fit)) and first.model.fit.analyser_sigma <= BEYOND_SIGMA:
+        return Declared(first)
+    refitted = [(_refitted(first.base, other), _refitted(first.best.fit, other)) for other in others]
     # The bare circuit and the likeliest model each say which analyser they would rather have.
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
@@ -65,6 +68,11 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
+
+
+def _denied_as_ideal(best: Fit, others: list[Analyser]) -> bool:
+    """Whether the likeliest model denies that the analyser is ideal, as no real one is: a law that bends may have taken up its errors."""
+    return best.measurement.analyser.ideal and any(_refitted(best, other).log_evidence > best.log_evidence + TAKEN for other in others)
 
 
 def hypotheses(declared: Analyser) -> list[Analyser]:

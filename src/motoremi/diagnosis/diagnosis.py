@@ -261,6 +261,9 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     """
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
+        if the_same_twice(fit.measurement) is not None:
+            # No model will be believed: single effects are ranked, for who wants to look.
+            return _informed(Searched(fit, Declared(judge(fit, progress, GLANCE, each))), fit.measurement, each)
         first = _without_outliers(fit, fit, search, each) or judge(fit, search, each=each)
         if not first.model.done:
             first = _without_outliers(fit, first.best.fit, again, each) or first
@@ -272,8 +275,8 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     declared = searched.declared
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
-    left = None if judgement.stands else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     same = the_same_twice(searched.fit.measurement)
+    left = None if judgement.stands or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
 

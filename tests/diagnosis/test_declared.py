@@ -1,0 +1,53 @@
+"""An analyser that was declared ideal is doubted: no effect is named for the errors that every real one has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import motoremi as me
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.simulated_motor import SimulatedMotor
+
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
+pytestmark = pytest.mark.slow
+
+
+def declared_ideal(seed: int, effects: tuple[str, ...] = ()) -> list[ImpedanceSweep]:
+    motor, analyser = SimulatedMotor.random(seed, effects), SimulatedAnalyser(seed)
+    sweeps = []
+    for connection, termination in enumerate(TERMINATIONS):
+        true = motor.impedance(termination, FREQUENCY_HZ)
+        sweeps += [
+            ImpedanceSweep(termination, FREQUENCY_HZ, analyser.measure(termination, FREQUENCY_HZ, true, connection), metadata={"analyser": "none"})
+            for _ in range(3)
+        ]
+    return sweeps
+
+
+@pytest.mark.parametrize(("seed", "hidden"), [(1, "core-loss"), (2, "insulation-leakage@Ca")])
+def test_a_real_analysers_errors_are_not_taken_for_the_motors(seed, hidden):
+    """Both are told from each other by little; a relaxing permeability bends to what either and the analyser's errors make together."""
+    found = me.diagnose(me.fit(me.dc_motor(), declared_ideal(seed, (hidden,))))
+    assert set(found.effects) | {one for family in found.families for one in family} <= {"core-loss", "insulation-leakage@Ca"}
+    assert found.verdict == "adequate" or "not-as-declared" in {finding.id for finding in found.findings}
+
+
+def test_an_ideal_analyser_is_believed_where_it_is_one():
+    motor = SimulatedMotor.random(3, ("core-loss",))
+    noise = np.random.default_rng(3)
+    sweeps = [
+        ImpedanceSweep(
+            name,
+            FREQUENCY_HZ,
+            motor.impedance(name, FREQUENCY_HZ) * (1 + 1e-4 * noise.standard_normal((2, 201)).T @ [1, 1j]),
+            metadata={"analyser": "none"},
+        )
+        for name in TERMINATIONS
+        for _ in range(3)
+    ]
+    found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert "not-as-declared" not in {finding.id for finding in found.findings}
+    assert found.base.measurement.analyser.ideal
+    assert "core-loss" in {*found.effects, *(one for family in found.families for one in family)}
