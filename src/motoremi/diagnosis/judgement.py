@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import combinations
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, Belief, Standing, believe, stands
+from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, believe, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
@@ -108,9 +108,10 @@ class Judgement:
 
     @property
     def _pair_is_credible(self) -> bool:
-        """Whether two effects, which bend to almost anything, leave nothing (or nothing beyond a stated accuracy) with values that motors have."""
-        nothing_left = self.model.fit.marginal.nothing_left >= 0.5 or accurate(self.model.fit)
-        return nothing_left and not self.model.unusual and not self.distributed
+        """Whether two effects, which bend to almost anything, leave nothing, or little to analyser or owner, with values that motors have."""
+        fit = self.model.fit
+        little = fit.marginal.nothing_left >= 0.5 or accurate(fit) or fit.unexplained_percent["value"] <= SLIGHT_SHARE * fit.floor_percent
+        return little and not self.model.unusual and not self.distributed
 
     @property
     def distributed(self) -> bool:

@@ -153,7 +153,10 @@ class Fit:
         """Whether the circuit describes the motor as well as is asked for, or as well as these data can tell."""
         left = self.unexplained_percent
         nothing = self.marginal.nothing_left >= 0.5 and self.analyser_sigma <= BEYOND_SIGMA
-        return bool(nothing or left["value"] <= self.measurement.good_enough_percent)
+        accuracy = self.measurement.accuracy_percent
+        # A stated accuracy is asked of the circuit itself: an analyser far beyond its specification could take up any error.
+        within = accuracy is None or self.rms_error_percent <= np.hypot(accuracy, self.floor_percent)
+        return bool(nothing or (left["value"] <= self.measurement.good_enough_percent and within))
 
     @cached_property
     def within_specification(self) -> bool:
