@@ -198,6 +198,17 @@ def test_a_question_names_what_to_do_and_stops_with_a_reason() -> None:
     assert next_question(rivals_of({(): (base(), 0.0)}, 0.01), measurement).stop == "nothing-missing"
 
 
+def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() -> None:
+    found = base()
+    question = next_question(rivals_of({("core-loss",): (found, 0.0)}, 0.9), found.measurement)
+    assert question.stop == "one-stands"
+    assert question.why.startswith(f"{OUTSIDE} stands")
+    # A fixture that nobody compensated may be the reason, and its standards can be measured.
+    behind = fit(dc_motor(), Measurement.of(sweeps({}), analyser="nanovna"))
+    assert behind.measurement.analyser.fixture is not None
+    assert next_question(rivals_of({("core-loss",): (behind, 0.0)}, 0.9), behind.measurement).stop is None
+
+
 def test_one_sweep_alone_asks_for_the_other() -> None:
     only = fit(dc_motor(), sweeps({})[:1])
     question = next_question(rivals_of({(): (only, 0.0)}, 0.03), only.measurement)
