@@ -21,6 +21,7 @@ from motoremi.diagnosis.informed import informed, of_the_operator, rivals_in
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.investigation.menu import BY_NAME, MENU
+from motoremi.investigation.next_measurement import next_measurement
 from motoremi.investigation.outcome import Observed, Outcome
 from motoremi.investigation.question import next_question
 from motoremi.investigation.responses import COPPER_PER_K, factors, responses
@@ -203,6 +204,9 @@ def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() 
     question = next_question(rivals_of({("core-loss",): (found, 0.0)}, 0.9), found.measurement)
     assert question.stop == "one-stands"
     assert question.why.startswith(f"{OUTSIDE} stands")
+    following = next_measurement(found, question)
+    assert following["id"] == "repeats"
+    assert "repeat both sweeps" in following["why"]
     # A fixture that nobody compensated may be the reason, and its standards can be measured.
     behind = fit(dc_motor(), Measurement.of(sweeps({}), analyser="nanovna"))
     assert behind.measurement.analyser.fixture is not None

@@ -39,6 +39,8 @@ def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
         return {"id": f"{missing}-sweep", "why": f"measure the {missing}-circuit sweep too: one sweep cannot locate an effect"}
     if question is not None and question.worths and question.stop in (None, "inseparable"):
         return _separating(question)
+    if question is not None and question.nothing_describes:
+        return {"id": "repeats", "why": question.why, "menu": _menu(question)}
     if fit.effects:
         return _confirming(fit)
     undetermined = fit.undetermined()
@@ -55,21 +57,25 @@ def _separating(question: Question) -> JsonDict:
     answer: JsonDict = {
         "id": worth.option.name,
         "why": question.why,
-        "menu": [
-            {
-                "id": one.option.name,
-                "action": one.option.action,
-                "minutes": one.minutes,
-                "information_bits": one.bits,
-                "separates": _share(one.separates),
-                "ratio": one.farthest,
-            }
-            for one in question.worths
-        ],
+        "menu": _menu(question),
     }
     if worth.option.procedure:
         answer["procedure"] = f"{worth.option.procedure}.toml"
     return answer
+
+
+def _menu(question: Question) -> list[JsonDict]:
+    return [
+        {
+            "id": one.option.name,
+            "action": one.option.action,
+            "minutes": one.minutes,
+            "information_bits": one.bits,
+            "separates": _share(one.separates),
+            "ratio": one.farthest,
+        }
+        for one in question.worths
+    ]
 
 
 def _share(groups: tuple[tuple[str, ...], ...]) -> float:

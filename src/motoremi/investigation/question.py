@@ -154,6 +154,11 @@ class Question:
         """The measurement to make; None where there is nothing left to ask."""
         return None if self.stop is not None or not self.worths else self.worths[0]
 
+    @property
+    def nothing_describes(self) -> bool:
+        """Whether it stops because no explanation of the catalogue describes the sweeps."""
+        return self.stop == "one-stands" and next(iter(self.standing), "") == OUTSIDE
+
     def to_dict(self) -> JsonDict:
         """The contract's JSON, `motoremi.next/2`."""
         asked = self.asked
