@@ -19,6 +19,7 @@ from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.errors import BadInput
 from motoremi.model.effects import catalogue, catalogue_sha256, find_effect
 from motoremi.model.effects.own import VARIABLE, effects_in
+from motoremi.model.effects.start import Scale
 
 EXAMPLE = ROOT / "docs" / "examples" / "ferrite_bead.py"
 
@@ -109,10 +110,11 @@ def test_from_an_installed_package(forgotten, monkeypatch):
         catalogue()
 
 
-def test_the_old_spelling_of_changed_elements_is_told(tmp_path: Path) -> None:
+def test_the_former_spelling_of_changed_elements_is_read(tmp_path: Path) -> None:
     text = EXAMPLE.read_text("utf-8")
     own = tmp_path / "old.py"
     own.write_text(re.sub(r"starts=\(?\{", lambda found: f'{found.group(0)}"*La": 0.9, ', text, count=1))
     assert '"*La"' in own.read_text()
-    with pytest.raises(BadInput, match=r"write Scale\('La'\)"):
-        effects_in(own)
+    (effect,) = effects_in(own)
+    assert effect.starts[0][Scale("La")] == 0.9
+    assert "*La" not in effect.starts[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import importlib.util
 import os
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from motoremi.errors import BadInput
 from motoremi.model.effects.effect import Effect
-from motoremi.model.effects.start import own_values
+from motoremi.model.effects.start import from_former, own_values
 
 # Worker processes inherit the environment, so they know the same effects.
 VARIABLE = "MOTOREMI_EFFECTS_FROM"
@@ -39,9 +40,10 @@ def effects_in(path: Path) -> tuple[Effect, ...]:
         spec.loader.exec_module(module)
     except Exception as error:
         raise BadInput(f"{path}: its code fails: {type(error).__name__}: {error}") from error
-    found = tuple({id(value): value for value in vars(module).values() if isinstance(value, Effect)}.values())
-    if not found:
+    written = {id(value): value for value in vars(module).values() if isinstance(value, Effect)}.values()
+    if not written:
         raise BadInput(f"{path}: defines no Effect")
+    found = tuple(dataclasses.replace(effect, starts=tuple(map(from_former, effect.starts))) for effect in written)
     for effect in found:
         _check(effect, path)
     return found
@@ -53,8 +55,6 @@ def _check(effect: Effect, path: Path) -> None:
     if not effect.parameters or not effect.starts:
         raise BadInput(f"{path}: {effect.name} needs at least one parameter and one set of start values")
     names = {parameter.name for parameter in effect.parameters}
-    if old := [key for start in effect.starts for key in start if isinstance(key, str) and key.startswith(("=", "*", "-"))]:
-        raise BadInput(f"{path}: {effect.name}: write Scale('La') for '*La' and Subtract('Ca') for '-Ca', not {old[0]!r} (motoremi.effects)")
     for start in effect.starts:
         strange = own_values(start).keys() ^ names
         if strange:

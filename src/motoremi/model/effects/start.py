@@ -36,6 +36,15 @@ class Subtract:
 Start: TypeAlias = Mapping[Any, float]
 
 
+# How files of effects wrote it before these types: "=La", "*La", "-Ca".
+_FORMER = {"=": Set, "*": Scale, "-": Subtract}
+
+
+def from_former(start: Start) -> Start:
+    """A start with the former spelling of changed elements read as it was meant."""
+    return {_FORMER[key[0]](key[1:]) if isinstance(key, str) and key[:1] in _FORMER else key: value for key, value in start.items()}
+
+
 def own_values(start: Start) -> dict[str, float]:
     """Those of the effect's own parameters."""
     return {key: value for key, value in start.items() if isinstance(key, str)}
