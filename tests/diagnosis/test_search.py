@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from covariances import complex_normal
 from paper_circuit import DAMPED, impedance
 
 import motoremi as me
+from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
@@ -279,3 +282,31 @@ def test_a_further_effect_needs_odds_of_twenty_to_one():
     assert believe(models(none=-100.0, a=0.0, ab=np.log(25.0))).named == ("a", "b")
     # What single effects have together counts against a pair.
     assert believe(models(none=-100.0, a=0.0, b=np.log(0.9), cd=np.log(25.0))).named == ("a",)
+
+
+def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_are_fitted_too(monkeypatch):
+    frequency = np.geomspace(150e3, 30e6, 61)
+    sweeps = [me.ImpedanceSweep(name, frequency, impedance(DAMPED, name, frequency)) for name in ("short", "open")]
+    base = me.fit(me.dc_motor(), sweeps)
+    asked = []
+
+    def raced(trails, *_):
+        """A false valley leads on few points."""
+        first, second, *_others = trails
+        return {first: SimpleNamespace(rough=False, log_evidence=0.0), second: SimpleNamespace(rough=False, log_evidence=-200.0)}
+
+    def fitted(job):
+        trail, solution, before = job
+        asked.append(solution.log_evidence)
+        gain = -50.0 if solution.log_evidence == 0.0 else 30.0
+        return dataclasses.replace(
+            before, motor=trail.task.motor, marginal=dataclasses.replace(before.marginal, log_evidence=before.log_evidence + gain)
+        )
+
+    monkeypatch.setattr(motor_board, "race", raced)
+    monkeypatch.setattr(motor_board, "on_all_points", fitted)
+    monkeypatch.setattr(motor_board, "candidate", lambda fit, base: fit)
+    board = motor_board.MotorBoard(base)
+    found = board.added(SimpleNamespace(added=(), fit=base), None)
+    assert asked == [0.0, -200.0]
+    assert max(one.log_evidence for one in found) > base.log_evidence

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from math import inf
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
@@ -38,7 +39,7 @@ class MotorBoard:
         fit = model.fit
         beside = bool(model.added)
         trails = {(*model.added, name): trail_to(fit, name) for name in possible_effects(fit)}
-        return self._raced(fit, trails, LOOK_BESIDE if beside else LOOK, progress=progress)
+        return self._raced(fit, trails, LOOK_BESIDE if beside else LOOK, progress=progress, least=fit.log_evidence)
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
         """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""
@@ -79,13 +80,19 @@ class MotorBoard:
         rounds: Rounds,
         kept: Sequence[tuple[str, ...]] = (),
         progress: Progress | None = None,
+        least: float = -inf,
     ) -> list[Candidate]:
-        """Candidates from a race, refitted on all points where they are near the best of their size."""
+        """Candidates from a race, refitted on all points where they are near the best of their size; all of them if none of those reaches `least`.
+
+        One effect more is never less likely than none more: on few points those in false valleys then looked better than the others.
+        """
         solutions = race(trails, rounds, kept, progress, self._each)
         size = len(before.effects) + 1
         best = self._best.setdefault(size, Best())
         near = [key for key, behind in best.behind(solutions).items() if behind <= BEHIND]
-        fits = self._each(on_all_points, [(trails[key], solutions[key], before) for key in near])
+        fits = list(self._each(on_all_points, [(trails[key], solutions[key], before) for key in near]))
+        if max((fit.log_evidence for fit in fits), default=-inf) < least:
+            fits += self._each(on_all_points, [(trails[key], solutions[key], before) for key in solutions if key not in near])
         return [candidate(fit, self._base) for fit in fits]
 
 

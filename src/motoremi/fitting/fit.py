@@ -233,6 +233,8 @@ def trail_to(
             # With effects, the search's best and the likelihood's may lie in different valleys. Where little is left, the analyser's errors
             # hold part of what is sought: without them a start would be far above the fit without the effect.
             bases.append({**own, **before.parameters, **before.nuisance})
+    if before.likeliest_parameters:
+        bases.append({**own, **before.likeliest_parameters})
     if before.exchange is not None:
         # An effect tells which resonance is the winding's: it fits beside the right one only.
         bases += [{**base, **exchanged(base)} for base in bases]

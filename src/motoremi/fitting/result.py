@@ -103,6 +103,7 @@ class Fit:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     held: Mapping[str, float] = field(default_factory=dict)
     search_parameters: Mapping[str, float] = field(default_factory=dict)
+    likeliest_parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, object]:
         """What goes to another process: what follows from it is worked out there."""
@@ -477,6 +478,7 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         bounds=problem.bounds,
         held=problem.held,
         search_parameters=found.searched,
+        likeliest_parameters=solution.likeliest,
     )
     return _with_sigma(result, problem, own)
 

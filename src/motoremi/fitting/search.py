@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -93,6 +93,9 @@ class Solution:
     evaluations : int
     rough : bool
         Whether its evidence is `rough`, which on few points is not to be held against that of a likelihood.
+    likeliest : dict
+        Parameters and nuisances of the likelihood's own solution, where `values` are those of the least relative error: it may lie in another
+        valley.
     """
 
     values: dict[str, float]
@@ -101,6 +104,7 @@ class Solution:
     converged: bool
     evaluations: int
     rough: bool = False
+    likeliest: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def log_evidence(self) -> float:
@@ -238,7 +242,8 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     logarithmic, problem = task.thinned(None), task.relative()
     near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
     ends = polish(problem, problem.vectors([logarithmic.named(row) for row in near.distinct(3)]), iterations=100, precision=ROUGH)
-    return _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
+    found = _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
+    return dataclasses.replace(found, likeliest=solution.values)
 
 
 def relative_solution(task: Task, ends: Polished, sizes: Sizes) -> Solution:
