@@ -40,6 +40,7 @@ RELIABLE: Mapping[str, float] = {
     "adequate, a weak effect unnamed": 0.95,
     "one name": 0.98,
     "two names": 0.87,
+    "two names that leave something": 0.7,
     "family": 0.97,
     "mostly": 0.75,
     "slight": 0.85,

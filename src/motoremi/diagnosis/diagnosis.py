@@ -17,7 +17,7 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps, the_same_twice
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, judge
+from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, accurate, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
@@ -386,6 +386,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     ]
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
+    if len(named) > 1 and judgement.model.fit.marginal.nothing_left < 0.5 and not accurate(judgement.model.fit):
+        kinds.append("two names that leave something")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
         kinds.append("weak")
     if verdict == "adequate" and judgement.belief.named and not judgement.accurate:

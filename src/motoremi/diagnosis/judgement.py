@@ -9,6 +9,7 @@ from functools import cached_property
 from itertools import combinations
 
 from motoremi.arrays import Progress
+from motoremi.data.analyser import DEFAULT_ANALYSER
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, believe, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
@@ -110,7 +111,10 @@ class Judgement:
     def _pair_is_credible(self) -> bool:
         """Whether two effects, which bend to almost anything, leave nothing, or little to analyser or owner, with values that motors have."""
         fit = self.model.fit
-        little = fit.marginal.nothing_left >= 0.5 or accurate(fit) or fit.unexplained_percent["value"] <= SLIGHT_SHARE * fit.floor_percent
+        # The errors of an analyser that nobody named are known by their size alone: a small part of what they leave may be theirs.
+        unnamed = fit.measurement.analyser.name == DEFAULT_ANALYSER
+        slight = unnamed and fit.unexplained_percent["value"] <= SLIGHT_SHARE * fit.floor_percent
+        little = fit.marginal.nothing_left >= 0.5 or accurate(fit) or slight
         return little and not self.model.unusual and not self.distributed
 
     @property
