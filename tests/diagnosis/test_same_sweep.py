@@ -32,6 +32,7 @@ def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
     assert "measured twice" in str(found)
 
 
+@pytest.mark.slow
 def test_no_motors_own_sweeps_are_taken_for_it():
     for seed in range(200):
         assert the_same_twice(Measurement.of([measured(seed, "short", "short", 0), measured(seed, "open", "open", 1)])) is None

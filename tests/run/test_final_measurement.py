@@ -212,6 +212,7 @@ def test_a_motor_over_the_limit_behind_a_pad_fails_in_a_run(
     assert [f.level_dbuv.tolist() for f in session.spectra] == [f.level_dbuv.tolist() for f in whole[0].spectra]
 
 
+@pytest.mark.slow
 def test_no_maximum_near_the_limit_leaves_nothing_to_read_and_the_prescan_is_judged(tmp_path: Path) -> None:
     data = copy.deepcopy(narrow().source)
     for step in data["steps"]:
