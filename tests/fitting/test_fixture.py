@@ -49,6 +49,7 @@ def test_a_search_knows_the_fixture_and_the_error_that_is_shown_does_not() -> No
     assert (log.low[7:], log.high[7:]) == (pytest.approx([-3.0] * 4), pytest.approx([3.0] * 4))
 
 
+@pytest.mark.slow
 def test_where_the_analyser_sees_nothing_a_point_counts_less() -> None:
     problem = Problem(dc_motor(), base().measurement, weights="log")
     systematic, weight = problem.observed.systematic, problem.observed.weight

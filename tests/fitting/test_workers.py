@@ -130,6 +130,7 @@ def test_a_stop_ends_the_work_of_the_others(stop: type[BaseException]) -> None:
     assert gone()
 
 
+@pytest.mark.slow
 @needs_fork
 def test_processes_end_with_the_one_that_asked(tmp_path: Path) -> None:
     """Also where that was killed and could not tell them."""

@@ -178,8 +178,8 @@ IN_WORDS: dict[tuple[str, str], Callable[[Path], None]] = {
     ("challenge", "seed"): challenges_differ,
     ("scoreboard", "seed"): the_seed_of_a_scoreboard_is_drawn_and_printed,
 }
-# These take a second or more.
-SLOW = {("scoreboard", "seed"), ("plot", "out"), ("fleet", "out")}
+# These take half a second or more.
+SLOW = {("scoreboard", "seed"), ("plot", "out"), ("fleet", "out"), ("export", "termination"), ("", "config")}
 
 
 def test_every_default_in_words_is_checked_here():

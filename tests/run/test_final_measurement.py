@@ -258,6 +258,7 @@ def test_a_quasi_peak_scan_over_all_points_takes_its_time(monkeypatch: pytest.Mo
     assert sum(step.seconds for step in steps) / 3600 == pytest.approx(1.84, abs=0.01)
 
 
+@pytest.mark.slow
 def test_an_overloaded_part_is_measured_again_with_more_attenuation(tmp_path: Path) -> None:
     """The simulated mixer compresses at 97 dBuV plus attenuation; the preamplifier is off, so the motor is made louder by its stand."""
 
