@@ -8,6 +8,7 @@ KILLS ?= 200
 FINAL_KILLS ?= 50
 # Workers of `make test`: one more than the number of cores, because many tests wait for a browser or a simulated instrument.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
+# With worksteal neighbours mostly run in the same worker, which so makes most of what the tests of a file share only once.
 # Tests start many programs, and each would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
@@ -33,11 +34,11 @@ demo: install
 	$(BIN)/motoremi demo
 
 test: install
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # While one works: what takes no time, without browser and ngspice; under a minute on two cores.
 quick: install
-	$(BIN)/python -m pytest -q -n $(WORKERS) -m 'not slow'
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow'
 
 lint: install
 	$(BIN)/ruff check .

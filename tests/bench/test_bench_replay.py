@@ -125,6 +125,7 @@ def test_a_resumed_run_replays_with_its_resumption(tmp_path: Path, bench: Simula
     assert result.ended == "done"
 
 
+@pytest.mark.slow
 def test_a_killed_run_replays_to_the_last_exchange(tmp_path: Path, bench: SimulatedBench) -> None:
     measured(tmp_path / "first", small(), bench)
     # What SIGKILL leaves: a record and documents that just end.

@@ -78,6 +78,7 @@ def test_partial_sweeps_are_joined_at_their_edges(bench: SimulatedBench, name: s
     assert driver.settings() == settings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ANALYSERS)
 def test_a_short_span_is_one_sweep(bench: SimulatedBench, name: str) -> None:
     driver = opened(bench, name)
@@ -94,6 +95,7 @@ def test_a_short_span_is_one_sweep(bench: SimulatedBench, name: str) -> None:
     np.testing.assert_allclose(spectrum.level_dbuv, arriving(bench, spectrum.frequency_hz, "average"), atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_line_at_the_edge_of_two_parts_is_kept(bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = ready(bench, "dsa800")
     levels = iter([*(np.full(601, -60.0) for _ in range(11)), np.full(601, -40.0)])

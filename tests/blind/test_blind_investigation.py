@@ -95,6 +95,7 @@ def test_mistakes_are_counted_and_those_that_were_noticed() -> None:
     assert (careful.made, set(careful.alarms)) == ((), set(careful.steps))
 
 
+@pytest.mark.slow
 def test_a_judge_that_crashes_is_the_worst_answer_and_stops_nobody_else() -> None:
     def broken(evidence: Evidence) -> Standing:
         raise ValueError("no")
@@ -120,12 +121,14 @@ def test_the_figures_are_what_was_played_and_the_tables_say_so() -> None:
     assert "| information per minute | 3 | 100 % | 0 % | 45.0 |" in text
 
 
+@pytest.mark.slow
 def test_the_budget_ends_a_run() -> None:
     dear = tuple(dataclasses.replace(offer, minutes=BUDGET_MINUTES + 1) for offer in OFFERS)
     run = play(sealed(), lambda evidence: dataclasses.replace(judge(evidence), offers=dear), (PRODUCT,))[0].run
     assert (run.steps, run.stop) == ((), "budget")
 
 
+@pytest.mark.slow
 def test_sealed_motors_come_from_three_starts_and_a_tenth_is_in_no_catalogue() -> None:
     cases = draw_sealed_many(3, 300)
     assert cases == draw_sealed_many(3, 300)

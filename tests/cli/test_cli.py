@@ -18,6 +18,7 @@ from motoremi.cli.arguments import expanded
 from motoremi.cli.demo import PLAIN_PERCENT, plain_story
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
+from motoremi.emission.source_effects import EFFECTS
 from motoremi.errors import InstrumentError
 
 pytestmark = pytest.mark.slow
@@ -186,7 +187,9 @@ def test_demo_tells_the_whole_story(tmp_path):
         assert (tmp_path / "again" / "sweeps" / file.name).read_bytes() == file.read_bytes()
 
 
-def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
+def test_demo_without_a_hidden_effect_is_adequate(tmp_path, monkeypatch):
+    # Of the motor; its spectra are diagnosed too, and are sought fewer effects.
+    monkeypatch.setattr("motoremi.emission.board.EFFECTS", EFFECTS[:2])
     told = document(motoremi("demo", "--effect", "none", "--seed", "6", "--out", tmp_path / "d", "--json"))
     assert told["verdict"] == "adequate"
     assert told["named"] == told["hidden"] == []

@@ -96,6 +96,7 @@ def test_a_motor_over_the_limit_behind_a_pad_fails(tmp_path: Path) -> None:
     assert stored.corrected_spectra[0].level_dbuv == pytest.approx(stored.spectra[0].level_dbuv + 10)
 
 
+@pytest.mark.slow
 def test_corrections_given_to_predict_take_the_place_of_those_before(tmp_path: Path) -> None:
     """The same file told twice is applied once."""
     chain = corrections_file(tmp_path, PAD)

@@ -35,6 +35,7 @@ def test_what_says_that_it_is_simulated():
     assert not any(is_simulated({"simulated": value}) for value in (False, "false", "", 0))
 
 
+@pytest.mark.slow
 def test_simulated_files_say_so_and_so_do_their_exports(tmp_path, measure):
     sweeps, _ = measure(2)
     session = measured_session(tmp_path / "sim", sweeps, [spectrum()], backend="sim", simulated=True)

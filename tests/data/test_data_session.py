@@ -486,6 +486,7 @@ for n in range(100_000):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL there")
 @pytest.mark.parametrize("rounds", [1, 4, 9])
 def test_killed_process_loses_no_completed_sweep(tmp_path: Path, rounds: int) -> None:

@@ -65,6 +65,7 @@ def test_a_circuit_within_the_stated_accuracy_is_searched_for_one_effect_only(st
     assert not judgement.named
 
 
+@pytest.mark.slow
 def test_a_circuit_within_the_stated_accuracy_stands_whatever_fits_better_and_is_not_believed(stated):
     # The likeliest model leaves something, so it would not stand by itself.
     pair = Candidate(("range-step", "gain-error"), stated, 100.0, ())

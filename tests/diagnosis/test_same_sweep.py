@@ -24,7 +24,8 @@ def measured(seed: int, termination: str, as_termination: str, connection: int) 
 @pytest.mark.slow
 @pytest.mark.parametrize("twice", ["short", "open"])
 def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
-    sweeps = [measured(7, twice, "short", 0), measured(7, twice, "open", 1)]
+    # Motors 7 to 10 are all answered like this; 8 is the quickest.
+    sweeps = [measured(8, twice, "short", 0), measured(8, twice, "open", 1)]
     found = me.diagnose(me.fit(me.dc_motor(), sweeps))
     assert found.verdict == "data"
     assert found.effects == ()
@@ -32,6 +33,7 @@ def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
     assert "measured twice" in str(found)
 
 
+@pytest.mark.slow
 def test_no_motors_own_sweeps_are_taken_for_it():
     for seed in range(200):
         assert the_same_twice(Measurement.of([measured(seed, "short", "short", 0), measured(seed, "open", "open", 1)])) is None

@@ -263,6 +263,7 @@ def test_a_race_is_the_same_each_time_and_in_another_process(trails):
     assert evidence == sorted(evidence, reverse=True)
 
 
+@pytest.mark.slow
 def test_what_is_kept_arrives_whatever_its_standing(trails):
     found = race(trails, SHORT_RACE, kept=("terminal-capacitance", "no-such-model"))
     assert "terminal-capacitance" in found

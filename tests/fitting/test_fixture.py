@@ -40,6 +40,7 @@ def base() -> Fit:
     return fit(dc_motor(), Measurement.of(sweeps()))
 
 
+@pytest.mark.slow
 def test_a_search_knows_the_fixture_and_the_error_that_is_shown_does_not() -> None:
     log, relative = (Problem(dc_motor(), base().measurement, weights=weights) for weights in ("log", "relative"))
     assert [p.name for p in log.unknowns[7:]] == ["fixture R", "fixture L", "fixture G", "fixture C"]
@@ -48,6 +49,7 @@ def test_a_search_knows_the_fixture_and_the_error_that_is_shown_does_not() -> No
     assert (log.low[7:], log.high[7:]) == (pytest.approx([-3.0] * 4), pytest.approx([3.0] * 4))
 
 
+@pytest.mark.slow
 def test_where_the_analyser_sees_nothing_a_point_counts_less() -> None:
     problem = Problem(dc_motor(), base().measurement, weights="log")
     systematic, weight = problem.observed.systematic, problem.observed.weight
@@ -55,6 +57,7 @@ def test_where_the_analyser_sees_nothing_a_point_counts_less() -> None:
     assert weight[np.argmax(systematic)] < 0.9 < weight.max()
 
 
+@pytest.mark.slow
 def test_a_loss_of_the_winding_arrives_behind_the_fixture() -> None:
     trails = {name: trail_to(base(), name) for name in possible_effects(base())}
     solutions = race(trails, LOOK)

@@ -67,6 +67,7 @@ def test_intervals_hold_what_a_warming_motor_was(warm):
     assert all(fit.sigma[name] < 2 * RISES["Ra"] * fit.parameters[name] for name in names)
 
 
+@pytest.mark.slow
 def test_the_trend_tells_how_fast_each_element_moves(warm):
     _, fit = warm
     rows = displacements(fit.problem, fit.unknowns, fit.linearised, fit.covariance)

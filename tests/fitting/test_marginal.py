@@ -146,6 +146,7 @@ def test_motor_without_a_discrepancy_leaves_nothing():
     assert all(told.quantile(0.975) < 3e-4 for told in found)
 
 
+@pytest.mark.slow
 def test_quieter_data_say_so_with_more_certainty():
     shares = [np.median([told_by(measured(seed, 0.0, white, BLUNT), BLUNT).nothing_left for seed in range(6)]) for white in (1e-2, 1e-3, 1e-4)]
     assert shares[0] < shares[1] < shares[2]

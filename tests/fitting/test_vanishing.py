@@ -48,6 +48,7 @@ def test_what_vanishes_is_held_and_told(ladder):
     assert ladder_step(before, after).unneeded == ("skin-effect",)
 
 
+@pytest.mark.slow
 def test_it_can_be_stored_dropped_and_stays_vanished(ladder):
     before, after = ladder[1:3]
     again = restore(after.to_dict(), after.measurement)

@@ -23,6 +23,7 @@ import motoremi as me
 from motoremi import workers
 from motoremi.blind.cases import Case
 from motoremi.data.analyser import ADAPTERS, ANALYSERS, FIXTURES, find_analyser
+from motoremi.data.measurement import Measurement
 from motoremi.interrupts import Cancelled, checkpoint
 from motoremi.threads import one_blas_thread
 from motoremi.workers import own_processes, useful_processes
@@ -129,6 +130,7 @@ def test_a_stop_ends_the_work_of_the_others(stop: type[BaseException]) -> None:
     assert gone()
 
 
+@pytest.mark.slow
 @needs_fork
 def test_processes_end_with_the_one_that_asked(tmp_path: Path) -> None:
     """Also where that was killed and could not tell them."""
@@ -209,8 +211,9 @@ def test_a_diagnosis_does_not_depend_on_who_works(monkeypatch: pytest.MonkeyPatc
     np.testing.assert_array_equal(both.best.unknowns, alone.best.unknowns)
 
 
+@pytest.mark.slow
 def test_a_measurement_arrives_once_and_comes_back_as_itself() -> None:
-    measurement = me.fit(me.dc_motor(), Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122).sweeps()).measurement
+    measurement = Measurement.of(Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122).sweeps())
     sent = pickle.dumps(measurement)
     assert pickle.loads(sent) is measurement
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:

@@ -146,6 +146,7 @@ def test_status_logic_for_stock_clients(raw: pyvisa.resources.MessageBasedResour
     assert raw.query("*OPC?").strip() == "1"
 
 
+@pytest.mark.slow
 def test_binary_levels(raw: pyvisa.resources.MessageBasedResource) -> None:
     raw.write("SCAN1:STOP 160 kHz;FORM REAL,32;INIT2;*WAI")
     assert len(raw.query_binary_values("TRAC? TRACE1", datatype="f")) == 3

@@ -70,6 +70,7 @@ def test_a_step_that_fits_nothing_is_refused(receiver: KeysightMXE) -> None:
         receiver.configure(150e3, 30e6, 50e6)
 
 
+@pytest.mark.slow
 def test_levels_of_another_scan_are_refused(receiver: KeysightMXE, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(receiver, "read_levels", lambda: np.zeros(3))
     with pytest.raises(InstrumentError, match="received 3 levels for a scan table of 665 points"):

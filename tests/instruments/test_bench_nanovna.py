@@ -86,6 +86,7 @@ def test_an_uncalibrated_instrument_is_refused(analyser: NanoVna) -> None:
         analyser.configure(150e3, 30e6, 51)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("termination", ["short", "open"])
 def test_compensation_moves_the_reference_plane_to_the_fixture(bench: SimulatedBench, analyser: NanoVna, termination: Any) -> None:
     bench.connect(termination)

@@ -133,6 +133,7 @@ def test_without_new_data_nothing_is_another() -> None:
     assert update(rivals(), Measurement.of(sweeps({}))) is rivals()
 
 
+@pytest.mark.slow
 def test_what_every_explanation_foresees_teaches_little() -> None:
     after = update(rivals(), warmed())
     assert after.taught[0].mistakes == ()

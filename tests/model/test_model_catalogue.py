@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -70,6 +71,7 @@ def test_pairs_combine_and_stay_passive(first):
         assert loss_share(motor, drawn(motor, rng, 12)) >= -ROUNDING, second
 
 
+@functools.cache
 def elements_changed(identifier: str) -> set[str]:
     """Elements of the paper's circuit that an effect makes different."""
     motor = find_effect(identifier).added_to(dc_motor())

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import re
 import shlex
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, get_args
 
+import command_line
 import pytest
 import typer.main
+from conftest import simulated_sweeps
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -101,16 +101,13 @@ def test_help_shows_every_text_in_full(command, monkeypatch):
 
 
 def motoremi(folder: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from motoremi.cli import main; main()", *(str(a) for a in arguments)]
-    clean = {key: value for key, value in os.environ.items() if not key.startswith("MOTOREMI_")}
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder, env={**clean, "HOME": str(folder)}, check=False)
+    """A command in a folder that is also the user's own, so that no settings of this machine count."""
+    return command_line.motoremi(*arguments, cwd=folder, HOME=str(folder))
 
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a session `line/motor`, imported without naming the analyser, and fitted."""
-    from conftest import simulated_sweeps
-
     folder = tmp_path_factory.mktemp("stated")
     for sweep in simulated_sweeps(3, repeats=1)[0]:
         plain = {key: value for key, value in sweep.metadata.items() if key != "analyser"}
@@ -181,6 +178,8 @@ IN_WORDS: dict[tuple[str, str], Callable[[Path], None]] = {
     ("challenge", "seed"): challenges_differ,
     ("scoreboard", "seed"): the_seed_of_a_scoreboard_is_drawn_and_printed,
 }
+# These take half a second or more.
+SLOW = {("scoreboard", "seed"), ("plot", "out"), ("fleet", "out"), ("export", "termination"), ("", "config")}
 
 
 def test_every_default_in_words_is_checked_here():
@@ -193,8 +192,11 @@ def test_every_default_in_words_is_checked_here():
     assert stated == set(IN_WORDS)
 
 
-@pytest.mark.parametrize(("where", "check"), IN_WORDS.items(), ids=lambda one: " ".join(one).strip() if isinstance(one, tuple) else "")
-def test_defaults_in_words_are_true(where, check, measured):
+@pytest.mark.parametrize(
+    "check",
+    [pytest.param(check, id=" ".join(option).strip(), marks=pytest.mark.slow if option in SLOW else ()) for option, check in IN_WORDS.items()],
+)
+def test_defaults_in_words_are_true(check, measured):
     check(measured)
 
 

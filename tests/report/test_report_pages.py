@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pypdfium2
@@ -11,9 +12,12 @@ import pytest
 from laboratory_cases import PROFILE, pages_of, profile
 from report_cases import diagnosed_session, whole_session
 
+from motoremi.data.session import load
 from motoremi.report.contents import Choice, Report, Section, Table
+from motoremi.report.model import build_report
 from motoremi.report.pdf import render_pdf
-from motoremi.workflow import opened, report_session
+from motoremi.workflow import materials_of
+from motoremi.workflow_issue import issue_for
 
 pytestmark = pytest.mark.slow
 
@@ -30,10 +34,11 @@ def pdfs(tmp_path_factory, measure) -> dict[str, bytes]:
     for name, make in (("impedance", diagnosed_session), ("whole", whole_session)):
         path: Path = make(folder / name, measure)
         for signed, own in (("", None), ("signed ", lab)):
+            # What all forms show is restored once, and only the pages are made of it.
+            laboratory, issue = issue_for(load(path), own)
+            materials = replace(materials_of(load(path)), laboratory=laboratory, issue=issue)
             for form in ("long", "short"):
-                with opened(path) as store:
-                    files = report_session(store, own, Choice(form))
-                made[f"{signed}{name} {form}"] = next(file.read_bytes() for file in files if file.suffix == ".pdf")
+                made[f"{signed}{name} {form}"] = render_pdf(build_report(materials, Choice(form)))
     return made
 
 

@@ -154,6 +154,7 @@ def test_one_seed_is_one_session(tmp_path: Path, procedure: Procedure) -> None:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_run_replays_from_its_own_traffic(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
     measure(tmp_path / "first", procedure, bench)
     recorded = load(tmp_path / "first")
@@ -164,6 +165,7 @@ def test_a_run_replays_from_its_own_traffic(tmp_path: Path, procedure: Procedure
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "first" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_replay_of_another_procedure_tells_the_difference(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
     measure(tmp_path / "first", procedure, bench)
     data = copy.deepcopy(procedure.source)

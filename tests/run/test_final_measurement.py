@@ -212,6 +212,7 @@ def test_a_motor_over_the_limit_behind_a_pad_fails_in_a_run(
     assert [f.level_dbuv.tolist() for f in session.spectra] == [f.level_dbuv.tolist() for f in whole[0].spectra]
 
 
+@pytest.mark.slow
 def test_no_maximum_near_the_limit_leaves_nothing_to_read_and_the_prescan_is_judged(tmp_path: Path) -> None:
     data = copy.deepcopy(narrow().source)
     for step in data["steps"]:
@@ -257,6 +258,7 @@ def test_a_quasi_peak_scan_over_all_points_takes_its_time(monkeypatch: pytest.Mo
     assert sum(step.seconds for step in steps) / 3600 == pytest.approx(1.84, abs=0.01)
 
 
+@pytest.mark.slow
 def test_an_overloaded_part_is_measured_again_with_more_attenuation(tmp_path: Path) -> None:
     """The simulated mixer compresses at 97 dBuV plus attenuation; the preamplifier is off, so the motor is made louder by its stand."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import socket
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -10,7 +12,6 @@ from pymeasure.instruments import Instrument, SCPIMixin
 from pymeasure.instruments.agilent import Agilent4294A as PyMeasure4294A
 from pymeasure.instruments.agilent import AgilentE4408B
 from pymeasure.instruments.rohdeschwarz import FSL
-from pynanovna.hardware.Hardware import Interface, get_VNA
 from RsInstrument import RsInstrument, StatusException
 from serving import served, started
 from skrf import Frequency, Network
@@ -21,6 +22,12 @@ from tsapython import tinySA
 from motoremi.virtual.simulated_receiver import BAND_B_HZ
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def hardware() -> ModuleType:
+    """Of PyNanoVNA, which takes long to import: it draws as well."""
+    return importlib.import_module("pynanovna.hardware.Hardware")
 
 
 def test_pymeasure_reads_a_4294a() -> None:
@@ -160,12 +167,12 @@ def test_pymeasure_sweeps_with_an_analyser_in_the_same_language(name: str) -> No
     np.testing.assert_allclose(level_dbm + 106.9897, expected, atol=1e-3)
 
 
-def test_pynanovna_reads_a_nanovna() -> None:
+def test_pynanovna_reads_a_nanovna(hardware: ModuleType) -> None:
     with served("nanovna", "pty") as (server, bench):
-        interface = Interface("serial", "simulated")
+        interface = hardware.Interface("serial", "simulated")
         interface.port = server.path  # type: ignore[attr-defined]
         interface.open()
-        client = get_VNA(interface)
+        client = hardware.get_VNA(interface)
         assert client.name == "NanoVNA-H4"
         assert str(client.read_version()).startswith("1.2.40")
         assert "NanoVNA-H 4" in client.read_firmware()
@@ -212,13 +219,13 @@ def test_scikit_rf_calibrates_a_nanovna_v2() -> None:
     assert np.median(np.abs(raw["short"].z[:, 0, 0] / truth - 1)[usable]) > 0.05
 
 
-def test_pynanovna_reads_a_nanovna_v2() -> None:
+def test_pynanovna_reads_a_nanovna_v2(hardware: ModuleType) -> None:
     with served("nanovna-v2", "pty") as (server, bench):
         bench.connect("short-standard")
-        interface = Interface("serial", "simulated")
+        interface = hardware.Interface("serial", "simulated")
         interface.port = server.path  # type: ignore[attr-defined]
         interface.open()
-        client = get_VNA(interface)
+        client = hardware.get_VNA(interface)
         assert client.name == "NanoVNA-V2"
         assert str(client.read_version()).startswith("1.0.3")
         client.datapoints = 51

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -34,10 +36,14 @@ ARGUMENTS = [
     "TRACE1",
 ]
 BENCH = SimulatedBench(3)
-DEVICES: dict[str, SimulatedDevice] = {}
-for _name, _instrument in VIRTUAL_INSTRUMENTS.items():
-    DEVICES[_name] = _instrument.make(BENCH, BENCH.clock)
-    DEVICES[_name].resource_name = "TCPIP::127.0.0.1::5025::SOCKET"
+
+
+@functools.cache
+def device_of(name: str) -> SimulatedDevice:
+    """One of each kind for all tests, whatever has been sent to it before."""
+    device = VIRTUAL_INSTRUMENTS[name].make(BENCH, BENCH.clock)
+    device.resource_name = "TCPIP::127.0.0.1::5025::SOCKET"
+    return device
 
 
 def headers(device: SimulatedDevice) -> list[str]:
@@ -55,11 +61,11 @@ def identity(device: SimulatedDevice) -> bytes:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(DEVICES))
+@pytest.mark.parametrize("name", sorted(VIRTUAL_INSTRUMENTS))
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_every_command_takes_every_argument(name: str, data: st.DataObject) -> None:
-    device = DEVICES[name]
+    device = device_of(name)
     healthy = identity(device)
     end = "\r" if isinstance(device, SimulatedShell) else "\n"
     sent = data.draw(st.lists(st.tuples(st.sampled_from(headers(device)), st.sampled_from(ARGUMENTS)), min_size=1, max_size=6))
@@ -68,20 +74,20 @@ def test_every_command_takes_every_argument(name: str, data: st.DataObject) -> N
     assert identity(device) == healthy
 
 
-@pytest.mark.parametrize("name", sorted(DEVICES))
+@pytest.mark.parametrize("name", sorted(VIRTUAL_INSTRUMENTS))
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(noise=st.binary(max_size=80))
 def test_noise_on_the_line_is_no_end(name: str, noise: bytes) -> None:
-    device = DEVICES[name]
+    device = device_of(name)
     healthy = identity(device)
     converse(device, noise)
     assert identity(device) == healthy
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(DEVICES))
+@pytest.mark.parametrize("name", sorted(VIRTUAL_INSTRUMENTS))
 def test_a_line_without_end_does_not_fill_the_memory(name: str) -> None:
-    device = DEVICES[name]
+    device = device_of(name)
     healthy = identity(device)
     for _ in range(100):
         converse(device, b"x" * 65536)

@@ -49,6 +49,7 @@ def who_signs(client: Any, report: str) -> tuple[str, bool]:
     return told["laboratory"], told["choosable"]
 
 
+@pytest.mark.slow
 def test_a_profile_chosen_on_the_page_signs_and_counts(client, workbench, session):
     report = report_of(workbench)
     assert who_signs(client, report) == ("", True)

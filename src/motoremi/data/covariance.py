@@ -32,6 +32,7 @@ from motoremi.data.kernels import Parts, slope, smooth_basis, smoothed
 from motoremi.data.noise import Noise
 from motoremi.data.repeats import CORRELATED
 from motoremi.interrupts import checkpoint
+from motoremi.threads import one_blas_thread
 
 VALUE: Parts = ((0.8, 0.3), (0.2, 0.08))
 PLACE: Parts = ((1.0, 0.3),)
@@ -176,6 +177,7 @@ class Whitening:
         """(size of the discrepancy, least share) -> D, shape (n, r): 1 - D D* is the inverse covariance of weighted residuals."""
         return lru_cache(KEPT)(self._directions)
 
+    @one_blas_thread
     def _directions(self, discrepancy: float, least_share: float = LEAST_SHARE) -> ComplexArray:
         checkpoint()
         blocks = self.blocks
@@ -216,6 +218,7 @@ def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     return directions @ vectors[:, used] / np.sqrt(variances[used]), variances[used]
 
 
+@one_blas_thread
 def _sweep_blocks(columns: Columns) -> SweepBlocks:
     weight = 1 / columns.sigma
     fixed, shares, spread, strengths = [], [], [], []

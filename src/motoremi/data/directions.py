@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from motoremi.arrays import FloatArray
+from motoremi.threads import one_blas_thread
 
 
+@one_blas_thread
 def directions(columns: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, FloatArray]:
     """Orthonormal principal directions of columns, and their variances.
 

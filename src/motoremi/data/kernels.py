@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.threads import one_blas_thread
 
 # (share of the variance, correlation length in decades) of each process.
 Parts = Sequence[tuple[float, float]]
@@ -31,6 +32,7 @@ def matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
     return (1 + distance) * np.exp(-distance)
 
 
+@one_blas_thread
 def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
     """Columns B, shape (n, q), such that B c with independent standard normal c is a draw of a sum of smooth processes.
 
