@@ -381,9 +381,9 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
 
 def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
     """How often such an answer is true: what the posterior says of the names, times what goes wrong beyond it."""
-    kinds: list[str] = [
-        verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name" if len(named) == 1 else "two names"
-    ]
+    kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
+    if len(named) > 1:
+        kinds.append("two names")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
     if len(named) > 1 and judgement.model.fit.marginal.nothing_left < 0.5 and not accurate(judgement.model.fit):

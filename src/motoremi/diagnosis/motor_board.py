@@ -69,6 +69,7 @@ class MotorBoard:
             sizes=self._base.sizes,
             parameters={name: value for name, value in fit.parameters.items() if name in names},
             search_parameters={name: value for name, value in fit.search_parameters.items() if name in names},
+            likeliest_parameters={name: value for name, value in fit.likeliest_parameters.items() if name in names},
             held=task.held,
             bounds=task.bounds,
         )
