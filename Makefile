@@ -8,7 +8,6 @@ KILLS ?= 200
 FINAL_KILLS ?= 50
 # Workers of `make test`: one more than the number of cores, because many tests wait for a browser or a simulated instrument.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
-# With worksteal neighbours mostly run in the same worker, which so makes most of what the tests of a file share only once.
 # Tests start many programs, and each would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
@@ -33,6 +32,7 @@ FORCE:
 demo: install
 	$(BIN)/motoremi demo
 
+# With worksteal the tests of a file mostly run in one worker, so that what they share is made once.
 test: install
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
