@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
+import numpy as np
+
 from motoremi.arrays import Progress
 from motoremi.data.analyser import DEFAULT_ANALYSER
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, believe, stands
@@ -111,9 +113,10 @@ class Judgement:
     def _pair_is_credible(self) -> bool:
         """Whether two effects, which bend to almost anything, leave nothing, or little to analyser or owner, with values that motors have."""
         fit = self.model.fit
-        # The errors of an analyser that nobody named are known by their size alone: a small part of what they leave may be theirs.
-        unnamed = fit.measurement.analyser.name == DEFAULT_ANALYSER
-        slight = unnamed and fit.unexplained_percent["value"] <= SLIGHT_SHARE * fit.floor_percent
+        # The errors of an analyser that nobody named are known by their size alone: what is small beside them may be theirs. Not so what is
+        # small beside the scatter of a sweep of few points only.
+        analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
+        slight = fit.measurement.analyser.name == DEFAULT_ANALYSER and fit.rms_error_percent <= SLIGHT_SHARE * analyser_percent
         little = fit.marginal.nothing_left >= 0.5 or accurate(fit) or slight
         return little and not self.model.unusual and not self.distributed
 
