@@ -32,9 +32,8 @@ FORCE:
 demo: install
 	$(BIN)/motoremi demo
 
-# With worksteal the tests of a file mostly run in one worker, so that what they share is made once.
 test: install
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -n $(WORKERS)
 
 # While one works: what takes no time, without browser and ngspice; under a minute on two cores.
 quick: install
