@@ -52,13 +52,16 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     each : callable
         As the built-in `map`.
     """
-    if first.described:
+    declared, best, good_enough = first.base.measurement.analyser, first.best.fit, accurate(first.model.fit)
+    enough = (first.standing == "explained" or good_enough) and first.model.fit.analyser_sigma <= BEYOND_SIGMA
+    # No real analyser is ideal: a law that bends may have taken up its errors.
+    if first.described or (enough and (good_enough or not declared.ideal)):
         return Declared(first)
-    others = hypotheses(first.base.measurement.analyser)
-    enough = first.standing == "explained" and not _denied_as_ideal(first.best.fit, others)
-    if (enough or accurate(first.model.fit)) and first.model.fit.analyser_sigma <= BEYOND_SIGMA:
+    others = hypotheses(declared)
+    of_best = [_refitted(best, other) for other in others]
+    if enough and max(fit.log_evidence for fit in of_best) <= best.log_evidence + TAKEN:
         return Declared(first)
-    refitted = [(_refitted(first.base, other), _refitted(first.best.fit, other)) for other in others]
+    refitted = [(_refitted(first.base, other), fit) for other, fit in zip(others, of_best, strict=True)]
     # The bare circuit and the likeliest model each say which analyser they would rather have.
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
@@ -68,11 +71,6 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
-
-
-def _denied_as_ideal(best: Fit, others: list[Analyser]) -> bool:
-    """Whether the likeliest model denies that the analyser is ideal, as no real one is: a law that bends may have taken up its errors."""
-    return best.measurement.analyser.ideal and any(_refitted(best, other).log_evidence > best.log_evidence + TAKEN for other in others)
 
 
 def hypotheses(declared: Analyser) -> list[Analyser]:

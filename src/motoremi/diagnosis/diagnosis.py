@@ -17,7 +17,7 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps, the_same_twice
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, accurate, judge
+from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
@@ -323,11 +323,13 @@ def _concluded(
     named = () if judgement.accurate or not judgement.stands or unknown else judgement.named
     best = judgement.model if judgement.stands else judgement.closest
     families = tuple((name, *judgement.families[name])[:LARGEST_FAMILY] for name in named if judgement.families[name])
-    verdict = _verdict(judgement, named, families, findings, left)
-    if unknown and judgement.stands:
-        verdict = "unexplained"
+    verdict: Verdict
     if same is not None:
         verdict = "data"
+    elif unknown and judgement.stands:
+        verdict = "unexplained"
+    else:
+        verdict = _verdict(judgement, named, families, findings, left)
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
@@ -383,11 +385,9 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     """How often such an answer is true: what the posterior says of the names, times what goes wrong beyond it."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if len(named) > 1:
-        kinds.append("two names")
+        kinds.append("two names that leave something" if judgement.leaves_something else "two names")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
-    if len(named) > 1 and judgement.model.fit.marginal.nothing_left < 0.5 and not accurate(judgement.model.fit):
-        kinds.append("two names that leave something")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
         kinds.append("weak")
     if verdict == "adequate" and judgement.belief.named and not judgement.accurate:

@@ -9,7 +9,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import MOST_NAMES, Belief
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
-from motoremi.investigation.question import ODDS
+from motoremi.investigation.question import NONE_DESCRIBES, ODDS
 from motoremi.investigation.rivals import Key, Rivals, rivals_of, update
 
 # An explanation at which an investigation stops stands alone.
@@ -17,7 +17,7 @@ STANDS = ODDS / (1 + ODDS)
 # Of the finding that a sweep or value is none of what was asked for.
 NOT_AS_ASKED = "not-as-asked"
 # How often the truth is none of the models found, by what the leading one leaves. As `belief.RELIABLE` has it for such answers.
-OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.25, "not": 0.9}
+OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.25, "not": NONE_DESCRIBES}
 
 
 def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> Rivals:

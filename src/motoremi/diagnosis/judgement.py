@@ -110,6 +110,11 @@ class Judgement:
         return standing if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
 
     @property
+    def leaves_something(self) -> bool:
+        """Whether something is left beyond noise and analyser, and beyond a stated accuracy."""
+        return self.model.fit.marginal.nothing_left < 0.5 and not accurate(self.model.fit)
+
+    @property
     def _pair_is_credible(self) -> bool:
         """Whether two effects, which bend to almost anything, leave nothing, or little to analyser or owner, with values that motors have."""
         fit = self.model.fit
@@ -117,8 +122,7 @@ class Judgement:
         # small beside the scatter of a sweep of few points only.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
         slight = fit.measurement.analyser.name == DEFAULT_ANALYSER and fit.rms_error_percent <= SLIGHT_SHARE * analyser_percent
-        little = fit.marginal.nothing_left >= 0.5 or accurate(fit) or slight
-        return little and not self.model.unusual and not self.distributed
+        return (slight or not self.leaves_something) and not self.model.unusual and not self.distributed
 
     @property
     def distributed(self) -> bool:

@@ -77,6 +77,10 @@ class Fit:
         Training curve: evaluations so far and rms deviation in percent.
     warnings : tuple of str
         What a reader has to know.
+    search_parameters : dict
+        Best of the search on few points: where a further effect starts from.
+    likeliest_parameters : dict
+        Of the likelihood's own solution, where `parameters` are those of the least relative error: one more place to start from.
     """
 
     motor: Motor

@@ -39,7 +39,7 @@ def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
         return {"id": f"{missing}-sweep", "why": f"measure the {missing}-circuit sweep too: one sweep cannot locate an effect"}
     if question is not None and question.worths and question.stop in (None, "inseparable"):
         return _separating(question)
-    if question is not None and question.nothing_describes:
+    if question is not None and question.outside_stands:
         return {"id": "repeats", "why": question.why, "menu": _menu(question)}
     if fit.effects:
         return _confirming(fit)

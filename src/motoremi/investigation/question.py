@@ -32,9 +32,13 @@ Stop: TypeAlias = Literal["one-stands", "inseparable", "nothing-missing"]
 
 # An explanation that is so many times as likely as all others together stands.
 ODDS = 20.0
-# What the catalogue does not hold stands at this share where no effect describes the reference sweeps: a measurement under another condition
-# makes none of them describe these. (An answer `unexplained` was true 47 times of 50.)
+# How probable it is that the catalogue does not hold the explanation where no effect describes the reference sweeps (an answer `unexplained` was
+# true 47 times of 50): enough to stop at, since a measurement under another condition makes none of them describe these sweeps.
 NONE_DESCRIBES = 0.9
+_UNKNOWN = (
+    f"{OUTSIDE} stands: no effect of the catalogue describes the sweeps, so a measurement under another condition would not find one that does; "
+    "repeat both sweeps, look where the model fails (motoremi inspect), or add an effect of your own (docs/howto/own-effect.md)"
+)
 # Explanations that are asked about, and how little probability one of them may have.
 MOST_ASKED, LEAST_ASKED = 6, 2e-3
 # Less than this, a measurement teaches nothing; where none teaches more, pairs of them are looked at.
@@ -155,8 +159,8 @@ class Question:
         return None if self.stop is not None or not self.worths else self.worths[0]
 
     @property
-    def nothing_describes(self) -> bool:
-        """Whether it stops because no explanation of the catalogue describes the sweeps."""
+    def outside_stands(self) -> bool:
+        """Whether it stops because what stands is something that the catalogue does not hold."""
         return self.stop == "one-stands" and next(iter(self.standing), "") == OUTSIDE
 
     def to_dict(self) -> JsonDict:
@@ -226,12 +230,6 @@ def next_question(
     if not ranked or max(one.bits for one in ranked) < NOTHING_BITS:
         return Question(tuple(ranked), "inseparable", _proof(ranked, standing), labels)
     return Question(tuple(ranked), None, _why(ranked[0], labels), labels)
-
-
-_UNKNOWN = (
-    f"{OUTSIDE} stands: no effect of the catalogue describes the sweeps, so a measurement under another condition would not find one that does; "
-    "repeat both sweeps, look where the model fails (motoremi inspect), or add an effect of your own (docs/howto/own-effect.md)"
-)
 
 
 def _order(worth: Worth) -> tuple[bool, float]:

@@ -35,7 +35,7 @@ def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatAr
     level = 20 * np.log10(magnitude_ohm)
     marks = [(index, sign) for sign in (1, -1) for index in clear_maxima(sign * level, CLEAR_DB)]
     across, up = _in_points(axes, frequency_hz, magnitude_ohm)
-    # At every point of its length, so that no label stands between two of its points.
+    # One place for each typographic point of its length: the sweep's own points lie too far apart where the curve is steep.
     length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(across), np.diff(up)))])
     everywhere = np.arange(0.0, length[-1])
     curve_across, curve_up = np.interp(everywhere, length, across), np.interp(everywhere, length, up)
