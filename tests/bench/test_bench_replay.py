@@ -204,20 +204,25 @@ def test_lenient_skips_what_is_no_longer_asked_and_answers_what_is_new() -> None
     link.finish()
 
 
-def test_data_that_were_changed_are_told(tmp_path: Path, bench: SimulatedBench) -> None:
-    """A record that was tampered with gives other data than those stored."""
+@pytest.mark.parametrize(("changed", "differing", "rounded"), [(1e-3, 1, 0), (1e-6, 1, 0), (1e-12, 0, 1)])
+def test_data_that_were_changed_are_told(tmp_path: Path, bench: SimulatedBench, changed: float, differing: int, rounded: int) -> None:
+    """A record that was tampered with gives other data than those stored; the last digits may be the rounding of another processor."""
     measured(tmp_path / "first", small("emission_only"), bench)
     path = tmp_path / "first" / "traffic.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines()
     for number, line in enumerate(lines):
         record = json.loads(line)
         if record["direction"] == "read" and record["text"].count(",") > 10:
-            record["text"] = "99.000" + record["text"][record["text"].index(",") :]
+            first, *rest = record["text"].split(",")
+            record["text"] = ",".join([repr(float(first) * (1 + changed)), *rest])
             lines[number] = json.dumps(record)
             break
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     (tmp_path / "first" / "manifest.json").unlink()
-    assert again(load(tmp_path / "first"), tmp_path / "again").differing == ("spectra/peak-motor-off-1.csv",)
+    result = again(load(tmp_path / "first"), tmp_path / "again")
+    assert result.differing == ("spectra/peak-motor-off-1.csv",) * differing
+    assert result.rounded == ("spectra/peak-motor-off-1.csv",) * rounded
+    assert result.same is not bool(differing)
 
 
 def test_an_imported_session_cannot_be_replayed(tmp_path: Path) -> None:

@@ -22,6 +22,9 @@ from motoremi.run.writer import Writer
 from motoremi.schema.procedure import parse_procedure
 
 MEASURED = ("sweep", "spectrum", "final", "standard")
+# Drivers that calibrate compute the impedance from what the instrument sent, and the libraries for that choose their instructions by processor: the
+# last digits of one recorded on another (of values, 4e-14 was seen) may differ. No instrument has nine digits.
+ROUNDING = 1e-9
 _KEPT = ("title", "procedure", "operator", "backend", "simulated", "simulated_sha256", "calibrated", "corrections")
 
 
@@ -36,7 +39,9 @@ class Replayed:
     compared : int
         How many stored sweeps, spectra and standards were compared with the new ones.
     differing : tuple of str
-        Files of the recorded session that were not reproduced byte for byte.
+        Files of the recorded session that were not reproduced.
+    rounded : tuple of str
+        Files that were reproduced except for the rounding of another processor (less than `ROUNDING`), not byte for byte.
     differences : tuple of ReplayDifference
         Differences that a lenient replay ignored.
     ended : str
@@ -48,6 +53,7 @@ class Replayed:
     path: Path
     compared: int
     differing: tuple[str, ...]
+    rounded: tuple[str, ...]
     differences: tuple[ReplayDifference, ...]
     ended: str
     outcome: Outcome | None
@@ -64,6 +70,7 @@ class Replayed:
             "same": self.same,
             "compared": self.compared,
             "differing": list(self.differing),
+            "rounded": list(self.rounded),
             "differences": [difference.to_dict() for difference in self.differences],
             "ended": self.ended,
             **(self.outcome.to_dict() if self.outcome else {}),
@@ -168,15 +175,40 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answe
         yield (done_by(session, session.documents[:first]) if first else None), reason, from_outside, answers, until
 
 
-def _compared(session: Session, again: Session) -> tuple[int, tuple[str, ...]]:
-    """How many files were compared, and which recorded files have no equal in the replay, in order."""
+def _compared(session: Session, again: Session) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+    """How many files were compared, which recorded files have no equal in the replay, and which only by rounding; in order."""
     recorded = [d for d in session.documents if d["kind"] in MEASURED]
     # A killed run may have read a sweep without storing it; the replay stores it.
-    reproduced = [d["sha256"] for d in again.documents if d["kind"] in MEASURED]
-    differing, position = [], 0
+    reproduced = [d for d in again.documents if d["kind"] in MEASURED]
+    differing, rounded, position = [], [], 0
     for document in recorded:
-        if document["sha256"] in reproduced[position:]:
-            position = reproduced.index(document["sha256"], position) + 1
+        exact = (at for at in range(position, len(reproduced)) if reproduced[at]["sha256"] == document["sha256"])
+        close = (at for at in range(position, len(reproduced)) if _differ_by_rounding(session, document, again, reproduced[at]))
+        if (at := next(exact, None)) is not None:
+            position = at + 1
+        elif (at := next(close, None)) is not None:
+            position = at + 1
+            rounded.append(str(document["file"]))
         else:
             differing.append(str(document["file"]))
-    return len(recorded), tuple(differing)
+    return len(recorded), tuple(differing), tuple(rounded)
+
+
+def _differ_by_rounding(session: Session, document: JsonDict, again: Session, other: JsonDict) -> bool:
+    """Whether two files are the same except for the last digits of what was computed; frequencies and headers have to be equal."""
+    texts = [(folder.path / str(one["file"])).read_text(encoding="utf-8").splitlines() for folder, one in ((session, document), (again, other))]
+    return len(texts[0]) == len(texts[1]) and all(a == b or _rows_close(a, b) for a, b in zip(*texts, strict=True))
+
+
+def _rows_close(row: str, other: str) -> bool:
+    """Whether two rows of numbers have the same first number and are closer than rounding in the others."""
+    (first, *values), (other_first, *other_values) = row.split(","), other.split(",")
+    try:
+        numbers, other_numbers = [float(value) for value in values], [float(value) for value in other_values]
+    except ValueError:
+        return False
+    if first != other_first or len(numbers) != len(other_numbers):
+        return False
+    # Of the whole row: a resistance computed beside a large reactance is rounded as that is.
+    allowed = ROUNDING * max(map(abs, numbers), default=0.0)
+    return all(abs(a - b) <= allowed for a, b in zip(numbers, other_numbers, strict=True))
