@@ -10,12 +10,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
+from motoremi.fitting import wandering
 from motoremi.fitting.aco_r import Colony
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
 from motoremi.fitting.observed import OUT_OF_SIGHT
@@ -48,9 +50,6 @@ STEPS, POOR_STEPS = 60, 20
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
 ABSORBING = 10.0
-# Degrees of freedom of a white error of unknown size (Student's t): a few points that stand out do not decide between models. Four is usual
-# (Lange, Little and Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
-TAILS = 4.0
 
 
 @dataclass(frozen=True)
@@ -212,7 +211,7 @@ def misses_by_far(sizes: Sizes) -> bool:
 
 
 def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
-    """The same, if that is likelier, for an error that is no smooth one: white, of unknown size, every point alike; beside it noise and analyser.
+    """The same, if that is likelier, for an error that is no smooth one: it wanders along frequency, over the noise, every point alike.
 
     Where a circuit misses a sharp resonance, it errs by a lot from one point to the next, which no smooth discrepancy describes.
 
@@ -222,19 +221,13 @@ def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
         Of weights `log` or `relative`.
     u : ndarray, shape (k,)
     """
-    observed, squares, noise = problem.observed, np.abs(problem.residual(u)) ** 2, problem.observed.variance
-    if problem.weights == "relative":
-        # Of averages of so many points each, as large as those of single points.
-        averaged = observed.weight**2 * problem.size / problem.measurement.points
-        squares, noise = squares * averaged, noise * averaged
+    observed = problem.observed
     kept = observed.weight > 1 / OUT_OF_SIGHT
-    squares, known = squares[kept], noise[kept] + observed.systematic[kept] ** 2
-    # From nothing beside the error that is left to far beyond it, in steps of 1.5: near the likeliest size the evidence hardly depends on it.
-    white = np.geomspace(1e-8, 1e2, 61) * max(float(np.mean(squares)), 1e-12)
-    variance = known + white[:, None]
-    logs = -np.sum(np.log(variance) + (0.5 * TAILS + 1) * np.log1p(squares / (TAILS * variance)), axis=1)
-    evidence = float(np.max(logs) - 0.5 * len(problem.unknowns) * np.log(2 * squares.size))
-    return dataclasses.replace(found, log_evidence=max(found.log_evidence, evidence))
+    ends = np.cumsum([0, *(np.count_nonzero(kept[sweep]) for sweep in observed.slices.values())])
+    sweeps = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    told = wandering.log_likelihood(problem.residual(u)[kept], observed.frequency_hz[kept], observed.variance[kept], sweeps)
+    evidence = told - 0.5 * len(problem.unknowns) * np.log(2 * np.count_nonzero(kept))
+    return dataclasses.replace(found, log_evidence=max(found.log_evidence, float(evidence)))
 
 
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
