@@ -8,7 +8,7 @@ search, catalogue and declaration missed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -116,20 +116,27 @@ def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) 
 
 def _rivals(best: Key, effect: str, posterior: Mapping[Key, float], together: float) -> Key:
     """Effects that would do as well in the place of one of a set."""
-    rest = list(best)
-    rest.remove(effect)
-    shares: dict[str, float] = {}
-    for key, probability in posterior.items():
-        others = list(key)
-        for name in rest:
-            if name in others:
-                others.remove(name)
-        if len(key) == len(best) and len(others) == 1 and others[0] != effect and probability >= FAMILY_SHARE * posterior[best]:
-            shares[others[0]] = probability
+    others = in_place_of(effect, best, posterior)
+    shares = {name: posterior[key] for name, key in others.items() if posterior[key] >= FAMILY_SHARE * posterior[best]}
     ranked = sorted(shares, key=lambda name: -shares[name])
     total = posterior[best] + sum(shares.values())
     before = posterior[best] + np.cumsum([0.0, *(shares[name] for name in ranked)])
     return tuple(name for name, sum_before in zip(ranked, before, strict=False) if sum_before < together * total)
+
+
+def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[str, Key]:
+    """Other effects, each with the set that was found with it in the place of one effect of a set."""
+    rest = list(key)
+    rest.remove(effect)
+    others: dict[str, Key] = {}
+    for other in found:
+        left = list(other)
+        for name in rest:
+            if name in left:
+                left.remove(name)
+        if len(other) == len(key) and len(left) == 1 and left[0] != effect:
+            others[left[0]] = other
+    return others
 
 
 def _agrees(key: list[str], places: list[set[str]]) -> bool:

@@ -17,7 +17,7 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps, the_same_twice
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import CLEAR_GAIN, GLANCE, Judgement, judge
+from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, GLANCE, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
@@ -339,7 +339,7 @@ def _concluded(
         singles.sort(key=closeness)
         following = next_measurement(base, question)
     else:
-        singles.sort(key=lambda one: (-round(probabilities[one.effect], 6), -one.score))
+        singles.sort(key=lambda one: (one.effect not in named and bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
         following = next_measurement(best.fit if named else base, question)
     return Diagnosis(
         verdict=verdict,
@@ -363,9 +363,9 @@ def _concluded(
     )
 
 
-def closeness(one: Candidate) -> tuple[bool, float]:
-    """Where nothing is believed: what describes the data best comes first, and after it what needs a value at the end of what physics allows."""
-    return not one.plausible, one.fit.rms_error_percent
+def closeness(one: Candidate) -> float:
+    """Where nothing is believed, the closest comes first; with values that few motors have, or at a bound, it has to be far closer."""
+    return one.fit.rms_error_percent * (1 if one.plausible and not one.unusual else ALIKE)
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:

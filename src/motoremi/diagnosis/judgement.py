@@ -12,7 +12,7 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import DEFAULT_ANALYSER
-from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, believe, stands
+from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, believe, in_place_of, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
@@ -102,7 +102,7 @@ class Judgement:
     def standing(self) -> Standing:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
-        if len(self.model.added) == 1 and self.model.unusual and self._alike and not any(self.belief.families.values()):
+        if len(self.model.added) == 1 and self.model.unusual and self._alike(*self.model.added) and not any(self.belief.families.values()):
             # With values that few motors have a law only bends to the curve, as others do; one with a family is told with it.
             return "not"
         if len(self.model.added) < MOST_NAMES:
@@ -171,13 +171,12 @@ class Judgement:
     def families(self) -> Mapping[str, Key]:
         """For each effect of the likeliest model, the others that would do in its place.
 
-        Where one effect describes most and not all, its law is not quite the motor's and likelihood ratios mean little: others whose circuit
+        Where a model describes most and not all, its laws are not quite the motor's and likelihood ratios mean little: others whose circuit
         errs about as much are not told from it.
         """
-        if self.standing != "mostly" or len(self.model.added) != 1:
+        if self.model.fit.marginal.nothing_left >= 0.5:
             return self.belief.families
-        (effect,) = self.model.added
-        return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *self._alike)))}
+        return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *self._alike(effect)))) for effect in self.model.added}
 
     @property
     def of_accurate(self) -> Judgement | None:
@@ -191,12 +190,18 @@ class Judgement:
         single = self._among(enough)
         return single if single.named and single.stands else None
 
-    @property
-    def _alike(self) -> Key:
-        """Other single effects whose circuit errs about as little as the likeliest one's, the likeliest of them first."""
-        limit = ALIKE * self.model.fit.rms_error_percent
-        singles = sorted((one for key, one in self.found.items() if len(key) == 1), key=lambda one: -one.score)
-        return tuple(one.effect for one in singles if one.effect not in self.model.added and one.fit.rms_error_percent <= limit)
+    def _alike(self, effect: str) -> Key:
+        """Effects in whose place one of the likeliest model errs about as little, a pair with values that motors have; the likeliest first."""
+        fit = self.model.fit
+        rivals = {name: self.found[key] for name, key in in_place_of(effect, self.model.added, self.found).items()}
+        close = [
+            name
+            for name, one in rivals.items()
+            if one.fit.rms_error_percent <= ALIKE * fit.rms_error_percent
+            and one.fit.unexplained_percent["value"] <= ALIKE * fit.unexplained_percent["value"]
+            and not (len(one.added) == MOST_NAMES and one.unusual)
+        ]
+        return tuple(sorted(close, key=lambda name: -rivals[name].score))
 
     @property
     def of_none(self) -> Judgement | None:
@@ -267,10 +272,24 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER) -> Judgement:
     """What the models that were found let one believe of a fit; `together` as in `belief.believe`."""
-    judgement = Judgement(base, found, believe(found, together))
+    judgement = _with_usual_values(Judgement(base, found, believe(found, together)), together)
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
     if (enough := judgement.of_accurate) is not None:
         return enough
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
     return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement
+
+
+def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
+    """The judgement among the sets with values that motors have, where the likeliest has others and leaves something, and one of them does as well.
+
+    The laws are not quite the motor's then, so that likelihood ratios mean little, and values decide.
+    """
+    likeliest = judgement.model
+    if not likeliest.unusual or likeliest.fit.marginal.nothing_left >= 0.5:
+        return judgement
+    usual = {key: one for key, one in judgement.found.items() if not one.unusual}
+    other = dataclasses.replace(judgement, belief=believe(usual, together))
+    alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
+    return other if other.named and other.stands and alike else judgement

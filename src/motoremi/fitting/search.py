@@ -225,7 +225,8 @@ def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
     kept = observed.weight > 1 / OUT_OF_SIGHT
     ends = np.cumsum([0, *(np.count_nonzero(kept[sweep]) for sweep in observed.slices.values())])
     sweeps = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-    told = wandering.log_likelihood(problem.residual(u)[kept], observed.frequency_hz[kept], observed.variance[kept], sweeps)
+    residual, systematic = problem.residual(u), 0.5 * observed.systematic**2
+    told = wandering.log_likelihood(residual[kept], observed.frequency_hz[kept], observed.variance[kept], systematic[kept], sweeps)
     evidence = told - 0.5 * len(problem.unknowns) * np.log(2 * np.count_nonzero(kept))
     return dataclasses.replace(found, log_evidence=max(found.log_evidence, float(evidence)))
 

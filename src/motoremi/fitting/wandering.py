@@ -24,7 +24,7 @@ VARIANCES: FloatArray = np.geomspace(1e-6, 1e2, 25)[:, None]
 LENGTHS: FloatArray = np.concatenate([[1e-6], np.geomspace(3e-3, 30.0, 9)])
 
 
-def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, variance: FloatArray, sweeps: Iterable[slice]) -> float:
+def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, noise: FloatArray, systematic: FloatArray, sweeps: Iterable[slice]) -> float:
     """Log likelihood, up to a constant of the points, at the likeliest size and length of the error.
 
     Parameters
@@ -33,8 +33,9 @@ def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, variance: F
         Relative.
     frequency_hz : ndarray, shape (n,)
         Increasing within each sweep.
-    variance : ndarray, shape (n,)
-        Of the noise of real and of imaginary part.
+    noise, systematic : ndarray, shape (n,)
+        Variance of real and of imaginary part: of the noise, and of what the analyser may err by. The error wanders by that much at least: a
+        circuit that leaves less is no likelier for it.
     sweeps : iterable of slice
         Their errors are independent.
     """
@@ -43,17 +44,19 @@ def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, variance: F
     for sweep in sweeps:
         checkpoint()
         kept = np.exp(-np.diff(np.log(frequency_hz[sweep]), prepend=-np.inf)[:, None] / LENGTHS)
+        # In units of the error's own standard deviation at each point.
+        own = size + systematic[sweep, None, None]
         expected: np.ndarray = np.zeros(total.shape, dtype=np.complex128)
-        uncertain = np.zeros(total.shape)
-        for value, noise, share in zip(residual[sweep], variance[sweep], kept, strict=True):
+        uncertain = np.ones(total.shape)
+        for value, white, wander, share in zip(residual[sweep], noise[sweep], own, kept, strict=True):
             expected *= share
-            uncertain = size + share**2 * (uncertain - size)
-            spread = uncertain + noise
-            news = value - expected
+            uncertain = 1 + share**2 * (uncertain - 1)
+            spread = wander * uncertain + white
+            news = value - np.sqrt(wander) * expected
             far = (news.real**2 + news.imag**2) / spread
             total -= np.log(spread) + (0.5 * TAILS + 1) * np.log1p(far / TAILS)
             # A point that stands out tells as little as one of more noise.
-            gain = uncertain / (uncertain + noise * np.maximum((TAILS + far) / (TAILS + 2), 1.0))
-            expected += gain * news
+            gain = wander * uncertain / (wander * uncertain + white * np.maximum((TAILS + far) / (TAILS + 2), 1.0))
+            expected += gain * news / np.sqrt(wander)
             uncertain *= 1 - gain
     return float(total.max())

@@ -130,7 +130,15 @@ EFFECTS = (
         title="magnetic relaxation of the core",
         formula="s * La * (1 - share + share / (1 + x**exponent + (quality * x)**2)), x = s / (2 * pi * corner_hz)",
         parameters=(
-            Parameter("share", "", 0.01, 0.9999, "share of La that relaxes; nearly all of a closed ferrite core's"),
+            Parameter(
+                "share",
+                "",
+                0.01,
+                0.9999,
+                "share of La that relaxes; nearly all of a closed ferrite core's, and the field inside the wires (skin effect) is a few per cent",
+                # A round wire's own field is 50 nH per metre of it, and a coil has at least 0.6 uH per metre.
+                usual=(0.08, 0.9999),
+            ),
             Parameter(
                 "corner_hz",
                 "Hz",
@@ -196,7 +204,7 @@ EFFECTS = (
         formula="1 / (1 / (s * inductance_h) + s / ((2 * pi * resonance_hz)**2 * inductance_h) + 1 / resistance_ohm)",
         parameters=(
             Parameter("inductance_h", "H", 1e-9, 1e-4, "0.001 to 0.1 of La, with room for large windings"),
-            Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones"),
+            Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones", usual=(5e5, 40e6)),
             Parameter(
                 "resistance_ohm", "Ohm", 0.05, 50e3, "0.05 - 2 kOhm in motors, from a heavily damped turn to a light cell", usual=(1.0, 50e3)
             ),
