@@ -102,10 +102,7 @@ def believe(found: Mapping[Key, M], together: float = FAMILY_TOGETHER) -> Belief
     if not best:
         return Belief((), {}, max(posterior[()], 0.5), posterior)
     families = {effect: _rivals(best, effect, posterior, together) for effect in found[best].added}
-    # A set that holds the named one, with an idle effect more, does not contradict it.
-    places = [{effect, *families[effect]} for effect in found[best].added]
-    agreeing = sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
-    return Belief(found[best].added, families, agreeing, posterior)
+    return Belief(found[best].added, families, agreeing(posterior, families), posterior)
 
 
 def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) -> Key:
@@ -137,6 +134,12 @@ def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[s
         if len(other) == len(key) and len(left) == 1 and left[0] != effect:
             others[left[0]] = other
     return others
+
+
+def agreeing(posterior: Mapping[Key, float], families: Mapping[str, Key]) -> float:
+    """Probability of the sets with an effect of each family; a further, idle effect does not contradict the answer."""
+    places = [{effect, *family} for effect, family in families.items()]
+    return sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
 
 
 def _agrees(key: list[str], places: list[set[str]]) -> bool:

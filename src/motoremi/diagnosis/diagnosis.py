@@ -339,13 +339,13 @@ def _concluded(
         singles.sort(key=closeness)
         following = next_measurement(base, question)
     else:
-        singles.sort(key=lambda one: (one.effect not in named and bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
+        singles.sort(key=lambda one: (one.effect not in named, bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
         following = next_measurement(best.fit if named else base, question)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
         families=families if verdict not in ("unexplained", "data") else (),
-        confidence=confidence_of(rivals, judgement.belief, verdict, confidence),
+        confidence=confidence_of(rivals, judgement.probability, verdict, confidence),
         base=base,
         best=base if verdict == "adequate" else best.fit,
         candidates=tuple(singles),
@@ -398,7 +398,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     if any(finding.serious and (finding.id != "not-compensated" or verdict == "unexplained") for finding in findings):
         kinds.append("adequate, with a serious finding" if verdict == "adequate" else "with a serious finding")
     # That nothing is missing is true as well where something is that no analyser would show: the posterior of none says too little of it.
-    return min(RELIABLE[kind] for kind in kinds) * (judgement.belief.probability if named else 1.0)
+    return min(RELIABLE[kind] for kind in kinds) * (judgement.probability if named else 1.0)
 
 
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.belief import MOST_NAMES, Belief
+from motoremi.diagnosis.belief import MOST_NAMES
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
@@ -52,14 +52,17 @@ def departs(rivals: Rivals) -> bool:
     return bool(rivals.taught) and rivals.outside > 0.5
 
 
-def confidence_of(rivals: Rivals, belief: Belief, verdict: str, before: float) -> float:
-    """How often such an answer is true; once more was measured, what the catalogue does not hold has its probability from there."""
+def confidence_of(rivals: Rivals, probability: float, verdict: str, before: float) -> float:
+    """How often such an answer, of this probability among what was found, is true.
+
+    Once more was measured, what the catalogue does not hold has its probability from there.
+    """
     if not rivals.taught:
         return before
     if verdict == "unexplained":
         return max(rivals.outside, before) if departs(rivals) else before
     # A serious finding, or a model that is pushed to a bound, is as serious as before.
-    return min(before / max(belief.probability, 1e-9), 1 - rivals.outside) * belief.probability
+    return min(before / max(probability, 1e-9), 1 - rivals.outside) * probability
 
 
 def reasons_of(rivals: Rivals) -> list[str]:

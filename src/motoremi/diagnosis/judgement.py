@@ -12,7 +12,7 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import DEFAULT_ANALYSER
-from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, believe, in_place_of, stands
+from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, agreeing, believe, in_place_of, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
@@ -177,6 +177,12 @@ class Judgement:
         if self.model.fit.marginal.nothing_left >= 0.5:
             return self.belief.families
         return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *self._alike(effect)))) for effect in self.model.added}
+
+    @property
+    def probability(self) -> float:
+        """Of what is named, families included."""
+        families = self.families
+        return agreeing(self.belief.posterior, {effect: families.get(effect, ()) for effect in self.named})
 
     @property
     def of_accurate(self) -> Judgement | None:

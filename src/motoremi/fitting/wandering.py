@@ -18,10 +18,12 @@ from motoremi.interrupts import checkpoint
 # Degrees of freedom of the innovations (Student's t): a few points that stand out do not decide between models. Four is usual
 # (Lange, Little and Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
 TAILS = 4.0
-# Variances tried, as multiples of the mean square of the residuals: from nothing to a process that wanders far beyond the band; and lengths in
-# ln f: from white to three times the widest span of an analyser. Near the likeliest pair the likelihood hardly depends on either.
+# Variances tried, as multiples of the mean square of the residuals: from nothing to a process that wanders far beyond the band. Near the likeliest
+# one the likelihood hardly depends on it.
 VARIANCES: FloatArray = np.geomspace(1e-6, 1e2, 25)[:, None]
-LENGTHS: FloatArray = np.concatenate([[1e-6], np.geomspace(3e-3, 30.0, 9)])
+# In ln f: from white to nearly a decade, over which the errors of analysers change. With longer ones a circuit that takes up what the analyser errs
+# by would be likelier than the true one, because nothing at all is left.
+LENGTHS: FloatArray = np.concatenate([[1e-6], np.geomspace(3e-3, 2.0, 9)])
 
 
 def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, noise: FloatArray, systematic: FloatArray, sweeps: Iterable[slice]) -> float:
