@@ -30,8 +30,9 @@ MOST_NAMES = 2
 SLIGHT_SHARE = 0.25
 # What is left of what was left before, for a named effect to be most of the truth.
 MOSTLY = 0.25
-# How often each kind of answer is true, beyond what the posterior knows. Estimates from the boards of docs/explanation/evidence.md: `adequate` was
-# true 190 times of 190, `unexplained` 47 of 50, with a serious finding each time that it was not. Boards of other seeds confirm or deny them.
+# How often each kind of answer is true, beyond what the posterior knows. Estimates from the boards of docs/explanation/how_often_right.md:
+# `adequate` was true 190 times of 190, `unexplained` 47 of 50, with a serious finding each time that it was not. Boards of other seeds confirm or
+# deny them.
 # Two names were the whole truth 61 times of 70, inside the protocol and outside it: two effects easily take up a third.
 # That an analyser beyond its specification is to blame, where an effect would do as well and is not named, was wrong three times of three.
 RELIABLE: Mapping[str, float] = {
