@@ -147,3 +147,18 @@ def test_an_element_that_is_held_tells_the_resonances_apart(open_alone):
 
 def test_both_sweeps_tell_the_resonances_apart(warm):
     assert warm[1].exchange is None
+
+
+def test_an_analyser_that_is_off_as_a_whole_by_more_than_is_declared_is_within_the_error_bars() -> None:
+    """As with a wrong calibration standard; a third of the tolerance is one standard deviation of what is declared."""
+    rng, motor = np.random.default_rng(6), SimulatedMotor.random(11)
+    percent = np.clip(GRID_HZ / 1e7, 0.075, 1.5)  # of a 4294A, basic accuracy
+    gain = 1.6 * percent / 300
+    sweeps = [noisy(rng, t, motor.impedance(t, GRID_HZ) * (1 + gain)) for t in ("short", "open") for _ in range(3)]
+    fit = me.fit(None, [s.with_metadata(analyser="4294a") for s in sweeps])
+    off = {name: (fit.parameters[name] - motor.elements[name]) / fit.sigma[name] for name in ELEMENTS}
+    assert max(map(abs, off.values())) < 1.96
+    # The likelihood alone is surer of it.
+    names = [p.name for p in fit.problem.unknowns]
+    likely = {name: fit.parameters[name] * np.sqrt(fit.covariance[names.index(name), names.index(name)]) for name in ELEMENTS}
+    assert max(abs(fit.parameters[name] - motor.elements[name]) / likely[name] for name in ELEMENTS) > 2

@@ -360,6 +360,15 @@ class Problem:
         along = _product(here.along, self._along(weighted))
         return (_product(here.slopes.view(np.float64), weighted.view(np.float64)) - along) * here.chain
 
+    def pulls_of_analyser(self, here: Linearised) -> FloatArray:
+        """What an analyser that is off as a whole by one standard deviation adds to J' C^-1 r: each of its errors in turn; shape (m, k).
+
+        The smooth ones are off alike at all frequencies, as by the error of a calibration standard; those left at a connection have one value.
+        """
+        observed, analyser = self.observed, self.measurement.analyser
+        smooth = analyser.smooth_errors(observed.frequency_hz, observed.smooth) * (self.sizes.declared * observed.weight)
+        return np.concatenate([self.pull(here, smooth), self.pull(here, 1j * smooth), np.diag(np.sqrt(self.precision))[self._declared]])
+
     def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:
         """Derivatives of `deviation` for the unknowns, shape (k, n); `u` of shape (k,)."""
         values = self.physical(u)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.analyser import DECLARED
 from motoremi.data.coarse import scatter_in_bins
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
@@ -36,6 +37,8 @@ Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
 # The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
 BEYOND_SIGMA = 6.0
+# By what an analyser may be worse than declared, its variance is larger on average.
+WORSE = sum(share * (times**2 - 1) for times, share in DECLARED.items())
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_LIKELY = 1e-3
 
@@ -211,9 +214,18 @@ class Fit:
 
     @cached_property
     def shown_covariance(self) -> FloatArray:
-        """The same with what the likelihood does not hold: what moved between the sweeps, and that two resonances may change places."""
+        """The same with what the likelihood does not hold.
+
+        That is: what moved between the sweeps, that two resonances may change places, and an analyser that is off as a whole. Data that show its
+        errors to change little from point to point do not show that they are small, so it may still be worse than declared.
+        """
         moved = displacements(self.weighed, self.unknowns, self.linearised, self.covariance)
         total: FloatArray = self.covariance + moved.T @ moved
+        # Of an analyser that nobody named nothing is declared: the data alone say how large its errors are.
+        if self.measurement.analyser.scales == DECLARED:
+            # The solution stays where the declared errors put it; larger ones only move it further.
+            off = self.weighed.pulls_of_analyser(self.linearised) @ _inverse(self.linearised.matrix)
+            total = total + WORSE * off.T @ off
         if self.exchange is not None:
             # The other assignment is as good, so one standard deviation reaches it.
             total = total + np.outer(self.exchange, self.exchange)
