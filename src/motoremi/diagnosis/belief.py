@@ -103,7 +103,7 @@ def believe(found: Mapping[Key, M], together: float = FAMILY_TOGETHER) -> Belief
     if not best:
         return Belief((), {}, max(posterior[()], 0.5), posterior)
     families = {effect: _rivals(best, effect, posterior, together) for effect in found[best].added}
-    return Belief(found[best].added, families, agreeing(posterior, families), posterior)
+    return Belief(found[best].added, families, agreeing(posterior, found[best].added, families), posterior)
 
 
 def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) -> Key:
@@ -137,9 +137,9 @@ def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[s
     return others
 
 
-def agreeing(posterior: Mapping[Key, float], families: Mapping[str, Key]) -> float:
-    """Probability of the sets with an effect of each family; a further, idle effect does not contradict the answer."""
-    places = [{effect, *family} for effect, family in families.items()]
+def agreeing(posterior: Mapping[Key, float], named: Key, families: Mapping[str, Key]) -> float:
+    """Probability of the sets with each named effect, or one of its family; a further, idle effect does not contradict the answer."""
+    places = [{effect, *families.get(effect, ())} for effect in named]
     return sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
 
 

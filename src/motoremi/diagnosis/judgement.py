@@ -181,8 +181,7 @@ class Judgement:
     @property
     def probability(self) -> float:
         """Of what is named, families included."""
-        families = self.families
-        return agreeing(self.belief.posterior, {effect: families.get(effect, ()) for effect in self.named})
+        return agreeing(self.belief.posterior, self.named, self.families)
 
     @property
     def of_accurate(self) -> Judgement | None:
