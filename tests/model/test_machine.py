@@ -162,3 +162,11 @@ def drawn(ranges):
         size, angle = 10 ** rng.uniform(2, 9, 200), rng.uniform(-0.5, 0.5, 200) * np.pi
         share = np.array([rng.choice([0.0, 1.0, rng.uniform()]) for _ in ranges])
         yield size * np.exp(1j * angle), [np.array([low * (high / low) ** x]) for (low, high), x in zip(ranges, share, strict=True)]
+
+
+@pytest.mark.slow
+def test_a_circuit_that_misses_by_far_has_the_least_relative_error_whatever_the_analyser():
+    sweep = measured_machine(90, 101e6)
+    ideal, unknown = (me.fit(me.dc_motor(), [sweep], analyser=name) for name in ("none", "unknown"))
+    assert ideal.rms_error_percent > 50
+    assert unknown.rms_error_percent == pytest.approx(ideal.rms_error_percent, rel=0.01)

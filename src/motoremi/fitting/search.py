@@ -308,7 +308,7 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         count = 1 if round_number == 0 and least < likely else 3
         found = arrived_on_all(task, [search.named(row) for row in rough.distinct(count)])
         evaluations += found.evaluations
-        if best is None or found.log_evidence > best.log_evidence:
+        if best is None or _better(task, found, best):
             best = found
         mean_square = float(np.mean(np.abs(full.deviation(full.vector(best.values))) ** 2))
         history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
@@ -316,6 +316,15 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
             break
     assert best is not None
     return Found(dataclasses.replace(best, evaluations=evaluations), tuple(history), searched)
+
+
+def _better(task: Task, one: Solution, other: Solution) -> bool:
+    """Whether one base fit is to be preferred: the likelier, but of two that miss by far the one with the smaller relative error."""
+    if misses_by_far(one.sizes) and misses_by_far(other.sizes):
+        relative = task.relative()
+        errors = relative.objective(relative.vectors([one.values, other.values]))
+        return bool(errors[0] < errors[1])
+    return one.log_evidence > other.log_evidence
 
 
 def climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
