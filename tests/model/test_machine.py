@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from places import DATA
+from scipy.optimize import least_squares
 
 import motoremi as me
 from motoremi.data.files import read_impedance
@@ -164,9 +165,25 @@ def drawn(ranges):
         yield size * np.exp(1j * angle), [np.array([low * (high / low) ** x]) for (low, high), x in zip(ranges, share, strict=True)]
 
 
+def plain_rlc_error_percent(sweep: me.ImpedanceSweep) -> float:
+    """Relative rms error of the best R + L beside C, from many starts, by a fit that knows nothing of motors."""
+    s, measured = 2j * np.pi * sweep.frequency_hz, sweep.impedance_ohm
+
+    def error(logs: np.ndarray) -> np.ndarray:
+        ohm, henry, farad = np.exp(logs)
+        share = 1 / (1 / (ohm + s * henry) + s * farad) / measured - 1
+        return np.concatenate([share.real, share.imag])
+
+    starts = [np.log([ohm, henry, farad]) for ohm in (1.0, 30.0) for henry in (1e-4, 1e-2, 0.2) for farad in (1e-11, 1e-10, 1e-9)]
+    low, high = np.log([1e-3, 1e-9, 1e-14]), np.log([1e4, 10.0, 1e-6])
+    best = min(least_squares(error, start, bounds=(low, high)).cost for start in starts)
+    return float(100 * np.sqrt(2 * best / len(measured)))
+
+
 @pytest.mark.slow
-def test_a_circuit_that_misses_by_far_has_the_least_relative_error_whatever_the_analyser():
+def test_a_circuit_that_misses_by_far_is_no_worse_than_a_plain_fit():
     sweep = measured_machine(90, 101e6)
-    ideal, unknown = (me.fit(me.dc_motor(), [sweep], analyser=name) for name in ("none", "unknown"))
-    assert ideal.rms_error_percent > 50
-    assert unknown.rms_error_percent == pytest.approx(ideal.rms_error_percent, rel=0.01)
+    plain = plain_rlc_error_percent(sweep)
+    assert plain > 50
+    # The ranges of the seven elements keep it 0.2 % above; a fit of the likelihood alone leaves 8 % more.
+    assert me.fit(me.dc_motor(), [sweep]).rms_error_percent <= 1.01 * plain
