@@ -294,7 +294,10 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
     likeliest = judgement.model
     if not likeliest.unusual or likeliest.fit.marginal.nothing_left >= 0.5:
         return judgement
-    usual = {key: one for key, one in judgement.found.items() if not one.unusual}
-    other = dataclasses.replace(judgement, belief=believe(usual, together))
-    alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
-    return other if other.named and other.stands and alike else judgement
+    for size in range(len(likeliest.added), MOST_NAMES + 1):
+        usual = {key: one for key, one in judgement.found.items() if not one.unusual and len(key) <= size}
+        other = dataclasses.replace(judgement, belief=believe(usual, together))
+        alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
+        if other.named and other.stands and alike:
+            return other
+    return judgement

@@ -114,7 +114,16 @@ EFFECTS = (
         parameters=(
             Parameter("share", "", 0.02, 0.95, "0.3 - 0.9 of the flux of an induction machine; less with a wide air gap"),
             Parameter("corner_hz", "Hz", 5.0, 5e3, "resistance of the cage over its inductance: 330 Hz on a machine of 1.5 HP"),
-            Parameter("skin_hz", "Hz", 10.0, 1e6, "where current keeps to the top of a bar; at the upper end none is seen", special=1e6),
+            Parameter(
+                "skin_hz",
+                "Hz",
+                10.0,
+                1e6,
+                "where current keeps to the top of a bar (10 Hz: 26 mm of aluminium); at the upper end none is seen",
+                special=1e6,
+                # Bars are no deeper for a sweep of lower frequencies, for which the range is wider.
+                usual=(10.0, 1e6),
+            ),
         ),
         limit="share -> 0",
         limit_values={"share": 0.0, "corner_hz": 300.0, "skin_hz": 1e6},
@@ -144,7 +153,7 @@ EFFECTS = (
                 50e3,
                 "resistance of the turn and its contact over its inductance: copper from 50 Hz, a poor contact to 50 kHz",
             ),
-            Parameter("skin_hz", "Hz", 1e3, 10e6, "wire of 0.1 to 3 mm; at the upper end no skin effect is seen", special=10e6),
+            Parameter("skin_hz", "Hz", 1e3, 10e6, "wire of 0.1 to 3 mm; at the upper end no skin effect is seen", special=10e6, usual=(1e3, 10e6)),
         ),
         limit="share -> 0",
         limit_values={"share": 0.0, "corner_hz": 3e3, "skin_hz": 1e6},

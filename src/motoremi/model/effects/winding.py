@@ -204,7 +204,7 @@ EFFECTS = (
         formula="1 / (1 / (s * inductance_h) + s / ((2 * pi * resonance_hz)**2 * inductance_h) + 1 / resistance_ohm)",
         parameters=(
             Parameter("inductance_h", "H", 1e-9, 1e-4, "0.001 to 0.1 of La, with room for large windings"),
-            Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones", usual=(5e5, 40e6)),
+            Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones"),
             Parameter(
                 "resistance_ohm", "Ohm", 0.05, 50e3, "0.05 - 2 kOhm in motors, from a heavily damped turn to a light cell", usual=(1.0, 50e3)
             ),
