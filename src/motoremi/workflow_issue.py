@@ -73,8 +73,9 @@ def issue_for(session: Session, profile: Path | None) -> tuple[Laboratory | None
     today = date.today()
     if before is None:
         digest = session_hash(session)
-        numbered = profile is not None and laboratory.series
-        number = take_number(profile, laboratory.series, digest, today) if profile is not None and numbered else digest[:DIGEST_DIGITS]
+        number = digest[:DIGEST_DIGITS]
+        if profile is not None and laboratory.series:
+            number = take_number(profile, laboratory.series, digest, today)
         return laboratory, _issue(number, today, content, 0, None)
     try:
         if before["content_sha256"] == content:

@@ -8,10 +8,12 @@ from scipy.ndimage import median_filter
 
 from motoremi.arrays import FloatArray
 
-# Number of points of the running median, and the range of scatter; lines of a comb look like a larger scatter.
+# Number of points of the running median: 0.3 MHz of a usual scan, less than an octave of it, so that the scatter may change along the scan.
 _WINDOW = 61
+# Range of scatter (estimates): from the resolution of readings to what peaks scatter by; lines of a comb look like a larger scatter.
 _LEAST_DB, _MOST_DB = 0.1, 1.2
-# Distance of the knots of the ripple in ln f; ripple of the receiver within its specification; further ripple of each detector's formula.
+# Distance of the knots of the ripple in ln f (eleven in a scan of band B); ripple of a receiver within its specification; further ripple of each
+# detector's formula. Estimates.
 _KNOT_SPACING = 0.55
 RIPPLE_DB, OWN_RIPPLE_DB = 0.5, 0.2
 

@@ -63,6 +63,8 @@ class InstrumentSpec(Strict):
 
 
 class Band(Strict):
+    """A span of frequencies; the tables that have one give the limits of its ends."""
+
     start: float
     stop: float
 
