@@ -102,7 +102,7 @@ class Judgement:
     def standing(self) -> Standing:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
-        if len(self.model.added) == 1 and self.model.unusual and self._alike(*self.model.added) and not any(self.belief.families.values()):
+        if len(self.model.added) == 1 and self.model.unusual and self._as_close(*self.model.added) and not any(self.belief.families.values()):
             # With values that few motors have a law only bends to the curve, as others do; one with a family is told with it.
             return "not"
         if len(self.model.added) < MOST_NAMES:
@@ -195,18 +195,22 @@ class Judgement:
         single = self._among(enough)
         return single if single.named and single.stands else None
 
-    def _alike(self, effect: str) -> Key:
-        """Effects in whose place one of the likeliest model errs about as little, a pair with values that motors have; the likeliest first."""
-        fit = self.model.fit
+    def _as_close(self, effect: str) -> Mapping[str, Candidate]:
+        """Models with another effect in the place of one of the likeliest, by its name, whose circuit errs about as little."""
+        limit = ALIKE * self.model.fit.rms_error_percent
         rivals = {name: self.found[key] for name, key in in_place_of(effect, self.model.added, self.found).items()}
-        close = [
+        return {name: one for name, one in rivals.items() if one.fit.rms_error_percent <= limit}
+
+    def _alike(self, effect: str) -> Key:
+        """Effects in whose place one of the likeliest model does as well, a pair with values that motors have; the likeliest first."""
+        limit = ALIKE * self.model.fit.unexplained_percent["value"]
+        rivals = self._as_close(effect)
+        alike = [
             name
             for name, one in rivals.items()
-            if one.fit.rms_error_percent <= ALIKE * fit.rms_error_percent
-            and one.fit.unexplained_percent["value"] <= ALIKE * fit.unexplained_percent["value"]
-            and not (len(one.added) == MOST_NAMES and one.unusual)
+            if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) == MOST_NAMES and one.unusual)
         ]
-        return tuple(sorted(close, key=lambda name: -rivals[name].score))
+        return tuple(sorted(alike, key=lambda name: -rivals[name].score))
 
     @property
     def of_none(self) -> Judgement | None:
