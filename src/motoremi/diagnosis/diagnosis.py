@@ -386,6 +386,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if len(named) > 1:
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
+    if named and judgement.model.unusual and judgement.model.fit.marginal.nothing_left < 0.5:
+        kinds.append("one name, with unusual values")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
