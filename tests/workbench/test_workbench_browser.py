@@ -214,16 +214,23 @@ def test_zooming_in_brings_the_points_that_were_left_out(browser, tmp_path):
         page = watched.page
         for view, asked in (("story", "/panels?"), ("session", "/curves?")):
             watched.see(view)
-            with page.expect_response(lambda answer, asked=asked: asked in answer.url and "low=" in answer.url) as told:
+            # On a busy machine the page asks between two of the keys as well; the last answer is of the sixteenth part.
+            with page.expect_response(lambda answer, asked=asked: asked in answer.url and asked_for(answer.url, frequency) < 700) as told:
                 page.locator(".plots").first.focus()
                 for _ in range(4):
                     page.keyboard.press("+")
-            low, high = (float(parse_qs(urlparse(told.value.url).query)[name][0]) for name in ("low", "high"))
-            there = np.count_nonzero((frequency >= low) & (frequency <= high))
-            assert 500 < there < 700
+            there = asked_for(told.value.url, frequency)
+            assert there > 500
             rows: list[dict[str, str]] = []
             until(lambda rows=rows, there=there: rows.extend(saved_table(page, 0)) or count_of(rows) == there or rows.clear())
         watched.close()
+
+
+def asked_for(url: str, frequency: np.ndarray) -> int:
+    """Points within the span that a request names; all without one."""
+    span = parse_qs(urlparse(url).query)
+    low, high = (float(span[name][0]) if name in span else far for name, far in (("low", 0.0), ("high", np.inf)))
+    return int(np.count_nonzero((frequency >= low) & (frequency <= high)))
 
 
 def count_of(rows: list[dict[str, str]]) -> int:
