@@ -41,7 +41,7 @@ RELIABLE: Mapping[str, float] = {
     "adequate, with a serious finding": 0.96,
     "adequate, a weak effect unnamed": 0.95,
     "one name": 0.98,
-    "one name, with unusual values": 0.7,
+    "unusual values": 0.7,
     "two names": 0.87,
     "two names that leave something": 0.7,
     "family": 0.97,

@@ -387,7 +387,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     if len(named) > 1:
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
     if named and judgement.model.unusual and judgement.model.fit.marginal.nothing_left < 0.5:
-        kinds.append("one name, with unusual values")
+        kinds.append("unusual values")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):

@@ -37,7 +37,7 @@ Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
 # The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
 BEYOND_SIGMA = 6.0
-# By what an analyser may be worse than declared, its variance is larger on average.
+# An analyser may be worse than declared: by so many times the declared variance is that of its errors larger, on average over the prior `DECLARED`.
 WORSE = sum(share * (times**2 - 1) for times, share in DECLARED.items())
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_LIKELY = 1e-3
@@ -224,7 +224,7 @@ class Fit:
         # Of an analyser that nobody named nothing is declared: the data alone say how large its errors are.
         if self.measurement.analyser.scales == DECLARED:
             # The solution stays where the declared errors put it; larger ones only move it further.
-            off = self.weighed.pulls_of_analyser(self.linearised) @ _inverse(self.linearised.matrix)
+            off = self.weighed.pulls_of_analyser(self.linearised) @ self._covariance_at(self.sizes.declared)
             total = total + WORSE * off.T @ off
         if self.exchange is not None:
             # The other assignment is as good, so one standard deviation reaches it.

@@ -46,19 +46,20 @@ def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, noise: Floa
     for sweep in sweeps:
         checkpoint()
         kept = np.exp(-np.diff(np.log(frequency_hz[sweep]), prepend=-np.inf)[:, None] / LENGTHS)
-        # In units of the error's own standard deviation at each point.
-        own = size + systematic[sweep, None, None]
+        # The process is followed in units of its own standard deviation at each point.
+        sigma = np.sqrt(size + systematic[sweep, None, None])
         expected: np.ndarray = np.zeros(total.shape, dtype=np.complex128)
-        uncertain = np.ones(total.shape)
-        for value, white, wander, share in zip(residual[sweep], noise[sweep], own, kept, strict=True):
-            expected *= share
-            uncertain = 1 + share**2 * (uncertain - 1)
-            spread = wander * uncertain + white
-            news = value - np.sqrt(wander) * expected
-            far = (news.real**2 + news.imag**2) / spread
-            total -= np.log(spread) + (0.5 * TAILS + 1) * np.log1p(far / TAILS)
+        variance = np.ones(total.shape)
+        for value, white, deviation, correlation in zip(residual[sweep], noise[sweep], sigma, kept, strict=True):
+            expected *= correlation
+            variance = 1 + correlation**2 * (variance - 1)
+            predicted = deviation**2 * variance
+            spread = predicted + white
+            innovation = value - deviation * expected
+            squared = (innovation.real**2 + innovation.imag**2) / spread
+            total -= np.log(spread) + (0.5 * TAILS + 1) * np.log1p(squared / TAILS)
             # A point that stands out tells as little as one of more noise.
-            gain = wander * uncertain / (wander * uncertain + white * np.maximum((TAILS + far) / (TAILS + 2), 1.0))
-            expected += gain * news / np.sqrt(wander)
-            uncertain *= 1 - gain
+            gain = predicted / (predicted + white * np.maximum((TAILS + squared) / (TAILS + 2), 1.0))
+            expected += gain * innovation / deviation
+            variance *= 1 - gain
     return float(total.max())

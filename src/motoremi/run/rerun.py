@@ -12,6 +12,7 @@ from motoremi.arrays import JsonDict
 from motoremi.bench.replay import ReplayBench
 from motoremi.bench.replay_difference import RecordedEnd, ReplayDifference
 from motoremi.data.session import Session, SessionWriter, load, reopen
+from motoremi.data.text_file import decode, read_bytes
 from motoremi.errors import BadInput, InstrumentError, MotoremiError
 from motoremi.run.answer import ANSWERS, Answer, Prompt
 from motoremi.run.execution import Analyse
@@ -22,8 +23,8 @@ from motoremi.run.writer import Writer
 from motoremi.schema.procedure import parse_procedure
 
 MEASURED = ("sweep", "spectrum", "final", "standard")
-# Drivers that calibrate compute the impedance from what the instrument sent, and the libraries for that choose their instructions by processor: the
-# last digits of one recorded on another (of values, 4e-14 was seen) may differ. No instrument has nine digits.
+# A driver that calibrates computes the impedance from what the instrument sent, with libraries that choose their instructions by processor: the
+# last digits may differ from those recorded on another (by 4e-14 of the value where it was seen). No instrument has nine digits.
 ROUNDING = 1e-9
 _KEPT = ("title", "procedure", "operator", "backend", "simulated", "simulated_sha256", "calibrated", "corrections")
 
@@ -180,24 +181,31 @@ def _compared(session: Session, again: Session) -> tuple[int, tuple[str, ...], t
     recorded = [d for d in session.documents if d["kind"] in MEASURED]
     # A killed run may have read a sweep without storing it; the replay stores it.
     reproduced = [d for d in again.documents if d["kind"] in MEASURED]
-    differing, rounded, position = [], [], 0
+    differing: list[str] = []
+    rounded: list[str] = []
+    position = 0
     for document in recorded:
-        exact = (at for at in range(position, len(reproduced)) if reproduced[at]["sha256"] == document["sha256"])
-        close = (at for at in range(position, len(reproduced)) if _differ_by_rounding(session, document, again, reproduced[at]))
-        if (at := next(exact, None)) is not None:
-            position = at + 1
-        elif (at := next(close, None)) is not None:
-            position = at + 1
+        ahead = range(position, len(reproduced))
+        at = next((at for at in ahead if reproduced[at]["sha256"] == document["sha256"]), None)
+        if at is None:
+            rows = _rows(session, document)
+            at = next((at for at in ahead if _differ_by_rounding(rows, _rows(again, reproduced[at]))), None)
+            if at is None:
+                differing.append(str(document["file"]))
+                continue
             rounded.append(str(document["file"]))
-        else:
-            differing.append(str(document["file"]))
+        position = at + 1
     return len(recorded), tuple(differing), tuple(rounded)
 
 
-def _differ_by_rounding(session: Session, document: JsonDict, again: Session, other: JsonDict) -> bool:
+def _rows(session: Session, document: JsonDict) -> list[str]:
+    name = str(document["file"])
+    return decode(read_bytes(session.path / name), name).splitlines()
+
+
+def _differ_by_rounding(rows: list[str], others: list[str]) -> bool:
     """Whether two files are the same except for the last digits of what was computed; frequencies and headers have to be equal."""
-    texts = [(folder.path / str(one["file"])).read_text(encoding="utf-8").splitlines() for folder, one in ((session, document), (again, other))]
-    return len(texts[0]) == len(texts[1]) and all(a == b or _rows_close(a, b) for a, b in zip(*texts, strict=True))
+    return len(rows) == len(others) and all(a == b or _rows_close(a, b) for a, b in zip(rows, others, strict=True))
 
 
 def _rows_close(row: str, other: str) -> bool:
