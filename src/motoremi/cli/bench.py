@@ -227,8 +227,8 @@ def replay_(
             say("\n".join(passed_over.lines()))
         if result.ended != "done":
             say(f"the recorded run was not completed: {result.ended}")
-        exactness = f"{len(result.rounded)} of them but for the rounding of another processor" if result.rounded else "bit for bit"
-        what = f"replayed without a difference, {result.compared} sweeps and spectra {exactness}"
+        exactness = f", {len(result.rounded)} of them but for the rounding of another processor" if result.rounded else " bit for bit"
+        what = f"replayed without a difference, {result.compared} sweeps and spectra{exactness}"
         say(f"{what if result.same else 'replayed with differences'}: session {folder}")
     if result.differing:
         raise InstrumentError(f"{len(result.differing)} of {result.compared} measured files differ: {', '.join(result.differing)}")
