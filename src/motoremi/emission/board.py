@@ -16,8 +16,9 @@ from motoremi.emission.spectrum_problem import Problem
 
 # Penalty in log evidence for a model with a parameter at the bound of its range: odds of 20 to 1.
 BOUND_PENALTY = 3.0
-# Number of starts that are optimised fully: several without a solution at hand, where there are several minima, one from a solution.
-_FROM_AFAR, _FROM_NEAR = 3, 1
+# Number of starts that are optimised fully: several without a solution at hand, where there are several minima, fewer beside an effect that is
+# in the model already, one from a solution with the effect's look-alike.
+_FROM_AFAR, _BESIDE, _FROM_NEAR = 3, 2, 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ def add_effect(problem: Problem, before: EmissionFit, name: str) -> EmissionFit:
     if not before.effects:
         # Without the effect the parameters of the base may be at their bounds, so default values are tried as well.
         bases += _with_floor(problem, [{"step_v": 1.0, "rise_s": 6e-7}])
-    return fit_spectra(problem, (*before.effects, name), _starts(problem, before.effects, name, bases), _FROM_AFAR)
+    return fit_spectra(problem, (*before.effects, name), _starts(problem, before.effects, name, bases), _BESIDE if before.effects else _FROM_AFAR)
 
 
 def _starts(problem: Problem, effects: Sequence[str], name: str, bases: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:

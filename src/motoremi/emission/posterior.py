@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 
 from motoremi.arrays import FloatArray, Progress
+from motoremi.emission.descent import Lowest, descend
 from motoremi.emission.spectrum_problem import Problem
 from motoremi.interrupts import checkpoint
 from motoremi.model.parameter import Parameter
@@ -97,8 +97,14 @@ class Posterior:
         """Cost of a start, without ripple and priors."""
         return float(np.sum(_softened(self._errors(x)) ** 2))
 
-    def polished(self, start: FloatArray, steps: int = 25, progress: Progress | None = None) -> OptimizeResult:
-        """The nearest local minimum, or the point reached after `steps`; `progress` is called at each step."""
+    def polished(self, start: FloatArray, steps: int = 25, progress: Progress | None = None) -> Lowest:
+        """The nearest local minimum, or the point reached after `steps`; `progress` is called at each step.
+
+        Parameters
+        ----------
+        start : ndarray, shape (k,) or (k + r,)
+            The model's parameters in units of their ranges; the ripple begins at 0 unless it is given as well.
+        """
         taken = itertools.count()
 
         def slopes(x: FloatArray) -> FloatArray:
@@ -109,10 +115,8 @@ class Posterior:
 
         count = self.columns.shape[1]
         low, high = (np.concatenate([np.full(self.size, end), np.full(count, far)]) for end, far in ((0.0, -np.inf), (1.0, np.inf)))
-        return least_squares(
-            self.residuals, np.concatenate([start, np.zeros(count)]), jac=slopes, bounds=(low, high),
-            x_scale=np.concatenate([1e3 * self.steps, np.ones(count)]), max_nfev=steps, ftol=1e-4, xtol=1e-9, gtol=1e-6,
-        )  # fmt: skip
+        whole = np.concatenate([start, np.zeros(self.size + count - start.size)])
+        return descend(self.residuals, slopes, whole, low, high, steps)
 
     def volume(self, x: FloatArray) -> float:
         """Log determinant of the curvature at a minimum; for a parameter that the data do not determine it is that of its range."""

@@ -118,18 +118,18 @@ def fit_spectra(
     ranked = sorted(points, key=posterior.at_start)
     if len(ranked) > _TRIED:
         # Starts can only be compared after step, offset and ripple have been adjusted to them.
-        tried = sorted((posterior.polished(start, _FEW_STEPS) for start in ranked[:_TRIED]), key=lambda found: float(found.cost))
-        ranked = [found.x[: posterior.size] for found in tried]
+        tried = sorted((posterior.polished(start, _FEW_STEPS) for start in ranked[:_TRIED]), key=lambda found: found.cost)
+        ranked = [found.x for found in tried]
     followed = [
         posterior.polished(start, progress=part(progress, index / len(ranked[:keep]), (index + 1) / len(ranked[:keep])))
         for index, start in enumerate(ranked[:keep])
     ]
-    best = min(followed, key=lambda found: float(found.cost))
+    best = min(followed, key=lambda found: found.cost)
     values = posterior.values(best.x)
     rms_error_db = _rms(problem.error(effects, values))
     own = [(p.name, float(unit)) for (p, _), unit in zip(unknowns, best.x, strict=False) if "." in p.name]
     at_bound = tuple(name for name, unit in own if unit < 1e-3 or unit > 1 - 1e-3)
-    evidence = posterior.evidence(best.x, float(best.cost))
+    evidence = posterior.evidence(best.x, best.cost)
     return EmissionFit(problem, tuple(effects), values, posterior.chi2_reduced(best.x), rms_error_db, evidence, at_bound)
 
 
