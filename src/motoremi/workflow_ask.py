@@ -37,17 +37,22 @@ def question_of(path: Path, without: Iterable[str] = (), menu: Path | None = Non
     BadInput
         For an unknown measurement, or a menu that cannot be read.
     """
-    own = [] if menu is None else _own(menu)
-    known = {*BY_NAME, *(str(one["id"]) for one in own)}
+    own = [] if menu is None else own_measurements(menu)
     refused = set(without)
-    for name in sorted(refused - known):
-        raise BadInput(f"unknown measurement {clean_text(name, 40)!r}; known are {', '.join(sorted(known))}")
+    refuse_unknown(refused, own)
     session = load(path)
     stored = session.analysis("diagnosis") if is_up_to_date(session) else None
     if stored is None or "question" not in stored:
         with opened(path) as store:
             stored = diagnose_session(store).to_dict()
     return chosen(stored["question"], refused, own)
+
+
+def refuse_unknown(without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()) -> None:
+    """Refuse the names of measurements that are neither on the menu nor a laboratory's own."""
+    known = {*BY_NAME, *(str(one["id"]) for one in own)}
+    for name in sorted(set(without) - known):
+        raise BadInput(f"unknown measurement {clean_text(name, 40)!r}; known are {', '.join(sorted(known))}")
 
 
 def is_up_to_date(session: Session) -> bool:
@@ -71,7 +76,7 @@ def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str
         like = str(mine.get("like", mine["id"]))
         if like in entries:
             entry = dict(entries[like])
-            entry["id"] = str(mine["id"])
+            entry["id"], entry["like"] = str(mine["id"]), like
             entry["minutes"] = float(mine["minutes"])
             if "instruction" in mine:
                 entry["asks"] = {**entry["asks"], "instruction": str(mine["instruction"])}
@@ -100,11 +105,17 @@ def _order(entry: JsonDict) -> tuple[bool, bool, float]:
     return lacking, entry["information_bits"] >= NOTHING_BITS, entry["information_bits"] / entry["minutes"]
 
 
-_ENTRY = ("id", "condition_id", "asks", "minutes", "information_bits", "separates", "then")
+_ENTRY = ("id", "like", "condition_id", "asks", "minutes", "information_bits", "separates", "then")
 
 
-def _own(path: Path) -> list[JsonDict]:
-    """The measurements of a laboratory."""
+def own_measurements(path: Path) -> list[JsonDict]:
+    """The measurements of a laboratory, from a menu file.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be read.
+    """
     name = show_name(path)
     try:
         tables = tomllib.loads(decode(read_bytes(path), name)).get("measurement", [])

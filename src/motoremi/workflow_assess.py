@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from motoremi.arrays import JsonDict, Progress
@@ -11,9 +12,10 @@ from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.informed import NOT_AS_ASKED, of_the_operator
 from motoremi.fitting.fit import fit
 from motoremi.investigation.question import next_question
-from motoremi.investigation.rivals import Lessons
+from motoremi.investigation.rivals import Lessons, Rivals
 from motoremi.model.motor import dc_motor
 from motoremi.workflow import Store, measurement_of
+from motoremi.workflow_ask import chosen
 from motoremi.workflow_investigate import Assessment
 
 
@@ -30,11 +32,14 @@ class Assessor:
     odds : float
         Odds at which one explanation is accepted.
     progress : callable, optional
+    own : sequence of dict
+        A laboratory's own measurements (`workflow_ask.own_measurements`).
     """
 
     store: Store
     odds: float
     progress: Progress | None = None
+    own: Sequence[JsonDict] = ()
     _searched: dict[int, tuple[Diagnosis, Lessons]] = field(default_factory=dict)
 
     def __call__(self) -> Assessment:
@@ -48,10 +53,14 @@ class Assessor:
         return Assessment(
             rivals.by_label,
             rivals.likeliest.fit.rms_error_percent,
-            lambda without: next_question(rivals, measurement, without, self.odds).to_dict(),
+            lambda without: self._question(rivals, measurement, without),
             lambda: self._concluded(found, measurement),
             tuple(finding.to_dict() for finding in (*found.findings, *of_the_operator(rivals)) if finding.serious or finding.id == NOT_AS_ASKED),
         )
+
+    def _question(self, rivals: Rivals, measurement: Measurement, without: Collection[str]) -> JsonDict:
+        question = next_question(rivals, measurement, without, self.odds).to_dict()
+        return chosen(question, without, self.own) if self.own else question
 
     def _concluded(self, found: Diagnosis, measurement: Measurement) -> JsonDict:
         told = found.informed_by(measurement).to_dict()

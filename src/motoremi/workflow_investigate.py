@@ -21,7 +21,8 @@ from motoremi.workflow import Store
 
 SCHEMA = "motoremi.investigation/1"
 # Reasons to stop in addition to those of `motoremi next`: no time is left; no measurement is left that this operator can make.
-BUDGET, EXHAUSTED = "budget", "nothing-left"
+# The measurements that a run was allowed have been made.
+BUDGET, EXHAUSTED, PAUSED = "budget", "nothing-left", "paused"
 # Limits the loop if a bench always gives the same answer.
 MOST_STEPS = 60
 # Replaces a probability of zero in logarithms.
@@ -212,6 +213,7 @@ def investigate(
     budget_minutes: float,
     tell: Callable[[Assessment, Step | None], None] = lambda assessment, step: None,
     without: Collection[str] = (),
+    most: int = MOST_STEPS,
 ) -> Investigation:
     """Request, measure and assess until one explanation is left, no measurement can distinguish the remaining ones, or the time is used up.
 
@@ -227,13 +229,16 @@ def investigate(
         Receives the assessment at the beginning (without a step) and after each step.
     without : collection of str
         Measurements that this bench cannot make.
+    most : int
+        Measurements of this run; then it stops as `paused`, unless one explanation is left.
 
     Returns
     -------
     Investigation
         Also stored as the analysis `investigation`.
     """
-    return _Run(store, assess, bench, budget_minutes, tell, tuple(without), _History.of(load(store.path).documents)).to_the_end()
+    history = _History.of(load(store.path).documents)
+    return _Run(store, assess, bench, budget_minutes, tell, tuple(without), history, len(history.steps) + most).to_the_end()
 
 
 @dataclass(frozen=True)
@@ -245,6 +250,8 @@ class _Run:
     tell: Callable[[Assessment, Step | None], None]
     without: tuple[str, ...]
     history: _History
+    # How many steps there may be in all when this run ends.
+    most_steps: int
 
     def to_the_end(self) -> Investigation:
         assessment = self.assess()
@@ -262,7 +269,7 @@ class _Run:
                     "investigation", {**found.to_dict(), "steps": [*self._by_files(), *(step.to_dict() for step in found.steps)]}
                 )
                 return found
-            order = order_of(question, self.history.turn(str(question["id"])))
+            order = order_of(question, self.history.turn(name_of(question)))
             assessment = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, assessment)
 
     def _by_files(self) -> list[JsonDict]:
@@ -320,6 +327,8 @@ class _Run:
                 return (BUDGET if too_long else stop or EXHAUSTED), {}
             if len(self.history.steps) >= MOST_STEPS:
                 return EXHAUSTED, {}
+            if len(self.history.steps) >= self.most_steps:
+                return PAUSED, {}
             if float(following["minutes"]) <= left_minutes:
                 return "", following
             too_long.append(str(following["id"]))
@@ -335,15 +344,19 @@ def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
     turn : int
         How often the same was requested before.
     """
-    name, asks = str(question["id"]), question["asks"]
+    name, asks = name_of(question), question["asks"]
     if asks["kind"] == "value":
         return MeasurementRequest(name, str(asks["instruction"]), terminations=(), turn=turn)
     given = asks.get("termination")
     terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
-    # A laboratory's own measurement has the condition of the menu's measurement that it replaces.
     known = question.get("condition_id", None if name in REFERENCE else name)
     under = None if known is None else condition(str(known), asks.get("value"))
     return MeasurementRequest(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
+
+
+def name_of(question: JsonDict) -> str:
+    """The measurement of the menu that a question asks for; a laboratory's own one answers it in another way."""
+    return str(question.get("like", question["id"]))
 
 
 def taught_bits(before: Mapping[str, float], after: Mapping[str, float]) -> float:

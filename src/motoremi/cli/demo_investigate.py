@@ -23,6 +23,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
     from motoremi.run.runner import run, start_document
     from motoremi.schema.bench_file import BenchFile
     from motoremi.virtual.simulated_bench import SimulatedBench
+    from motoremi.workflow_on_bench import Plan
 
     hidden = () if effect == "none" else (effect,)
     bench_file = BenchFile(backend="sim", operator="demo", seed=seed, effects=hidden)
@@ -37,7 +38,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
         run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
     finally:
         bench.close()
-    found = investigated(folder, BenchFile(backend="sim"), BUDGET_MINUTES, ODDS, (), quiet=as_json)
+    found = investigated(folder, BenchFile(backend="sim"), Plan(BUDGET_MINUTES, ODDS), quiet=as_json)
     if as_json:
         emit_json({**found.to_dict(), "session": str(folder), "hidden": list(hidden), "seed": seed})
         return

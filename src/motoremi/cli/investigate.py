@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
-import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,15 +16,12 @@ from motoremi.cli.options import AsJson, SessionPath, command
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from motoremi.bench.connect import Bench
     from motoremi.data.conditions import SingleValue
-    from motoremi.data.session import Session
     from motoremi.run.answer import Answer
-    from motoremi.run.requested import MeasurementRequest, RequestedMeasurements
+    from motoremi.run.requested import MeasurementRequest
     from motoremi.schema.bench_file import BenchFile
     from motoremi.workflow_investigate import Assessment, Investigation, Step
+    from motoremi.workflow_on_bench import Plan
 
 _MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
 _WIDTH, _SHOWN = 24, 6
@@ -40,60 +37,38 @@ def investigate_(
     without: Annotated[
         list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
     ] = None,
+    menu: Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure, diagnose and choose the next measurement until one explanation is left. After Ctrl-C the same command continues."""
     from motoremi.cli.output import emit_json
     from motoremi.schema.bench_file import load_bench_file
+    from motoremi.workflow_ask import own_measurements, refuse_unknown
+    from motoremi.workflow_on_bench import Plan
 
-    minutes = minutes_of(budget)
-    if odds <= 1:
-        raise BadInput(f"odds of {odds:g} cannot decide: give a number above 1, for example 20")
-    found = investigated(path, load_bench_file(bench), minutes, odds, tuple(without or ()), quiet=as_json)
+    own = () if menu is None else tuple(own_measurements(menu))
+    refuse_unknown(without or (), own)
+    plan = Plan(minutes_of(budget), odds, tuple(without or ()), own)
+    found = investigated(path, load_bench_file(bench), plan, quiet=as_json)
     if as_json:
         emit_json(found.to_dict())
         return
     show_end(found)
 
 
-def investigated(path: Path, bench_file: BenchFile, minutes: float, odds: float, without: tuple[str, ...], *, quiet: bool) -> Investigation:
+def investigated(path: Path, bench_file: BenchFile, plan: Plan, *, quiet: bool) -> Investigation:
     """Investigate a session on a bench; the progress is printed unless `quiet`."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.bench import keeping, tell, warn
     from motoremi.data.session import load, reopen
     from motoremi.interrupts import stopped_by_signals
-    from motoremi.run.calibration_check import refuse_unless_calibrated
-    from motoremi.run.on_bench import on_bench
-    from motoremi.run.requested import RequestedMeasurements, procedure_for
-    from motoremi.run.resume import Done
-    from motoremi.run.runner import make_bench
-    from motoremi.workflow_assess import Assessor
-    from motoremi.workflow_investigate import investigate
+    from motoremi.workflow_on_bench import investigate_on_bench, prepared
 
-    session = load(path)
-    bench_file = _bench_of(session, bench_file)
-    without = (*without, *_uncorrected(session))
-    procedure = on_bench(procedure_for(session), bench_file)
-    bench_file.refuse_unless_allowed(procedure)
-    refuse_unless_calibrated(procedure, bench_file)
-    made = make_bench(bench_file)
-    try:
-        with stopped_by_signals(), keeping(path), progress_bars(quiet) as bars, reopen(path) as writer:
-            writer.subscribe(warn if quiet else tell)
-            connections = Done.of(session.documents).connections
-            writer.emit(
-                "investigate", procedure=procedure.source, connections=connections, budget_minutes=minutes, odds=odds, without=list(without)
-            )
-            operator = _Operator(made, quiet, bars.paused)
-            requests = RequestedMeasurements(procedure, made, writer, operator.prompt, operator.set_up, connections=connections)
-            operator.requests = requests
-            shown: Callable[[Assessment, Step | None], None] = (lambda assessment, step: None) if quiet else show_step
-            try:
-                return investigate(writer, Assessor(writer, odds, bars.bar("diagnosing")), operator, minutes, shown, without)
-            finally:
-                requests.leave_safe()
-    finally:
-        made.close()
+    procedure, bench_file = prepared(load(path), bench_file)
+    with stopped_by_signals(), keeping(path), progress_bars(quiet) as bars, reopen(path) as writer:
+        writer.subscribe(warn if quiet else tell)
+        shown: Callable[[Assessment, Step | None], None] = (lambda assessment, step: None) if quiet else show_step
+        return investigate_on_bench(procedure, bench_file, writer, plan, _Terminal(bars.paused), shown, bars.bar("diagnosing"))
 
 
 def minutes_of(text: str) -> float:
@@ -110,91 +85,23 @@ def minutes_of(text: str) -> float:
     return float(found[1]) * _MINUTES[found[2]]
 
 
-def _bench_of(session: Session, bench_file: BenchFile) -> BenchFile:
-    """The bench file, or for `sim` the simulated bench that the session was made on."""
-    from motoremi.run.hidden_bench import kept_bench
-    from motoremi.run.runner import was_begun_on
+@dataclass(frozen=True)
+class _Terminal:
+    """The operator at the terminal; progress bars pause for each question."""
 
-    name = session.path.name
-    if session.status != "done":
-        raise BadInput(f"{name}: its measurement was interrupted; finish it first: motoremi run --resume {session.path}")
-    if not session.sweeps:
-        raise BadInput(f"{name} holds no impedance sweep: measure or import one first")
-    if bench_file.backend != "sim":
-        return bench_file
-    kept = kept_bench(session)
-    if kept is not None:
-        return kept
-    if not was_begun_on(session, bench_file):
-        raise BadInput(f"{name} was not measured on this simulated bench; give the bench file that it was measured with")
-    return bench_file
-
-
-def _uncorrected(session: Session) -> tuple[str, ...]:
-    """The wide sweep, if the corrections between motor and analyser are not known over its span."""
-    from motoremi.run.requested import WIDE
-    from motoremi.schema.procedure import load_procedure
-
-    widest = load_procedure("wide_sweep").sweep
-    assert widest is not None
-    try:
-        session.corrections.refuse_outside("analyser", widest.start, widest.stop)
-    except BadInput:
-        return (WIDE,)
-    return ()
-
-
-@dataclass
-class _Operator:
-    """The operator of a bench: a person at the terminal, or the simulation."""
-
-    made: Bench
-    quiet: bool
     paused: Callable[[], AbstractContextManager[None]]
-    requests: RequestedMeasurements | None = None
-    started_s: float = 0.0
-
-    @property
-    def simulated(self) -> bool:
-        from motoremi.virtual.simulated_bench import SimulatedBench
-
-        return isinstance(self.made, SimulatedBench)
-
-    def sweep(self, order: MeasurementRequest) -> None:
-        """Have the condition set up, and measure."""
-        assert self.requests is not None
-        self.started_s = time.monotonic()
-        self.requests.measure(order)
-
-    def value(self, order: MeasurementRequest) -> SingleValue:
-        """The reading of another meter."""
-        from motoremi.virtual.simulated_bench import SimulatedBench
-
-        self.started_s = time.monotonic()
-        if isinstance(self.made, SimulatedBench):
-            return self.made.single_value(order.id, order.turn)
-        with self.paused():
-            return typed_value(order)
-
-    def minutes(self, estimated: float) -> float:
-        """Elapsed minutes; on a simulated bench the estimate, because nothing takes real time there."""
-        return estimated if self.simulated else (time.monotonic() - self.started_s) / 60
 
     def prompt(self, text: str) -> Answer | None:
-        """Show the operator an instruction and return the answer."""
+        """Show an instruction and return the answer."""
         from motoremi.cli.bench import ask_operator
 
-        if self.simulated:
-            return None
         with self.paused():
             return ask_operator(text)
 
-    def set_up(self, order: MeasurementRequest | None) -> None:
-        """On a simulated bench, do what the operator is asked to do; None: undo it."""
-        from motoremi.virtual.simulated_bench import SimulatedBench
-
-        if isinstance(self.made, SimulatedBench):
-            self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
+    def value(self, order: MeasurementRequest) -> SingleValue:
+        """Ask for the reading of another meter."""
+        with self.paused():
+            return typed_value(order)
 
 
 def typed_value(order: MeasurementRequest) -> SingleValue:
@@ -243,6 +150,7 @@ _ENDS = {
     "nothing-missing": "nothing is missing that these data could show",
     "budget": "the measurements that are left take longer than the time that is left",
     "nothing-left": "no measurement is left that this bench can make",
+    "paused": "the measurements asked for have been made",
 }
 
 
