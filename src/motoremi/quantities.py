@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from quantiphy import QuantiPhyError, Quantity
 
@@ -75,3 +76,20 @@ def show_band(low_hz: float, high_hz: float) -> str:
 def error_bar(value: float, sigma: float) -> str:
     """A standard deviation relative to its value, as text."""
     return f"± {100 * sigma / abs(value):.2g} % (1 sigma)"
+
+
+_MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
+
+
+def parse_minutes(text: str) -> float:
+    """A time such as `30min`, `2h` or `90 s`, in minutes.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be read.
+    """
+    found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z]+)\s*", text.lower())
+    if found is None or found[2] not in _MINUTES:
+        raise BadInput(f"cannot read {text!r} as a time: write for example 30min or 2h")
+    return float(found[1]) * _MINUTES[found[2]]

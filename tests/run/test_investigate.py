@@ -15,11 +15,12 @@ from fault_matrix import SEED, measured, small
 
 from motoremi.arrays import JsonDict
 from motoremi.cli import main
-from motoremi.cli.investigate import minutes_of, typed_value
+from motoremi.cli.investigate import typed_value
 from motoremi.data.conditions import SingleValue, parse_value
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
+from motoremi.quantities import parse_minutes
 from motoremi.report.conditions_section import asked_table
 from motoremi.run.answer import Answer, NotDone
 from motoremi.run.hidden_bench import SEALED, keep_bench, kept_bench
@@ -28,6 +29,7 @@ from motoremi.run.rerun import rerun
 from motoremi.run.resume import Done
 from motoremi.schema.procedure import Procedure, parse_procedure
 from motoremi.virtual.simulated_bench import SimulatedBench
+from motoremi.workflow_ask import chosen
 from motoremi.workflow_investigate import Assess, Assessment, Investigation, investigate, order_of, taught_bits
 
 WARM: JsonDict = {
@@ -260,6 +262,25 @@ def test_more_of_the_motor_as_it_is_are_repeats(tmp_path: Path) -> None:
     assert [step["asked"] for step in stored["steps"]] == ["dc-resistance", "repeats"]
 
 
+def test_a_laboratory_s_own_measurement_is_requested_as_the_one_that_it_stands_for() -> None:
+    """Its instruction and minutes are its own; what is set up, and what is counted and refused, is the menu's measurement."""
+    warm = {"id": "second-temperature", "condition_id": "second-temperature", "minutes": 25.0, "information_bits": 0.4, "separates": []}
+    asks = {"kind": "sweep", "termination": "both", "condition": "temperature", "value": 53.0, "unit": "degC", "instruction": "warm the motor"}
+    value = {**asks, "kind": "value", "termination": None, "condition": "dc-resistance", "value": None, "unit": "Ohm", "instruction": "four wires"}
+    meter = {**warm, "id": "dc-resistance", "condition_id": None, "asks": value, "minutes": 3.0, "information_bits": 0.01}
+    question = {"schema": "motoremi.next/2", **warm, "asks": asks, "why": "", "alternatives": [meter], "probabilities": {}, "stop": None}
+    own = [
+        {"id": "chamber", "like": "second-temperature", "minutes": 5, "instruction": "set the chamber"},
+        {"id": "bench-meter", "like": "dc-resistance", "minutes": 1, "instruction": "read the meter"},
+    ]
+    asked = chosen(question, (), own)
+    assert (asked["id"], asked["minutes"]) == ("chamber", 5.0)
+    order = order_of(asked)
+    assert (order.id, str(order.condition), order.instruction) == ("second-temperature", "second-temperature=53degC", "set the chamber")
+    read = order_of(chosen(question, ("second-temperature", "chamber"), own))
+    assert (read.id, read.is_value, read.instruction) == ("dc-resistance", True, "read the meter")
+
+
 def test_an_empty_menu_ends_at_once(tmp_path: Path) -> None:
     begun(tmp_path / "s")
     with reopen(tmp_path / "s") as writer:
@@ -298,13 +319,13 @@ def test_an_answer_to_another_question_is_refused() -> None:
 
 @pytest.mark.parametrize(("text", "minutes"), [("30min", 30), ("2h", 120), ("90 s", 1.5), ("0.5h", 30)])
 def test_times_are_read(text: str, minutes: float) -> None:
-    assert minutes_of(text) == pytest.approx(minutes)
+    assert parse_minutes(text) == pytest.approx(minutes)
 
 
 @pytest.mark.parametrize("text", ["30", "soon", "-3min", "3 days", ""])
 def test_what_is_no_time_is_refused(text: str) -> None:
     with pytest.raises(BadInput, match="write for example 30min"):
-        minutes_of(text)
+        parse_minutes(text)
 
 
 def test_what_a_step_taught_is_how_far_it_moved_belief() -> None:
@@ -331,7 +352,7 @@ def test_the_simulated_bench_of_a_session_is_kept_and_cannot_be_read_by_accident
 
 def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
     """`motoremi investigate` with the scripted mind."""
-    monkeypatch.setattr("motoremi.workflow_assess.Assessor", lambda store, odds, progress: scripted(store))
+    monkeypatch.setattr("motoremi.workflow_on_bench.Assessor", lambda store, odds, progress, own: scripted(store))
     monkeypatch.setattr(sys, "argv", ["motoremi", "investigate", *arguments])
     with pytest.raises(SystemExit) as left:
         main()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from motoremi.workflow_investigate import Assessment, Investigation, Step
     from motoremi.workflow_on_bench import Plan
 
-_MINUTES = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
 _WIDTH, _SHOWN = 24, 6
 
 
@@ -42,13 +40,14 @@ def investigate_(
 ) -> None:
     """Measure, diagnose and choose the next measurement until one explanation is left. After Ctrl-C the same command continues."""
     from motoremi.cli.output import emit_json
+    from motoremi.quantities import parse_minutes
     from motoremi.schema.bench_file import load_bench_file
     from motoremi.workflow_ask import own_measurements, refuse_unknown
     from motoremi.workflow_on_bench import Plan
 
     own = () if menu is None else tuple(own_measurements(menu))
     refuse_unknown(without or (), own)
-    plan = Plan(minutes_of(budget), odds, tuple(without or ()), own)
+    plan = Plan(parse_minutes(budget), odds, tuple(without or ()), own)
     found = investigated(path, load_bench_file(bench), plan, quiet=as_json)
     if as_json:
         emit_json(found.to_dict())
@@ -69,20 +68,6 @@ def investigated(path: Path, bench_file: BenchFile, plan: Plan, *, quiet: bool) 
         writer.subscribe(warn if quiet else tell)
         shown: Callable[[Assessment, Step | None], None] = (lambda assessment, step: None) if quiet else show_step
         return investigate_on_bench(procedure, bench_file, writer, plan, _Terminal(bars.paused), shown, bars.bar("diagnosing"))
-
-
-def minutes_of(text: str) -> float:
-    """A time such as `30min`, `2h` or `90 s`, in minutes.
-
-    Raises
-    ------
-    BadInput
-        If it cannot be read.
-    """
-    found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z]+)\s*", text.lower())
-    if found is None or found[2] not in _MINUTES:
-        raise BadInput(f"cannot read {text!r} as a time: write for example 30min or 2h")
-    return float(found[1]) * _MINUTES[found[2]]
 
 
 @dataclass(frozen=True)
@@ -144,24 +129,15 @@ def show_step(assessment: Assessment, step: Step | None) -> None:
         say(f"  found in the data: {finding['id']}: {finding['why']}")
 
 
-_ENDS = {
-    "one-stands": "one explanation is left",
-    "inseparable": "no measurement of the menu can distinguish the explanations that are left",
-    "nothing-missing": "nothing is missing that these data could show",
-    "budget": "the measurements that are left take longer than the time that is left",
-    "nothing-left": "no measurement is left that this bench can make",
-    "paused": "the measurements asked for have been made",
-}
-
-
 def show_end(found: Investigation) -> None:
     """Print the result."""
     from motoremi.cli.output import say
+    from motoremi.workflow_investigate import ENDS
 
     diagnosis = found.diagnosis
     named = " + ".join(diagnosis["effects"]) or diagnosis["verdict"]
     spent = f"{found.minutes:.3g} min at the bench, {len(found.steps)} measurements"
-    say(f"{_ENDS[found.stop]}: {named}, confidence {diagnosis['confidence']:.2f}; {spent}")
+    say(f"{ENDS[found.stop]}: {named}, confidence {diagnosis['confidence']:.2f}; {spent}")
     for reason in diagnosis["reasons"]:
         say(f"  {reason}")
     if found.refused:

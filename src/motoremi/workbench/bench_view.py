@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,13 @@ from motoremi.run.runner import make_bench, resumable, start_document, was_begun
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure, load_procedure, ready_procedures
 from motoremi.simulate.hidden_effects import DEMO_EFFECTS
+from motoremi.workbench.challenge_view import is_open_challenge
 from motoremi.workbench.events import Events
-from motoremi.workbench.runs import Run
+from motoremi.workbench.investigations import InvestigationRun, plan_of
+from motoremi.workbench.runs import ProcedureRun, Run
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.views import effect_titles, rounded
+from motoremi.workflow_on_bench import prepared
 
 SIMULATED, REAL = "simulated", "real"
 LONGEST_NAME = 200
@@ -144,9 +147,24 @@ class Workplace:
         """Resume the run of an interrupted session."""
         folder = self._shelf.desk(identifier).path
         session = load(folder)
-        bench_file = self._bench_of(session, asked)
+        bench_file = self._bench_of(session, self._bench(asked), asked.seed)
         procedure, done = resumable(session, bench_file)
         return self._start(procedure, bench_file, folder, lambda: reopen(folder), asked.ask, done)
+
+    def investigate(self, identifier: str, body: Mapping[str, Any]) -> JsonDict:
+        """Investigate a session on the bench; with `one`, make only the next measurement."""
+        folder = self._shelf.desk(identifier).path
+        session, plan = load(folder), plan_of(body)
+        if is_open_challenge(session):
+            raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+        bench_file = BenchFile(backend="sim") if body.get("bench") == SIMULATED else self._real()
+        procedure, bench_file = prepared(session, self._bench_of(session, bench_file))
+        return self._place(folder, lambda name: InvestigationRun(name, procedure, bench_file, plan, folder, self._events))
+
+    def benches(self, session: Session) -> list[str]:
+        """The benches on which a session can be investigated."""
+        own = [SIMULATED] if session.start.get("backend") == "sim" else []
+        return [*own, *([REAL] if self._bench_file is not None else [])]
 
     def trace(self, seq: int) -> JsonDict:
         """The curve measured by one document of the run."""
@@ -164,8 +182,14 @@ class Workplace:
         curve = {"frequency_hz": rounded(sweep.frequency_hz), "real": rounded(sweep.impedance_ohm.real), "imag": rounded(sweep.impedance_ohm.imag)}
         return {"kind": kind, **curve}
 
-    def answer(self, answer: object = "done") -> None:
-        """Pass on the operator's answer to the prompt: done, not done or stop."""
+    def answer(self, answer: object = "done", value: object = None) -> None:
+        """Pass on the operator's answer to the prompt: done, not done or stop; or the value that was asked for."""
+        if value is not None:
+            if not isinstance(value, str) or len(value) > LONGEST_NAME:
+                raise BadInput(f"the value must be text of at most {LONGEST_NAME} characters")
+            if self.run is not None:
+                self.run.give(value)
+            return
         known = next((one for one in ANSWERS if one == answer), None)
         if known is None:
             raise BadInput(f"the answer must be one of {', '.join(ANSWERS)}")
@@ -185,11 +209,15 @@ class Workplace:
 
     def _start(self, procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Any, ask: bool, done: Any) -> JsonDict:
         refuse_unless_calibrated(procedure, bench_file)
+        ask = ask or bench_file.backend != "sim"
+        return self._place(folder, lambda name: ProcedureRun(name, procedure, bench_file, begin, folder, self._events, ask, done))
+
+    def _place(self, folder: Path, make: Callable[[str], Run]) -> JsonDict:
+        """Start the only run."""
         with self._turn:
             self._refuse_while_running()
             identifier = self._shelf.place(folder)
-            ask = ask or bench_file.backend != "sim"
-            self.run = Run(identifier, procedure, bench_file, begin, folder, self._events, ask, done)
+            self.run = make(identifier)
             self._events.publish("state", self.state())
             self.run.start()
         return {"session": identifier}
@@ -198,20 +226,23 @@ class Workplace:
         if self.run is not None and self.run.active:
             raise BadInput("a run is going on: wait for its end or stop it first")
 
-    def _bench_of(self, session: Session, asked: Asked) -> BenchFile:
+    def _bench_of(self, session: Session, bench_file: BenchFile, seed: int = 1) -> BenchFile:
         """The bench on which a session was begun. A simulated one's effect may have been drawn; the session only holds its hash."""
-        bench_file = self._bench(asked)
         if bench_file.backend != "sim":
             return bench_file
-        seed = session.start.get("simulated_seed", asked.seed)
+        seed = session.start.get("simulated_seed", seed)
         benches = [bench_file.model_copy(update={"seed": seed, "effects": effects}) for effects in ((), *((name,) for name in DEMO_EFFECTS))]
         return next((bench for bench in benches if was_begun_on(session, bench)), bench_file)
 
+    def _real(self) -> BenchFile:
+        if self._bench_file is None:
+            raise BadInput("no bench file was named at the start: motoremi workbench --bench bench.toml")
+        return self._bench_file
+
     def _bench(self, asked: Asked) -> BenchFile:
         if asked.bench == REAL:
-            if self._bench_file is None:
-                raise BadInput("no bench file was named at the start: motoremi workbench --bench bench.toml")
-            return self._bench_file.model_copy(update={"operator": asked.operator or self._bench_file.operator})
+            real = self._real()
+            return real.model_copy(update={"operator": asked.operator or real.operator})
         if asked.bench != SIMULATED:
             raise BadInput("choose the simulated or the real bench")
         hidden = {"nothing": (), "something": (secrets.choice(DEMO_EFFECTS),)}.get(asked.hides)

@@ -29,7 +29,7 @@ from motoremi.interrupts import Cancelled
 from motoremi.report.contents import Choice
 from motoremi.report.kinds import FORMS, SECTIONS
 from motoremi.schema.bench_file import BenchFile
-from motoremi.workbench import challenge_view, exports, side_by_side, spectrum_view, story, views
+from motoremi.workbench import challenge_view, exports, next_view, side_by_side, spectrum_view, story, views
 from motoremi.workbench.bench_view import Asked, Workplace
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
@@ -115,7 +115,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _post("/api/bench/look", lambda request, body: w.place.look(Asked.of(body))),
         _post("/api/run", lambda request, body: w.place.begin(Asked.of(body))),
         _post("/api/run/stop", lambda request, body: w.place.stop()),
-        _post("/api/run/answer", lambda request, body: w.place.answer(body.get("answer", "done"))),
+        _post("/api/run/answer", lambda request, body: w.place.answer(body.get("answer", "done"), body.get("value"))),
         _get("/api/run/trace/{seq:int}", lambda request: w.place.trace(request.path_params["seq"])),
         _get("/api/sessions", lambda request: _sessions(w)),
         _get(session, w.head),
@@ -130,7 +130,9 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
             lambda request: story.look(w.desk(request), request.query_params.get("of", ""), request.query_params.get("effect", ""), _band(request)),
         ),
         _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""), _band(request))),
-        _get(session + "/next", lambda request: views.following(w.desk(request))),
+        _get(session + "/next", lambda request: _following(w, request)),
+        _post(session + "/answer", _changing(w, lambda desk, body, progress: next_view.bring(desk, w.tray, body, progress), "diagnosing anew")),
+        _post(session + "/investigate", lambda request, body: w.place.investigate(request.path_params["id"], body)),
         _get(session + "/emission", lambda request: spectrum_view.spectra(w.desk(request), _band(request))),
         _get(session + "/challenge", lambda request: challenge_view.revealed(w.desk(request))),
         _post(session + "/resume", lambda request, body: w.place.resume(request.path_params["id"], Asked.of(body))),
@@ -234,6 +236,11 @@ def _stream(w: Workbench) -> Callable[[Request], Awaitable[Response]]:
 
 def _sessions(w: Workbench) -> JsonDict:
     return {"first": w.shelf.first, "sessions": w.listing.entries()}
+
+
+def _following(w: Workbench, request: Request) -> JsonDict:
+    desk = w.desk(request)
+    return next_view.following(desk, w.place.benches(desk.session), request.query_params.getlist("without"))
 
 
 def _text(body: JsonDict, key: str) -> str:

@@ -1,9 +1,10 @@
-"""Runs a procedure in its own thread, independent of open pages."""
+"""Measurements in a thread of their own, independent of open pages: a run of a procedure, or an investigation (`investigations`)."""
 
 from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -30,50 +31,37 @@ class Stopped(KeyboardInterrupt):
     """The operator pressed Stop; a run treats it like Ctrl-C."""
 
 
-class Run:
-    """One run of a procedure.
+class Run(ABC):
+    """Measurements on a bench, and the operator's part in them.
 
     Parameters
     ----------
     session : str
-        Identifier of the session that the run writes.
-    procedure, bench_file
-        The procedure and the bench.
-    begin : callable
-        Opens the session for writing.
+        Identifier of the session that is written.
+    title : str
+        What is done, as shown on the page.
+    steps : int
+        Number of its steps; 0 if that is not known.
     folder : Path
     events : Events
-    ask : bool
-        Whether to ask the operator before each connection and wait for the answer.
-    done : Done, optional
-        The steps that an earlier run of this session finished.
     """
 
-    def __init__(
-        self,
-        session: str,
-        procedure: Procedure,
-        bench_file: BenchFile,
-        begin: Callable[[], SessionWriter],
-        folder: Path,
-        events: Events,
-        ask: bool,
-        done: Done | None = None,
-    ) -> None:
+    # The message at its end, and the view that shows the result.
+    complete, shown_by = "the run is complete", "story"
+
+    def __init__(self, session: str, title: str, steps: int, folder: Path, events: Events) -> None:
         self.session = session
         self.folder = folder
-        self._procedure = procedure
-        self._bench_file = bench_file
-        self._begin = begin
+        self._title = title
+        self._steps = steps
         self._events = events
-        self._ask = ask
-        self._done = done
         self._documents: list[JsonDict] = []
         self._status = "running"
         self._message = ""
         self._prompt = ""
+        # While a value is asked for: an example of it.
+        self._example = ""
         self._progress: JsonDict = {}
-        self._share = 0.0
         self._began_s = time.monotonic()
         self._published_s = 0.0
         self._stop = threading.Event()
@@ -81,6 +69,10 @@ class Run:
         self._answered = threading.Event()
         self._answer: Answer = "done"
         self._thread = threading.Thread(target=self._work, name=f"run {folder.name}")
+
+    @abstractmethod
+    def _measure(self) -> None:
+        """Measure; `_begun` is set as soon as the session exists."""
 
     @property
     def active(self) -> bool:
@@ -96,6 +88,16 @@ class Run:
         """Stop at the next exchange; the instruments are brought into their safe state and the data are kept."""
         self._stop.set()
         self._answered.set()
+
+    def give(self, text: str) -> None:
+        """Pass on the value that the operator was asked for.
+
+        Raises
+        ------
+        BadInput
+            If none was asked for, or it cannot be read.
+        """
+        raise BadInput("no value is asked for")
 
     def answer(self, answer: Answer) -> None:
         """Pass on the operator's answer to the prompt."""
@@ -124,12 +126,14 @@ class Run:
         return {
             "session": self.session,
             "name": self.folder.name,
-            "title": self._procedure.title,
-            "steps": len(self._procedure.plan),
+            "title": self._title,
+            "steps": self._steps,
             "status": self._status,
             "message": self._message,
             # As lines: it contains a drawing, and line breaks within a text would be escaped.
             "prompt": self._prompt.splitlines(),
+            "example": self._example,
+            "shown_by": self.shown_by,
             "progress": self._progress,
         }
 
@@ -139,7 +143,7 @@ class Run:
     def _work(self) -> None:
         try:
             self._measure()
-            self._status, self._message = "done", "the run is complete"
+            self._status, self._message = "done", self.complete
         except KeyboardInterrupt:
             self._status, self._message = "stopped", "stopped by the operator; the instruments are safe and what was measured is kept"
         except MotoremiError as error:
@@ -150,6 +154,72 @@ class Run:
         finally:
             self._begun.set()
         self._publish()
+
+    def _document(self, document: JsonDict) -> None:
+        self._documents.append(document)
+        self._events.publish("document", {"session": self.session, "document": document})
+
+    def _report(self, doing: str, share: float, remaining_s: float | None) -> None:
+        elapsed = time.monotonic() - self._began_s
+        self._progress = {"doing": doing, "share": share, "elapsed_s": elapsed, "remaining_s": remaining_s}
+        if time.monotonic() - self._published_s > PUBLISH_EVERY_S:
+            self._published_s = time.monotonic()
+            self._publish()
+
+    def _tick(self) -> None:
+        if self._stop.is_set():
+            raise Stopped
+
+    def _ask_operator(self, text: str, example: str = "") -> Answer:
+        """Show an instruction, or with an example ask for a value, and wait for the answer."""
+        self._tick()
+        self._answered.clear()
+        self._prompt, self._example = text, example
+        self._publish()
+        # Stop may have been pressed just before the clear above.
+        while not self._stop.is_set() and not self._answered.wait(1.0):
+            pass
+        self._prompt = self._example = ""
+        self._publish()
+        # Returned rather than raised: the run records the answer before it stops.
+        return "stop" if self._stop.is_set() else self._answer
+
+
+class ProcedureRun(Run):
+    """One run of a procedure.
+
+    Parameters
+    ----------
+    session, folder, events
+        As for `Run`.
+    procedure, bench_file
+        The procedure and the bench.
+    begin : callable
+        Opens the session for writing.
+    ask : bool
+        Whether to ask the operator before each connection and wait for the answer.
+    done : Done, optional
+        The steps that an earlier run of this session finished.
+    """
+
+    def __init__(
+        self,
+        session: str,
+        procedure: Procedure,
+        bench_file: BenchFile,
+        begin: Callable[[], SessionWriter],
+        folder: Path,
+        events: Events,
+        ask: bool,
+        done: Done | None = None,
+    ) -> None:
+        super().__init__(session, procedure.title, len(procedure.plan), folder, events)
+        self._procedure = procedure
+        self._bench_file = bench_file
+        self._begin = begin
+        self._ask = ask
+        self._done = done
+        self._share = 0.0
 
     def _measure(self) -> None:
         bench = make_bench(self._bench_file)
@@ -173,7 +243,7 @@ class Run:
                     for one in ticks:
                         one()
 
-                run(self._procedure, bench, writer, analyse=self._analyse, prompt=self._wait_for_operator, tick=tick, done=self._done)
+                run(self._procedure, bench, writer, analyse=self._analyse, prompt=self._prompted, tick=tick, done=self._done)
         finally:
             bench.close()
 
@@ -184,11 +254,7 @@ class Run:
     def _diagnosing(self, name: str, done: int, total: int) -> None:
         # The progress bar is that of the measurement and must not start over.
         self._tick()
-        self._report(f"diagnosing: {name}", None)
-
-    def _document(self, document: JsonDict) -> None:
-        self._documents.append(document)
-        self._events.publish("document", {"session": self.session, "document": document})
+        self._report(f"diagnosing: {name}", self._share, None)
 
     def _show(self, doing: str, done: int, total: int) -> None:
         self._share = max(self._share, done / total if total else 0.0)
@@ -196,30 +262,8 @@ class Run:
         if self._bench_file.backend == "sim":
             # A simulated bench has a clock of its own: estimate from the time that has really passed.
             left = (time.monotonic() - self._began_s) * (1 - self._share) / self._share if self._share else None
-        self._report(doing, left)
+        self._report(doing, self._share, left)
 
-    def _report(self, doing: str, remaining_s: float | None) -> None:
-        elapsed = time.monotonic() - self._began_s
-        self._progress = {"doing": doing, "share": self._share, "elapsed_s": elapsed, "remaining_s": remaining_s}
-        if time.monotonic() - self._published_s > PUBLISH_EVERY_S:
-            self._published_s = time.monotonic()
-            self._publish()
-
-    def _tick(self) -> None:
-        if self._stop.is_set():
-            raise Stopped
-
-    def _wait_for_operator(self, text: str) -> Answer | None:
+    def _prompted(self, text: str) -> Answer | None:
         self._tick()
-        if not self._ask:
-            return None
-        self._answered.clear()
-        self._prompt = text
-        self._publish()
-        # Stop may have been pressed just before the clear above.
-        while not self._stop.is_set() and not self._answered.wait(1.0):
-            pass
-        self._prompt = ""
-        self._publish()
-        # Returned rather than raised: the run records the answer before it stops.
-        return "stop" if self._stop.is_set() else self._answer
+        return self._ask_operator(text) if self._ask else None

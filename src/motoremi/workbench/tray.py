@@ -7,12 +7,13 @@ import re
 import tempfile
 import threading
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
+from motoremi.data.conditions import Condition
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from motoremi.data.recognise import Recognised, recognise
 from motoremi.data.sweep import TERMINATIONS
@@ -21,7 +22,7 @@ from motoremi.data.text_file import decode, refuse_empty
 from motoremi.data.touchstone import FIXTURES
 from motoremi.errors import BadInput
 from motoremi.quantities import show_band
-from motoremi.workflow_import import Import, ImportOptions, prepared
+from motoremi.workflow_import import Addition, Import, ImportOptions, addition, prepared
 
 MOST_FILES = 60
 MOST_BYTES = 256 * 1024**2
@@ -195,22 +196,43 @@ class Tray:
         BadInput
             If no file is chosen, or the form does not fit these files.
         """
-        texts = {key: body.get(key, "") for key in TEXTS}
-        for key, text in texts.items():
-            if not isinstance(text, str) or len(text) > LONGEST_TEXT:
-                raise BadInput(f"{key} must be text of at most {LONGEST_TEXT} characters")
-        analyser = texts.pop("analyser") or None
         with self._turn:
-            chosen = [one for used_as in (*TERMINATIONS, SPECTRUM) for one in self._files.values() if one.used_as == used_as]
-            for one in chosen:
-                if one.trouble:
-                    raise BadInput(one.trouble)
+            chosen = self._chosen((*TERMINATIONS, SPECTRUM))
             if not chosen:
                 raise BadInput("choose at least one file as short, open or spectrum")
-            found = [one.found for one in chosen if one.found is not None]
-            stated = ImportOptions(analyser=analyser, corrections=self._corrections(), **{key: text.strip() for key, text in texts.items()})
+            stated = _stated(body, self._corrections())
+        found = [one.found for one in chosen if one.found is not None]
         sweeps = [one.sweep for one in found if one.sweep is not None]
         return prepared(sweeps, [item for one in found for item in one.spectra], stated, [one.name for one in chosen])
+
+    def added(self, folder: Path, condition: Condition | None, body: Mapping[str, Any]) -> Addition:
+        """What the chosen sweeps add to a session, as `motoremi import --append` would add them.
+
+        Raises
+        ------
+        BadInput
+            If no sweep is chosen, or it does not fit the session.
+        """
+        with self._turn:
+            chosen = self._chosen(TERMINATIONS)
+        sweeps = [one.found.sweep for one in chosen if one.found is not None and one.found.sweep is not None]
+        if not sweeps:
+            raise BadInput("choose at least one file as short-circuit or open-circuit sweep")
+        return addition(folder, sweeps, (), condition, _stated(body, NO_CORRECTIONS))
+
+    def _chosen(self, uses: Sequence[str]) -> list[Dropped]:
+        """The files with one of these uses, in their order.
+
+        Raises
+        ------
+        BadInput
+            If one of them cannot be used.
+        """
+        chosen = [one for used_as in uses for one in self._files.values() if one.used_as == used_as]
+        for one in chosen:
+            if one.trouble:
+                raise BadInput(one.trouble)
+        return chosen
 
     def _changed_list(self) -> JsonDict:
         self._changed()
@@ -249,6 +271,16 @@ class Tray:
                 return read_corrections(Path(folder) / chosen.name)
             except BadInput as error:
                 raise BadInput(str(error).replace(f"{folder}/", "")) from error
+
+
+def _stated(body: Mapping[str, Any], corrections: Corrections) -> ImportOptions:
+    """What the form on the page states about the files."""
+    texts = {key: body.get(key, "") for key in TEXTS}
+    for key, text in texts.items():
+        if not isinstance(text, str) or len(text) > LONGEST_TEXT:
+            raise BadInput(f"{key} must be text of at most {LONGEST_TEXT} characters")
+    analyser = texts.pop("analyser") or None
+    return ImportOptions(analyser=analyser, corrections=corrections, **{key: text.strip() for key, text in texts.items()})
 
 
 def _tables(data: bytes, name: str) -> frozenset[str]:

@@ -15,7 +15,6 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison
 from motoremi.inspection.element_circuit import ELEMENTS
-from motoremi.investigation.menu import MENU
 from motoremi.model.effects import catalogue
 from motoremi.quantities import show, show_band
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, probability_of, reasons_of
@@ -195,20 +194,6 @@ def _diagnosis(stored: JsonDict) -> JsonDict:
         for one in stored["candidates"]
     ]
     return data
-
-
-def following(desk: Desk) -> JsonDict:
-    """The measurement that the diagnosis suggests next."""
-    session = desk.session
-    if is_open_challenge(session):
-        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
-    stored = session.analysis("diagnosis")
-    if stored is None:
-        raise BadInput("there is no diagnosis yet: diagnose this session first (view Story)")
-    actions = {option.name: option.action for option in MENU}
-    return readable(
-        lambda: {"action": actions.get(stored["next_measurement"]["id"], ""), **stored["next_measurement"], "verdict": stored["verdict"]}
-    )
 
 
 def readable(read: Callable[[], T]) -> T:

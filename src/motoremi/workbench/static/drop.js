@@ -1,4 +1,4 @@
-// Files dropped anywhere on the page are sent to the workbench and shown in the view Files.
+// Files dropped anywhere on the page are sent to the workbench and shown in the view Files, or in Next as the answer to what it asks for.
 
 import { ask } from "./api.js";
 
@@ -35,7 +35,7 @@ export async function take(files, page) {
       }
     }
   });
-  if (location.hash === "#files") await page.redraw(true);
+  if (["#files", "#next"].includes(location.hash)) await page.redraw(true);
   else page.go("files");
 }
 

@@ -30,9 +30,7 @@ export const bench = {
 
 function form(place) {
   const { data, page } = place;
-  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: page.procedure ?? "full_motor_test", bench: data.real ? "real" : "simulated", motor: "", operator: data.operator, seed: 1, hides: "something", ask: false };
-  if (page.procedure) kept.procedure = page.procedure;
-  page.procedure = null;
+  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: "full_motor_test", bench: data.real ? "real" : "simulated", motor: "", operator: data.operator, seed: 1, hides: "something", ask: false };
   const resume = page.resume;
   page.resume = null;
   const field = (name, input) => { input.id = `bench-${name}`; input.addEventListener("change", () => { kept[name] = input.type === "checkbox" ? input.checked : input.type === "number" ? Number(input.value) : input.value; update(); }); return input; };
@@ -106,20 +104,27 @@ function drawState(place) {
   place.bar.value = progress.share ?? 0;
   place.status.textContent = running ? `${progress.doing ?? "starting"}${progress.doing ? `: ${times(progress)}` : ""}` : run.message;
   place.status.className = { done: "good", failed: "bad", stopped: "bad" }[run.status] ?? "";
-  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, asked(run.prompt), h("div", { class: "row" }, answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
+  place.prompt.replaceChildren(...(run.prompt.length ? [h("div", { class: "card prompt" }, asked(run.prompt), h("div", { class: "row" }, run.example ? reading(page, run.example) : answer(page, "Done", "going on", "done", { class: "main", id: "connected" }), answer(page, "Not done", "ending the run: the instruments are made safe", "not done", { id: "not-done" }), answer(page, "Stop", "stopping: the instruments are made safe", "stop", { id: "stop-here" })))] : []));
   // Only one run at a time.
   document.getElementById("run").disabled = running;
   if (place.shown === `${run.session} ${run.status}`) return;
   place.shown = `${run.session} ${run.status}`;
   place.controls.replaceChildren(running
     ? button("Stop", () => page.work("stopping: the instruments are made safe", () => post("/api/run/stop")), { id: "stop" })
-    : button("Show the session", async () => { await page.choose(run.session); page.go("story"); }, { class: "main", id: "show-session" }));
+    : button("Show the session", async () => { await page.choose(run.session); page.go(run.shown_by); }, { class: "main", id: "show-session" }));
 }
 
 // The prompt: its sentence, wrapped as needed, and the drawing of the connections with its line breaks.
 function asked(lines) {
   const blank = lines.findIndex((line) => !line.trim()), until = blank < 0 ? lines.length : blank;
   return [h("p", {}, lines.slice(0, until).join(" ")), until < lines.length && h("pre", {}, lines.slice(until + 1).join("\n"))];
+}
+
+// A value that the operator reads from another meter.
+function reading(page, example) {
+  const value = h("input", { type: "text", id: "reading", maxlength: 100, placeholder: `for example ${example}`, "aria-label": "value" });
+  return h("form", { class: "row", onsubmit: (event) => { event.preventDefault(); page.work("going on", () => post("/api/run/answer", { value: value.value.trim() })); } },
+    value, h("button", { type: "submit", class: "main", id: "give" }, "Enter"));
 }
 
 function answer(page, text, doing, word, attributes) {
@@ -166,6 +171,10 @@ function words(document) {
     case "verdict": return `  ${document.do}: ${document.result.verdict ?? document.result.next_measurement?.id ?? ""} ${[...(document.result.effects ?? []), ...(document.result.serious_findings ?? [])].join(", ")}`;
     case "safe": return document.safe ? `  ${document.role} is in its safe state` : `  ${document.role} could NOT be brought into its safe state: ${document.problem}`;
     case "doubt": return document.says;
+    case "asked": return `asked: ${document.order.instruction} (${document.minutes.toPrecision(3)} min)`;
+    case "value": return `  value: ${document.name}`;
+    case "answered": return `  information ${document.taught_bits.toPrecision(2)} bits; error so far ${document.error_percent.toPrecision(3)} %`;
+    case "refused": return `  not done: ${document.id}`;
     case "resume": return `going on at step ${document.step}`;
     case "stop": return `the run has ended: ${document.status} ${document.reason ?? ""}`;
     default: return "";

@@ -34,11 +34,12 @@ function dropped(data, page) {
       h("p", {}, "Drop sweeps and spectra here, or ", button("choose files", () => input.click(), { class: data.files.length ? "" : "main", id: "choose-files" }), input),
       h("p", { class: "note" }, "CSV, Touchstone, and the formats of analysers and receivers; also a corrections file (TOML) with its tables. Nothing is stored before you make a session.")),
     refused.length > 0 && h("ul", { id: "refused", role: "alert" }, refused.map((sentence) => h("li", { class: "bad" }, sentence))),
-    data.files.length > 0 && list(data, page),
+    data.files.length > 0 && filesRead(data, page),
     data.files.length > 0 && form(data, page));
 }
 
-function list(data, page) {
+// The files read so far, each with its use.
+export function filesRead(data, page) {
   const act = (doing, path, body) => page.work(doing, async () => { await post(`/api/files${path}`, body); await page.redraw(true); });
   const row = (one) => {
     const use = h("select", { id: `use-${one.id}`, "aria-label": `use ${one.name} as`, onchange: (event) => act("reading", `/${one.id}`, { used_as: event.target.value }) },

@@ -1,27 +1,142 @@
-// The view Next: the measurement that would best separate the remaining candidates.
+// The view Next: the measurement that tells the explanations apart best, its answer as files, as a value or from the bench, and the way so far.
 
-import { get, sessionPath } from "../api.js";
+import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";
+import { refused, take } from "../drop.js";
 import { term } from "../terms.js";
-import { share, show } from "../units.js";
+import { chance, show } from "../units.js";
+import { filesRead } from "./files.js";
+
+// By session: what cannot be measured here, and which measurement was chosen instead of the first.
+const impossible = new Map(), picked = new Map();
+// Bits below which a measurement is not listed at first.
+const LITTLE = 0.01;
+const SWEEPS = new Set(["short", "open"]);
+const BENCHES = { simulated: "the simulated bench", real: "the bench" };
+const TERMINATIONS = { short: "the short-circuit sweep", open: "the open-circuit sweep", both: "both sweeps" };
 
 export const next = {
   title: "Next",
   needs: "diagnosis",
   without: "What to measure next follows from a diagnosis: diagnose this session first (view Story).",
 
-  load: (page) => get(sessionPath(page.session, "/next")),
+  async load(page) {
+    const query = [...(impossible.get(page.session) ?? [])].map((id) => `without=${encodeURIComponent(id)}`).join("&");
+    const [asked, files] = await Promise.all([get(sessionPath(page.session, `/next${query && "?"}${query}`)), get("/api/files")]);
+    return { ...asked, files };
+  },
 
   draw(where, data, page) {
-    const procedure = data.procedure?.replace(/\.toml$/, "");
-    where.append(card("Measure next",
-      h("p", { class: "large", id: "next-id" }, data.id),
-      data.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${data.action}.`), h("p", { class: "sentence" }, data.why), h("p", {}, term("next measurement", "How it was found")),
-      procedure && button(`Set up ${procedure} on the bench`, () => { page.procedure = procedure; page.go("bench"); }, { class: "main" }),
-      !procedure && data.action && h("p", { class: "note" }, "No procedure of the bench does this: it is done by hand.")));
-    if (data.menu?.length) {
-      where.append(card("What else could be measured",
-        table(["measurement", "what to do", "minutes", "bits expected", "pairs distinguished"], data.menu.map((one) => [one.id, one.action, show(one.minutes, "", 3), show(one.information_bits, "", 2), share(one.separates)]))));
-    }
+    const one = data.alternatives.find((other) => other.id === picked.get(page.session)) ?? data.asked;
+    if (data.newer) where.append(h("p", { class: "bad", id: "newer" }, "Something was measured after the diagnosis: what is asked for below is out of date."), h("div", { class: "row" }, button("Diagnose", () => page.work("diagnosing", async () => { await post(sessionPath(page.session, "/diagnose")); await page.redraw(true); }), { class: "main", id: "diagnose" })));
+    where.append(h("div", { class: "columns" },
+      h("div", {}, measure(data, one, page), one && answer(data, one, page)),
+      h("div", {}, explanations(data), data.steps.length > 0 && way(data))),
+    alternatives(data, one, page));
+    page.listeners.add((kind) => kind === "files" && page.redraw(true));
   },
 };
+
+function measure(data, one, page) {
+  if (!one) return card("Nothing more to measure", h("p", { class: "large", id: "next-id" }, data.end), h("p", { class: "sentence" }, data.why));
+  const first = one === data.asked;
+  return card("Measure next",
+    h("p", { class: "large", id: "next-id" }, one.id),
+    h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${one.instruction}.`),
+    h("p", { class: "sentence" }, first ? data.why : expected(one)),
+    h("p", {}, term("next measurement", "How it was found")),
+    h("div", { class: "row" },
+      button("Not possible here", () => leaveOut(one.id, page), { id: "not-possible" }),
+      !first && data.asked && button(`Back to ${data.asked.id}`, () => pick(null, page)),
+      data.without.length > 0 && button("Ask for everything again", () => { impossible.delete(page.session); return pick(null, page); }, { id: "all-possible" })),
+    data.without.length > 0 && h("p", { class: "note" }, `Not possible here: ${data.without.join(", ")}.`));
+}
+
+const expected = (one) => `It is expected to teach ${bits(one.information_bits)} bits in ${show(one.minutes, "", 3)} minutes.`;
+
+function leaveOut(id, page) {
+  impossible.set(page.session, new Set([...(impossible.get(page.session) ?? []), id]));
+  return pick(null, page);
+}
+
+function pick(id, page) {
+  if (id) picked.set(page.session, id);
+  else picked.delete(page.session);
+  return page.redraw(true);
+}
+
+// The three ways in which a measurement can be answered.
+function answer(data, one, page) {
+  const first = one === data.asked && data.benches.length > 0;
+  return h("div", {},
+    first && onBench(data, page),
+    one.kind === "value" ? asValue(one, page) : asFiles(data, one, page));
+}
+
+function onBench(data, page) {
+  const budget = h("input", { type: "text", id: "budget", value: "2h", size: 8, maxlength: 40 });
+  const begin = (bench, alone) => page.work("starting", async () => {
+    await post(sessionPath(page.session, "/investigate"), { bench, budget: budget.value, without: data.without, one: alone });
+    page.go("bench");
+  });
+  return card("Measure on the bench",
+    h("div", { class: "row" }, data.benches.map((bench) => button(`Measure this on ${BENCHES[bench]}`, () => begin(bench, true), { class: "main", id: `measure-${bench}` }))),
+    h("div", { class: "row" }, data.benches.map((bench) => button("Go on until one explanation is left", () => begin(bench, false), { id: `go-on-${bench}` })), h("label", { for: "budget" }, "within"), budget, h("span", { class: "note" }, "at the bench, in all")));
+}
+
+async function bring(body, page) {
+  const brought = await page.work("diagnosing anew", () => post(sessionPath(page.session, "/answer"), body));
+  if (!brought) return;
+  refused.length = 0;
+  picked.delete(page.session);
+  await page.redraw(true);
+  if (brought.notes?.length) page.complain(brought.notes.join(" "), "note");
+}
+
+function asValue(one, page) {
+  const value = h("input", { type: "text", id: "answer-value", maxlength: 100, placeholder: `for example ${one.example}` });
+  const submit = (event) => {
+    event.preventDefault();
+    bring({ value: `${one.answer}=${value.value.trim()}` }, page);
+  };
+  return card("Enter the value",
+    h("form", { class: "fields", onsubmit: submit }, h("label", { for: "answer-value" }, one.answer), value, h("div", { class: "row wide" }, h("button", { type: "submit", class: "main", id: "bring" }, "Add this value"))),
+    h("p", { class: "note" }, "With its uncertainty, if it is known: 21.3 mohm +- 0.1 mohm."));
+}
+
+function asFiles(data, one, page) {
+  const input = h("input", { type: "file", multiple: true, id: "file-input", class: "unseen", tabindex: -1, "aria-hidden": "true", onchange: () => take([...input.files], page) });
+  const value = one.example && h("input", { type: "text", id: "answer-condition", maxlength: 60, value: one.wished || one.example });
+  const ready = data.files.files.some((file) => SWEEPS.has(file.used_as) && !file.trouble);
+  const submit = () => bring({ condition: [one.answer, value && value.value.trim()].filter(Boolean).join("=") }, page);
+  return card("Bring the sweeps as files",
+    h("div", { class: "drop-zone", id: "drop-zone" }, h("p", {}, `Drop ${TERMINATIONS[one.termination] ?? "the sweeps"} here, or `, button("choose files", () => input.click(), { id: "choose-files" }), input)),
+    refused.length > 0 && h("ul", { id: "refused", role: "alert" }, refused.map((sentence) => h("li", { class: "bad" }, sentence))),
+    data.files.files.length > 0 && filesRead(data.files, page),
+    value && h("p", {}, h("label", {}, "What was set up: ", value)),
+    h("div", { class: "row" }, button("Add these sweeps to the session", submit, { class: ready ? "main" : "", id: "bring", disabled: !ready })));
+}
+
+function explanations(data) {
+  return card("What stands",
+    table(["explanation", "probability"], data.probabilities.map(([name, share]) => [name, h("div", { class: "row" }, h("meter", { min: 0, max: 1, value: share, "aria-label": `${name}: ${chance(share)}` }), chance(share))]), { id: "explanations" }));
+}
+
+function way(data) {
+  const minutes = data.steps.reduce((sum, step) => sum + (step.minutes ?? 0), 0);
+  return card("The way so far",
+    table(["asked for", "brought", "minutes", "bits taught", "then likeliest"], data.steps.map((step) => [step.asked || "-", step.brought, show(step.minutes, "", 3), show(step.taught_bits, "", 2), step.then ? `${step.then[0]}: ${chance(step.then[1])}` : "-"]), { id: "way" }),
+    minutes > 0 && h("p", { class: "note" }, `${show(minutes, "", 3)} minutes at the bench.`));
+}
+
+function alternatives(data, one, page) {
+  const rest = [...(data.asked && one !== data.asked ? [data.asked] : []), ...data.alternatives.filter((other) => other !== one)];
+  if (!rest.length) return "";
+  const listed = (some, id) => table(["measurement", "what to do", "minutes", "bits expected", "instead"], some.map((other) => [other.id, other.instruction, show(other.minutes, "", 3), bits(other.information_bits), button("Choose", () => pick(other.id, page), { "aria-label": `choose ${other.id}` })]), { id });
+  const worth = rest.filter((other) => other.information_bits >= LITTLE), others = rest.filter((other) => other.information_bits < LITTLE);
+  return card("What else could be measured",
+    worth.length > 0 && listed(worth, "alternatives"),
+    others.length > 0 && h("details", {}, h("summary", {}, `${others.length} measurements that are not expected to tell the explanations apart`), listed(others, "of-little-use")));
+}
+
+const bits = (value) => (value < LITTLE ? `< ${LITTLE}` : show(value, "", 2));

@@ -1,0 +1,139 @@
+"""The view Next: what to measure next, what was measured so far, and the answer as files or as a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from motoremi.arrays import JsonDict, Progress
+from motoremi.data.conditions import CONDITIONS, VALUES, parse_condition, parse_value
+from motoremi.data.session import Session
+from motoremi.errors import BadInput
+from motoremi.workbench.challenge_view import is_open_challenge
+from motoremi.workbench.desk import Desk
+from motoremi.workbench.tray import Tray
+from motoremi.workbench.views import readable
+from motoremi.workflow import diagnose_session
+from motoremi.workflow_ask import chosen, is_up_to_date, refuse_unknown
+from motoremi.workflow_import import ImportOptions, addition
+from motoremi.workflow_investigate import ENDS, taught_bits
+
+LONGEST = 200
+
+
+def following(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -> JsonDict:
+    """The next measurement, the explanations with their probabilities, and the way so far.
+
+    Parameters
+    ----------
+    desk : Desk
+    benches : sequence of str
+        The benches on which this session can be investigated.
+    without : sequence of str
+        Measurements that cannot be made here.
+
+    Raises
+    ------
+    BadInput
+        If there is no diagnosis.
+    """
+    session = desk.session
+    _refuse_sealed(session)
+    refuse_unknown(without)
+    stored = session.analysis("diagnosis")
+    if stored is None or "question" not in stored:
+        raise BadInput("there is no diagnosis yet: diagnose this session first (view Story)")
+    return readable(lambda: _shown(session, stored["question"], benches, without))
+
+
+def _shown(session: Session, question: JsonDict, benches: Sequence[str], without: Sequence[str]) -> JsonDict:
+    asked = chosen(question, without)
+    return {
+        "stop": asked["stop"],
+        "end": ENDS.get(str(asked["stop"]), ""),
+        "why": asked["why"],
+        "asked": None if asked["asks"] is None else _one(asked),
+        "alternatives": [_one(one) for one in asked["alternatives"]],
+        "probabilities": [[name, float(share)] for name, share in asked["probabilities"].items()],
+        "steps": [_step(step) for step in (session.analysis("investigation") or {}).get("steps", [])],
+        "without": list(without),
+        # Measured since the diagnosis: the question is out of date.
+        "newer": not is_up_to_date(session),
+        "benches": list(benches),
+    }
+
+
+def _one(entry: JsonDict) -> JsonDict:
+    """A measurement: what to do, what it costs, and how its answer is given."""
+    asks = entry["asks"]
+    name = str(asks["condition"] if asks["kind"] == "value" else entry["condition_id"] or "")
+    setting = VALUES[name].setting if asks["kind"] == "value" else CONDITIONS.get(name)
+    return {
+        "id": str(entry["id"]),
+        "kind": str(asks["kind"]),
+        "instruction": str(asks["instruction"]),
+        "termination": str(asks["termination"] or ""),
+        "minutes": float(entry["minutes"]),
+        "information_bits": float(entry["information_bits"]),
+        # The name that the answer carries, empty for more of the motor as it is, and the value that belongs to it.
+        "answer": name,
+        "example": "" if setting is None else setting.example,
+        "needed": setting is not None and setting.needed,
+        "wished": "" if asks["value"] is None else f"{float(asks['value']):g}{asks['unit']}",
+    }
+
+
+def _step(step: JsonDict) -> JsonDict:
+    """One measurement so far: on the bench, or brought as files."""
+    shares = sorted(step.get("probabilities", {}).items(), key=lambda pair: -pair[1])
+    return {
+        "asked": str(step.get("id") or step.get("asked") or ""),
+        "brought": str(step.get("brought", "")),
+        "minutes": step.get("minutes"),
+        "taught_bits": step.get("taught_bits"),
+        "then": list(shares[0]) if shares else None,
+    }
+
+
+def bring(desk: Desk, tray: Tray, body: JsonDict, progress: Progress) -> JsonDict:
+    """Add the chosen files or a value to the session, and diagnose it anew.
+
+    Parameters
+    ----------
+    body : dict
+        `value`, such as `dc-resistance=21.3mohm`; or for files `condition`, such as `second-temperature=53degC`, empty for repeats.
+    """
+    _refuse_sealed(desk.session)
+    value, condition = _text(body, "value"), _text(body, "condition")
+    if value:
+        added = addition(desk.path, (), [parse_value(value)], None, ImportOptions())
+    else:
+        added = tray.added(desk.path, parse_condition(condition) if condition else None, body)
+    added.store(desk.path)
+    if not value:
+        tray.clear()
+    before = ((desk.session.analysis("diagnosis") or {}).get("question") or {}).get("probabilities", {})
+    desk.work(lambda store: diagnose_session(store, progress=progress))
+    _keep_what_it_taught(desk, before)
+    return {"notes": list(added.caveats)}
+
+
+def _keep_what_it_taught(desk: Desk, before: Mapping[str, float]) -> None:
+    """Store with the last measurement what the explanations' probabilities were after it."""
+    session = desk.session
+    asked, after = session.analysis("investigation"), (session.analysis("diagnosis") or {}).get("question", {}).get("probabilities")
+    if asked and asked["steps"] and after:
+        last = {**asked["steps"][-1], "probabilities": after, "taught_bits": taught_bits(before, after)}
+        desk.save("investigation", {**asked, "steps": [*asked["steps"][:-1], last]})
+
+
+def _refuse_sealed(session: Session) -> None:
+    if is_open_challenge(session):
+        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+
+
+def _text(body: JsonDict, key: str) -> str:
+    text: Any = body.get(key, "")
+    if not isinstance(text, str) or len(text) > LONGEST:
+        raise BadInput(f"{key} must be text of at most {LONGEST} characters")
+    return text.strip()
