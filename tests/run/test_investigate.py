@@ -267,7 +267,7 @@ def test_a_laboratory_s_own_measurement_is_requested_as_the_one_that_it_stands_f
     warm = {"id": "second-temperature", "condition_id": "second-temperature", "minutes": 25.0, "information_bits": 0.4, "separates": []}
     asks = {"kind": "sweep", "termination": "both", "condition": "temperature", "value": 53.0, "unit": "degC", "instruction": "warm the motor"}
     value = {**asks, "kind": "value", "termination": None, "condition": "dc-resistance", "value": None, "unit": "Ohm", "instruction": "four wires"}
-    meter = {**warm, "id": "dc-resistance", "condition_id": None, "asks": value, "minutes": 3.0, "information_bits": 0.1}
+    meter = {**warm, "id": "dc-resistance", "condition_id": None, "asks": value, "minutes": 3.0, "information_bits": 0.05}
     question = {"schema": "motoremi.next/2", **warm, "asks": asks, "why": "", "alternatives": [meter], "probabilities": {}, "stop": None}
     own = [
         {"id": "chamber", "like": "second-temperature", "minutes": 5, "instruction": "set the chamber"},
