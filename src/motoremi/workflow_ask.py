@@ -30,7 +30,7 @@ def question_of(path: Path, without: Iterable[str] = (), menu: Path | None = Non
         Measurements that cannot be made.
     menu : Path, optional
         TOML with `[[measurement]]` tables: `id`, `minutes`, and, for one of a laboratory's own, `like` (the measurement of the menu that it
-        answers in another way) and `instruction`.
+        answers in another way), `instruction`, and `hands = false` if it is set up without an operator.
 
     Raises
     ------
@@ -78,6 +78,8 @@ def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str
             entry = dict(entries[like])
             entry["id"], entry["like"] = str(mine["id"]), like
             entry["minutes"] = float(mine["minutes"])
+            if not mine.get("hands", True):
+                entry["hands"] = False
             if "instruction" in mine:
                 entry["asks"] = {**entry["asks"], "instruction": str(mine["instruction"])}
             entries[entry["id"]] = entry
@@ -105,7 +107,7 @@ def _order(entry: JsonDict) -> tuple[bool, bool, float]:
     return lacking, entry["information_bits"] >= NOTHING_BITS, entry["information_bits"] / entry["minutes"]
 
 
-_ENTRY = ("id", "like", "condition_id", "asks", "minutes", "information_bits", "separates", "then")
+_ENTRY = ("id", "like", "hands", "condition_id", "asks", "minutes", "information_bits", "separates", "then")
 
 
 def own_measurements(path: Path) -> list[JsonDict]:
@@ -137,5 +139,7 @@ def _check(name: str, table: object) -> None:
     minutes = table.get("minutes")
     if isinstance(minutes, bool) or not isinstance(minutes, int | float) or not 0 < minutes < 1e5:
         raise BadInput(f"{name}: [[measurement]] {label}: minutes must be a number above 0")
+    if not isinstance(table.get("hands", True), bool):
+        raise BadInput(f"{name}: [[measurement]] {label}: hands must be true or false")
     if (like := table.get("like", table["id"])) not in BY_NAME:
         raise BadInput(f"{name}: [[measurement]] {label}: like must be one of {', '.join(BY_NAME)}, not {clean_text(str(like), 40)!r}")

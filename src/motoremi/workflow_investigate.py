@@ -360,7 +360,9 @@ def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
     terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
     known = question.get("condition_id", None if name in REFERENCE else name)
     under = None if known is None else condition(str(known), asks.get("value"))
-    return MeasurementRequest(name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn)
+    return MeasurementRequest(
+        name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn, bool(question.get("hands", True))
+    )
 
 
 def name_of(question: JsonDict) -> str:

@@ -270,13 +270,14 @@ def test_a_laboratory_s_own_measurement_is_requested_as_the_one_that_it_stands_f
     meter = {**warm, "id": "dc-resistance", "condition_id": None, "asks": value, "minutes": 3.0, "information_bits": 0.05}
     question = {"schema": "motoremi.next/2", **warm, "asks": asks, "why": "", "alternatives": [meter], "probabilities": {}, "stop": None}
     own = [
-        {"id": "chamber", "like": "second-temperature", "minutes": 5, "instruction": "set the chamber"},
+        {"id": "chamber", "like": "second-temperature", "minutes": 5, "instruction": "set the chamber", "hands": False},
         {"id": "bench-meter", "like": "dc-resistance", "minutes": 1, "instruction": "read the meter"},
     ]
     asked = chosen(question, (), own)
     assert (asked["id"], asked["minutes"]) == ("chamber", 5.0)
     order = order_of(asked)
     assert (order.id, str(order.condition), order.instruction) == ("second-temperature", "second-temperature=53degC", "set the chamber")
+    assert (order.hands, MeasurementRequest.restored(order.to_dict())) == (False, order)
     read = order_of(chosen(question, ("second-temperature", "chamber"), own))
     assert (read.id, read.is_value, read.instruction) == ("dc-resistance", True, "read the meter")
 

@@ -144,6 +144,12 @@ def test_one_measurement_on_the_simulated_bench_then_the_rest(tmp_path):
     first = page.get("/next")["asked"]
     assert page.get("/next")["benches"] == ["simulated"]
     page.post("/investigate", bench="simulated", one=True)
+    assert "a run is going on" in page.post("/investigate", bench="simulated")["error"]
+    page.client.post("/api/run/stop", json={})
+    until(lambda: not page.workbench.place.run.active)
+    # Stopped, the session stays usable, and the investigation goes on where it was.
+    assert (page.workbench.place.run.state()["status"], page.get("")["status"], page.get("")["resumable"]) == ("stopped", "done", False)
+    page.post("/investigate", bench="simulated", one=True)
     until(lambda: not page.workbench.place.run.active)
     assert page.workbench.place.run.state()["status"] == "done", page.workbench.place.run.state()["message"]
     told = page.get("/next")

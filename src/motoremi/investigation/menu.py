@@ -54,8 +54,6 @@ class Option:
         Standard deviation of the logarithm of every parameter of an effect that the change reaches and that names no response.
     reaches : tuple of str
         Groups of effects that the change reaches.
-    hands : bool
-        Whether a person has to do something.
     predicted : bool
         Whether what it shows can be predicted by the models; else it is listed, never asked for, and its sweeps are only kept.
     procedure : str
@@ -71,7 +69,6 @@ class Option:
     elements: Mapping[str, Moved] = field(default_factory=dict)
     others: float = UNREACHED
     reaches: tuple[str, ...] = ()
-    hands: bool = True
     predicted: bool = True
     procedure: str = ""
 
@@ -110,8 +107,8 @@ MENU = (
         "short-sweep", "short the far end of the winding to its terminal's return and sweep between the terminals", "reference", 2.0, ("short",)
     ),
     Option("open-sweep", "leave the far end of the winding open and sweep from the terminal to the frame", "reference", 2.0, ("open",)),
-    Option("repeats", "repeat both sweeps twice without touching anything", "reference", 2.0, hands=False),
-    Option("wide-sweep", "sweep as wide as the analyser goes, both terminations", "sweep", 1.0, hands=False, procedure="wide_sweep"),
+    Option("repeats", "repeat both sweeps twice without touching anything", "reference", 2.0),
+    Option("wide-sweep", "sweep as wide as the analyser goes, both terminations", "sweep", 1.0, procedure="wide_sweep"),
     Option(
         "far-end-grounded",
         "tie the far end of the winding to the frame and sweep from the terminal to the frame",
@@ -122,7 +119,7 @@ MENU = (
     Option("dc-resistance", "measure the winding's DC resistance with four wires", "value", 3.0, ()),
     Option("insulation-resistance", "measure the insulation resistance from winding to frame at DC", "value", 3.0, ()),
     Option("repeat-first-sweep", "repeat the first sweep after the last one", "change", 1.0, ("short",), procedure="impedance_only"),
-    Option("sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0, hands=False),
+    Option("sweep-downwards", "sweep once more from the top down, or at another level", "change", 1.0),
     Option(
         "shaft-turned",
         "turn the shaft a little and repeat both sweeps",

@@ -44,6 +44,8 @@ class MeasurementRequest:
         Sweeps of each.
     turn : int
         How often the same measurement was requested before.
+    hands : bool
+        Whether the operator has to do something first; not so where a laboratory's bench sets the condition up by itself.
     """
 
     id: str
@@ -52,6 +54,7 @@ class MeasurementRequest:
     terminations: tuple[Termination, ...] = TERMINATIONS
     repeats: int = 1
     turn: int = 0
+    hands: bool = True
 
     @property
     def is_value(self) -> bool:
@@ -67,6 +70,7 @@ class MeasurementRequest:
             "terminations": list(self.terminations),
             "repeats": self.repeats,
             "turn": self.turn,
+            **({} if self.hands else {"hands": False}),
         }
 
     @classmethod
@@ -82,7 +86,8 @@ class MeasurementRequest:
             text = written["condition"]
             terminations = tuple(TERMINATIONS[TERMINATIONS.index(name)] for name in written["terminations"])
             condition = None if text is None else parse_condition(text)
-            return cls(str(written["id"]), str(written["instruction"]), condition, terminations, int(written["repeats"]), int(written["turn"]))
+            repeats, turn, hands = int(written["repeats"]), int(written["turn"]), bool(written.get("hands", True))
+            return cls(str(written["id"]), str(written["instruction"]), condition, terminations, repeats, turn, hands)
         except (KeyError, TypeError, ValueError) as error:
             raise BadInput(f"a recorded question cannot be read ({type(error).__name__}: {error})") from error
 
@@ -162,7 +167,8 @@ class RequestedMeasurements:
         fresh = execution is None or execution.procedure.sweep != wanted.sweep
         if fresh or execution is None:
             execution = Execution(wanted, self._bench, self._writer, _no_analysis, self._prompt, self._tick, Done(connections=self._connections))
-        execution.ask(request.instruction)
+        if request.hands:
+            execution.ask(request.instruction)
         compensation: list[PlainStep] = [step for step in wanted.steps if isinstance(step, Compensate)]
         if fresh:
             self.leave_safe()
