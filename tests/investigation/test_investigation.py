@@ -256,6 +256,7 @@ def test_a_laboratory_s_own_way_has_its_own_minutes() -> None:
         ("[[measurement]]\nid = 'x'\nminutes = 1", "like must be one of"),
         ("[[measurement]]\nid = 'x'\nlike = 'dried'\nminutes = -1", "above 0"),
         ("[[measurement]]\nid = 'dried'\nminutes = 1\ncolour = 2", "unknown key"),
+        ("[[measurement]]\nid = 'dried'\nminutes = 1\nhands = 'no'", "true or false"),
         ("[[measurement", "menu.toml"),
     ],
 )
