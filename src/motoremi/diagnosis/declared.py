@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, Analyser
 from motoremi.diagnosis.judgement import GLANCE, Judgement, accurate, judge
-from motoremi.fitting.result import BEYOND_SIGMA, Fit, summarise
+from motoremi.fitting.result import BEYOND_SIGMA, SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.progress import part
 from motoremi.workers import Map
@@ -68,7 +68,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # One effect at most: beside two the wide errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE, each)
         odds = other.best.score - first.best.score
-        if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= BEYOND_SIGMA:
+        # A model that leaves something under either analyser says nothing of which one it was, nor one that needs all of the other's errors.
+        if odds > TAKEN and other.standing in ("explained", "slight") and other.model.fit.analyser_sigma <= SPECIFIED_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
 

@@ -91,7 +91,9 @@ class Judgement:
             return False
         # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
         seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
-        return seen and (self.gain > CLEAR_GAIN or self.best.fit.unexplained_percent["value"] <= HALF * left)
+        # Where little is left beside what the analyser may err by, half of it may be the fine structure of the analyser's errors.
+        halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
+        return seen and (self.gain > CLEAR_GAIN or halved)
 
     @cached_property
     def model(self) -> Candidate:
@@ -116,13 +118,14 @@ class Judgement:
 
     @property
     def _pair_is_credible(self) -> bool:
-        """Whether two effects, which bend to almost anything, leave nothing, or little to analyser or owner, with values that motors have."""
+        """Whether two effects, which bend to almost anything, leave nothing or what analyser or owner allow, with values that motors have."""
         fit = self.model.fit
         # The errors of an analyser that nobody named are known by their size alone: what is small beside them may be theirs. Not so what is
         # small beside the scatter of a sweep of few points only.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
         slight = fit.measurement.analyser.name == DEFAULT_ANALYSER and fit.rms_error_percent <= SLIGHT_SHARE * analyser_percent
-        return (slight or not self.leaves_something) and not self.model.unusual and not self.distributed
+        enough = slight or fit.within_specification or not self.leaves_something
+        return enough and not self.model.unusual and not self.distributed
 
     @property
     def distributed(self) -> bool:
@@ -215,7 +218,11 @@ class Judgement:
     @property
     def of_none(self) -> Judgement | None:
         """The judgement that the base does, where what it leaves may be the analyser's; None elsewhere."""
-        return dataclasses.replace(self, none_named=True) if self.base.within_specification else None
+        base = self.base
+        # At most points the analyser may err by as much as is left.
+        typical_percent = 100 * float(np.median(np.concatenate(base.measurement.floors)))
+        slight = stands(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
+        return dataclasses.replace(self, none_named=True) if base.within_specification or slight else None
 
     def rivals(self) -> list[Fit]:
         """The fits that these data cannot tell from the believed one, it first; empty where there are none."""

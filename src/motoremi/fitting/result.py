@@ -37,6 +37,8 @@ Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
 # The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
 BEYOND_SIGMA = 6.0
+# Standard deviations of the analyser's errors that its specification stands for.
+SPECIFIED_SIGMA = 3.0
 # An analyser may be worse than declared: by so many times the declared variance is that of its errors larger, on average over the prior `DECLARED`.
 WORSE = sum(share * (times**2 - 1) for times, share in DECLARED.items())
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
@@ -168,11 +170,11 @@ class Fit:
 
     @cached_property
     def within_specification(self) -> bool:
-        """Whether the circuit alone, nothing absorbed, errs no more than noise and specification leave, as a whole and at the points."""
+        """Whether the circuit alone, nothing absorbed, errs no more than noise and analyser: as a whole than usual, at the points than they may."""
         errors = self.errors()
         pairs = zip(self.measurement.sweeps, self.measurement.floors, strict=True)
         ratios = [np.abs(errors[sweep.termination]) / floor for sweep, floor in pairs]
-        return bool(self.rms_error_percent <= self.floor_percent and np.mean(np.concatenate(ratios) ** 2) <= 1.0)
+        return bool(self.rms_error_percent <= self.floor_percent and np.mean(np.concatenate(ratios) ** 2) <= SPECIFIED_SIGMA**2)
 
     @cached_property
     def linearised(self) -> Linearised:
