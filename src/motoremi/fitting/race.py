@@ -19,7 +19,7 @@ from motoremi.data.covariance import ROUGH_SHARE, Sizes
 from motoremi.fitting.marginal import SMALLEST
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
-from motoremi.fitting.search import CLOSE, PLAIN, ROUGH, Solution, Task, arrive, rough
+from motoremi.fitting.search import CLOSE, MOST_DECLARED, PLAIN, ROUGH, Solution, Task, arrive, rough
 from motoremi.threads import one_blas_thread
 from motoremi.workers import Map
 
@@ -59,8 +59,6 @@ ALL = 10_000
 # Of those that arrive, so many, and all that are so near the best in log evidence, are followed until their sizes are the likeliest; those whose
 # sizes have further to go may gain more by it.
 FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
-# Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
-MOST_DECLARED = 2.0
 # A look at thirty effects, of up to thirty starts each. Set by trial on the first cases of the blind seeds 5 and 6, where every single effect
 # arrived; by how much it could be less is not measured.
 LOOK = Rounds((Round(40, 2, ALL, ALL), Round(40, 6, 12, 20), Round(40, 12, 6, 12), Round(80, 12, 3, 8)), 8, 80)

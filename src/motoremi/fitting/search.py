@@ -23,7 +23,7 @@ from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
 from motoremi.fitting.observed import OUT_OF_SIGHT
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened
 from motoremi.fitting.problem import AS_DECLARED, Problem
-from motoremi.fitting.starts import data_driven_starts
+from motoremi.fitting.starts import data_driven_starts, frames_across_the_band
 from motoremi.model.motor import Motor
 
 # Points a sweep for searching; the arrival uses all.
@@ -46,10 +46,14 @@ WARM = 1e-6
 MOST_SIZES = 5
 # Steps of a polish on the way; of one of a model that leaves more than a per cent, where only its evidence is asked for.
 STEPS, POOR_STEPS = 60, 20
+# Discrepancy with which a likelihood is searched: so small that nothing is passed over, so large that valleys are smooth.
+LITTLE_LEFT = 3e-3
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
 ABSORBING = 10.0
+# Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
+MOST_DECLARED = 2.0
 
 
 @dataclass(frozen=True)
@@ -315,7 +319,28 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):
             break
     assert best is not None
+    if best.sizes.discrepancy > NOTHING_LEFT and task.measurement.analyser.by_reflection and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
+        found = _frames_tried(task, best)
+        evaluations += found.evaluations
+        # Where these leave something as well, the circuit lacks something, and which of them errs least was decided before.
+        told = found.sizes.discrepancy < PLAIN and found.sizes.declared <= MOST_DECLARED
+        if told and found.log_evidence > best.log_evidence:
+            best, searched = found, {name: found.values[name] for name in searched}
     return Found(dataclasses.replace(best, evaluations=evaluations), tuple(history), searched)
+
+
+def _frames_tried(task: Task, best: Solution) -> Solution:
+    """By the likelihood from the beginning, from frames that resonate all over the band.
+
+    A network analyser sees impedances far from its reference badly, and a fixture that nobody compensated bends them: the circuit alone, on which
+    the search goes by, then has its least error elsewhere.
+    """
+    bases = [best.values, *({**best.values, **start} for start in data_driven_starts(task.measurement.coarse)[:1])]
+    starts = [start for base in bases for start in frames_across_the_band(base, task.measurement)]
+    problem = task.likelihood(ARRIVAL_POINTS, Sizes(LITTLE_LEFT, 1.0), ROUGH_SHARE)
+    ends = polish(problem, problem.vectors(starts), iterations=40, precision=CLOSE)
+    found = arrived_on_all(task, [problem.named(row) for row in ends.distinct(3)])
+    return dataclasses.replace(found, evaluations=found.evaluations + ends.evaluations)
 
 
 def _better(task: Task, one: Solution, other: Solution) -> bool:

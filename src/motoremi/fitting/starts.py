@@ -20,6 +20,8 @@ from motoremi.model.effects.seen import Seen
 from motoremi.model.way_to_frame import frames
 
 FRAME_POINTS = 80
+# Frames are tried at so many places of the last one and a half decades of the band: a start finds a resonance within a quarter of its frequency.
+_PLACES, _DECADE_AND_HALF = 8, 30.0
 
 
 @lru_cache(maxsize=8)
@@ -93,6 +95,24 @@ def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: 
     if searched.keys() >= {"Cr", "Cf"}:
         bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
     return bases
+
+
+def frames_across_the_band(parameters: Mapping[str, float], measurement: Measurement) -> list[dict[str, float]]:
+    """The same low-frequency capacitance to the frame with its resonance all over the band, sharp and damped, the two capacitances unlike.
+
+    Beside a winding of high impedance, a frame shows as a narrow feature of a per cent in the open-circuit sweep: starts that resonate
+    elsewhere do not find it.
+    """
+    capacitance_f = parameters["Cr"] + parameters["Cf"]
+    lowest, highest = (end(sweep.frequency_hz[at] for sweep in measurement.sweeps) for end, at in ((min, 0), (max, -1)))
+    starts = []
+    for resonance_hz in np.geomspace(max(lowest, highest / _DECADE_AND_HALF), highest, _PLACES):
+        for share in (0.3, 0.7):
+            cr = share * capacitance_f
+            lr = 1 / ((2 * np.pi * resonance_hz) ** 2 * cr)
+            for quality in (2.0, 8.0):
+                starts.append({**parameters, "Cr": cr, "Cf": capacitance_f - cr, "Lr": float(lr), "Rr": float(np.sqrt(lr / cr) / quality)})
+    return starts
 
 
 def _neutral_frame(capacitance_f: float, measurement: Measurement) -> dict[str, float]:
