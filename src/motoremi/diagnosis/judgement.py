@@ -166,6 +166,14 @@ class Judgement:
         nearly_all = under.stands and left <= NEARLY_ALL * self.base.unexplained_percent["value"]
         return under if nearly_all and not self.distributed and set(under.named) & set(self.best.added) else None
 
+    @property
+    def of_singles_as_good(self) -> Judgement | None:
+        """The same where the likeliest is a pair that leaves something too, and is not much likelier than that one effect; None elsewhere."""
+        if len(self.named) < MOST_NAMES or not self.leaves_something:
+            return None
+        single = self.of_singles
+        return single if single is not None and self.model.score - single.model.score <= CLEAR_GAIN else None
+
     def _among(self, found: Mapping[Key, Candidate]) -> Judgement:
         """The judgement if only these sets of effects had been tried."""
         return Judgement(self.base, found, believe(found))
@@ -293,6 +301,8 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
         return dataclasses.replace(judgement, none_named=True)
     if (enough := judgement.of_accurate) is not None:
         return enough
+    if (single := judgement.of_singles_as_good) is not None:
+        return single
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
     return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement
 
