@@ -68,8 +68,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # One effect at most: beside two the wide errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE, each)
         odds = other.best.score - first.best.score
-        # A model that leaves something under either analyser says nothing of which one it was, nor one that needs all of the other's errors.
-        if odds > TAKEN and other.standing in ("explained", "slight") and other.model.fit.analyser_sigma <= SPECIFIED_SIGMA:
+        # One that needs more than the other's specification says nothing of which one it was.
+        if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= SPECIFIED_SIGMA:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
 

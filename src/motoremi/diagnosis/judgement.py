@@ -123,8 +123,9 @@ class Judgement:
         # The errors of an analyser that nobody named are known by their size alone: what is small beside them may be theirs. Not so what is
         # small beside the scatter of a sweep of few points only.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
-        slight = fit.measurement.analyser.name == DEFAULT_ANALYSER and fit.rms_error_percent <= SLIGHT_SHARE * analyser_percent
-        enough = slight or fit.within_specification or not self.leaves_something
+        slight = fit.rms_error_percent <= SLIGHT_SHARE * analyser_percent
+        allowed = slight if fit.measurement.analyser.name == DEFAULT_ANALYSER else fit.within_specification
+        enough = allowed or not self.leaves_something
         return enough and not self.model.unusual and not self.distributed
 
     @property
@@ -161,7 +162,7 @@ class Judgement:
     def of_singles(self) -> Judgement | None:
         """The judgement without larger sets, where one effect of the likeliest set describes nearly all by itself; None elsewhere."""
         singles = {key: one for key, one in self.found.items() if len(key) <= 1}
-        under = self._among(singles)
+        under = self.among(singles)
         left = under.model.fit.unexplained_percent["value"]
         nearly_all = under.stands and left <= NEARLY_ALL * self.base.unexplained_percent["value"]
         return under if nearly_all and not self.distributed and set(under.named) & set(self.best.added) else None
@@ -174,7 +175,7 @@ class Judgement:
         single = self.of_singles
         return single if single is not None and self.model.score - single.model.score <= CLEAR_GAIN else None
 
-    def _among(self, found: Mapping[Key, Candidate]) -> Judgement:
+    def among(self, found: Mapping[Key, Candidate]) -> Judgement:
         """The judgement if only these sets of effects had been tried."""
         return Judgement(self.base, found, believe(found))
 
@@ -203,7 +204,7 @@ class Judgement:
         enough = {key: one for key, one in self.found.items() if not key or (len(key) == 1 and accurate(one.fit))}
         if len(enough) == 1 or self.best.done:
             return None
-        single = self._among(enough)
+        single = self.among(enough)
         return single if single.named and single.stands else None
 
     def _as_close(self, effect: str) -> Mapping[str, Candidate]:
@@ -297,6 +298,10 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER) -> Judgement:
     """What the models that were found let one believe of a fit; `together` as in `belief.believe`."""
     judgement = _with_usual_values(Judgement(base, found, believe(found, together)), together)
+    needed = len(judgement.best.added)
+    if needed < len(judgement.belief.named):
+        # What the larger set has more only strains the analyser: the likeliest of those without it may be another.
+        judgement = judgement.among({key: one for key, one in judgement.found.items() if len(key) <= needed})
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
     if (enough := judgement.of_accurate) is not None:
