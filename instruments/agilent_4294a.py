@@ -63,6 +63,7 @@ class Agilent4294A(BridgeAnalyser):
     bias_on = switch("DCO", "Control whether the bias is across the motor.")
     bias_volt = number("DCV", "V", (-40.0, 40.0), "Control the voltage of the bias.")
     bias_range = choice("DCRNG", {"1 mA": "M1", "10 mA": "M10", "100 mA": "M100"}, "Control the largest current of the bias.")
+    # These two commands take a bare number, so that no unit is sent.
     load_ohm = number("DCOMLOADR", "", (1e-3, 1e6), "Control what resistance the load standard has, in ohm.")
     load_henry = number("DCOMLOADL", "", (-1e-3, 1e-3), "Control what inductance the load standard has, in henry.")
 

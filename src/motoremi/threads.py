@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 
 
 class _OneThread:
-    """Whoever comes first sets the limit, and whoever leaves last lifts it: it is the same for all threads of a process."""
+    """The limit holds for a whole process: the first thread that enters sets it, the last one that leaves restores what was there."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

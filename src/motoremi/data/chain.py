@@ -23,7 +23,7 @@ class Chain:
     ----------
     documents : tuple of dict
     problems : tuple of str
-        Where the chain is broken; reading stops at the first break.
+        Where the chain is broken: at most one, because reading stops there. Empty if it is whole.
     last_sha256 : str
         Of the last whole line.
     torn : bytes
