@@ -58,6 +58,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "bench",
         "emission",
         "diagnosis",
+        "investigation",
         "inspection",
         "fitting",
         "model",

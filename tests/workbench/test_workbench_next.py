@@ -140,9 +140,6 @@ def test_one_measurement_on_the_simulated_bench_then_the_rest(tmp_path):
     folder = tmp_path / "s"
     measured_once(folder, 5, ("bearing-film",))
     page = Page(folder)
-    page.post("/diagnose")
-    first = page.get("/next")["asked"]
-    assert page.get("/next")["benches"] == ["simulated"]
     page.post("/investigate", bench="simulated", one=True)
     assert "a run is going on" in page.post("/investigate", bench="simulated")["error"]
     page.client.post("/api/run/stop", json={})
@@ -153,7 +150,7 @@ def test_one_measurement_on_the_simulated_bench_then_the_rest(tmp_path):
     until(lambda: not page.workbench.place.run.active)
     assert page.workbench.place.run.state()["status"] == "done", page.workbench.place.run.state()["message"]
     told = page.get("/next")
-    assert [step["asked"] for step in told["steps"]] == [first["id"]]
+    assert (told["benches"], len(told["steps"])) == (["simulated"], 1)
     page.post("/investigate", bench="simulated")
     until(lambda: not page.workbench.place.run.active)
     told = page.get("/next")

@@ -9,6 +9,8 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.data.conditions import CONDITIONS, VALUES, parse_condition, parse_value
 from motoremi.data.session import Session
 from motoremi.errors import BadInput
+from motoremi.investigation.menu import MENU
+from motoremi.investigation.question import NOTHING_ASKED
 from motoremi.workbench.challenge_view import is_open_challenge
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.tray import Tray
@@ -41,14 +43,22 @@ def following(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -
     _refuse_sealed(session)
     refuse_unknown(without)
     stored = session.analysis("diagnosis")
-    if stored is None or "question" not in stored:
+    if stored is None:
         raise BadInput("there is no diagnosis yet: diagnose this session first (view Story)")
-    return readable(lambda: _shown(session, stored["question"], benches, without))
+    return readable(lambda: _shown(session, stored, benches, without))
 
 
-def _shown(session: Session, question: JsonDict, benches: Sequence[str], without: Sequence[str]) -> JsonDict:
-    asked = chosen(question, without)
+# Of a diagnosis by an earlier version, which asks nothing.
+_NO_QUESTION: JsonDict = {**NOTHING_ASKED, "schema": "", "stop": "", "why": "", "alternatives": [], "probabilities": {}}
+
+
+def _shown(session: Session, stored: JsonDict, benches: Sequence[str], without: Sequence[str]) -> JsonDict:
+    asked = chosen(stored.get("question", _NO_QUESTION), without)
+    advice = stored["next_measurement"]
+    actions = {option.name: option.action for option in MENU}
     return {
+        # What would confirm the diagnosis, where nothing is asked for.
+        "advice": {"id": str(advice["id"]), "action": actions.get(advice["id"], ""), "why": str(advice["why"])},
         "stop": asked["stop"],
         "end": ENDS.get(str(asked["stop"]), ""),
         "why": asked["why"],

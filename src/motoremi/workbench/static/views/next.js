@@ -38,7 +38,11 @@ export const next = {
 };
 
 function measure(data, one, page) {
-  if (!one) return card("Nothing more to measure", h("p", { class: "large", id: "next-id" }, data.end), h("p", { class: "sentence" }, data.why));
+  if (!one) {
+    return card("Nothing more is needed",
+      h("p", { class: "large", id: "next-id" }, data.end || data.advice.id), data.why && h("p", { class: "sentence" }, data.why),
+      data.advice.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${data.advice.action}.`), h("p", { class: "sentence" }, data.advice.why));
+  }
   const first = one === data.asked;
   return card("Measure next",
     h("p", { class: "large", id: "next-id" }, one.id),
