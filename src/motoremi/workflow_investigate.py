@@ -20,17 +20,17 @@ from motoremi.run.requested import MeasurementRequest
 from motoremi.workflow import Store
 
 SCHEMA = "motoremi.investigation/1"
-# Reasons to stop in addition to those of `motoremi next`: no time is left; no measurement is left that this operator can make.
-# The measurements that a run was allowed have been made.
+# Reasons to stop in addition to those of `motoremi next`: no time is left; no measurement is left that this operator can make; this run has
+# made as many as it was allowed.
 BUDGET, EXHAUSTED, PAUSED = "budget", "nothing-left", "paused"
 # Each reason in words.
 ENDS = {
     "one-stands": "one explanation is left",
     "inseparable": "no measurement of the menu can distinguish the explanations that are left",
     "nothing-missing": "nothing is missing that these data could show",
-    "budget": "the measurements that are left take longer than the time that is left",
-    "nothing-left": "no measurement is left that this bench can make",
-    "paused": "the measurements asked for have been made",
+    BUDGET: "the measurements that are left take longer than the time that is left",
+    EXHAUSTED: "no measurement is left that this bench can make",
+    PAUSED: "the measurements asked for have been made",
 }
 # Limits the loop if a bench always gives the same answer.
 MOST_STEPS = 60

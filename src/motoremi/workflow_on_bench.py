@@ -58,7 +58,7 @@ class Plan:
 
 
 class Person(Protocol):
-    """Who stands at a real bench; on a simulated one nobody is asked."""
+    """The operator of a real bench; on a simulated one nobody is asked."""
 
     def prompt(self, text: str) -> Answer | None:
         """Show an instruction; the answer."""

@@ -24,7 +24,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
     hidden = () if effect == "none" else (effect,)
     if not as_json:
         say("A simulated motor hides something; it is measured once, then the measurements that decide are chosen and made.\n")
-    measured_once(folder, seed, hidden, told=not as_json)
+    measured_once(folder, seed, hidden, show=not as_json)
     found = investigated(folder, BenchFile(backend="sim"), Plan(BUDGET_MINUTES, ODDS), quiet=as_json)
     if as_json:
         emit_json({**found.to_dict(), "session": str(folder), "hidden": list(hidden), "seed": seed})
@@ -33,7 +33,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
     say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {seed})\nsession: {folder}")
 
 
-def measured_once(folder: Path, seed: int, hidden: tuple[str, ...], *, told: bool = False) -> None:
+def measured_once(folder: Path, seed: int, hidden: tuple[str, ...], *, show: bool = False) -> None:
     """A session with one sweep of each termination of a simulated motor, whose bench is kept with it."""
     from motoremi.data.session import SessionWriter
     from motoremi.run.hidden_bench import keep_bench
@@ -47,7 +47,7 @@ def measured_once(folder: Path, seed: int, hidden: tuple[str, ...], *, told: boo
     try:
         writer = SessionWriter.create(folder, {**start_document(procedure, bench_file), "motor": f"simulated motor {seed}"})
         keep_bench(writer, seed, hidden)
-        if told:
+        if show:
             writer.subscribe(tell)
         run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
     finally:

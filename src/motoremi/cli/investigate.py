@@ -91,10 +91,10 @@ class _Terminal:
 
 def typed_value(order: MeasurementRequest) -> SingleValue:
     """Ask for a value until it can be read; `n` means that there is none."""
-    from motoremi.data.conditions import VALUES, parse_value
+    from motoremi.data.conditions import VALUES
     from motoremi.data.text import clean_text
     from motoremi.run.answer import TYPED, NotDone
-    from motoremi.run.requested import requested_value
+    from motoremi.run.requested import read_value
 
     setting = VALUES[order.id].setting
     sys.stderr.write(f"\n{clean_text(order.instruction)}\n")
@@ -110,7 +110,7 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
         if answer == "not done":
             raise NotDone(f"the operator has no value for {order.id}")
         try:
-            return requested_value(order, parse_value(text if "=" in text else f"{order.id}={text}"))
+            return read_value(order, text)
         except BadInput as error:
             sys.stderr.write(f"{error}\n")
 

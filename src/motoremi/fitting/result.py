@@ -170,7 +170,7 @@ class Fit:
 
     @cached_property
     def within_specification(self) -> bool:
-        """Whether the circuit alone, nothing absorbed, errs no more than noise and analyser: as a whole than usual, at the points than they may."""
+        """Whether the circuit alone, nothing absorbed, errs within the floor as a whole, and within the specification (rms) at the points."""
         errors = self.errors()
         pairs = zip(self.measurement.sweeps, self.measurement.floors, strict=True)
         ratios = [np.abs(errors[sweep.termination]) / floor for sweep, floor in pairs]

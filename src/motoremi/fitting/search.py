@@ -46,7 +46,7 @@ WARM = 1e-6
 MOST_SIZES = 5
 # Steps of a polish on the way; of one of a model that leaves more than a per cent, where only its evidence is asked for.
 STEPS, POOR_STEPS = 60, 20
-# Discrepancy with which a likelihood is searched: so small that nothing is passed over, so large that valleys are smooth.
+# Discrepancy with which a likelihood is searched. In trials 0.001 to 0.01 led to the same solutions.
 LITTLE_LEFT = 3e-3
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
@@ -323,8 +323,8 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         found = _frames_tried(task, best)
         evaluations += found.evaluations
         # Where these leave something as well, the circuit lacks something, and which of them errs least was decided before.
-        told = found.sizes.discrepancy < PLAIN and found.sizes.declared <= MOST_DECLARED
-        if told and found.log_evidence > best.log_evidence:
+        leaves_little = found.sizes.discrepancy < PLAIN and found.sizes.declared <= MOST_DECLARED
+        if leaves_little and found.log_evidence > best.log_evidence:
             best, searched = found, {name: found.values[name] for name in searched}
     return Found(dataclasses.replace(best, evaluations=evaluations), tuple(history), searched)
 

@@ -20,7 +20,7 @@ from motoremi.model.effects.seen import Seen
 from motoremi.model.way_to_frame import frames
 
 FRAME_POINTS = 80
-# Frames are tried at so many places of the last one and a half decades of the band: a start finds a resonance within a quarter of its frequency.
+# Frames are tried at so many places of the last one and a half decades of the band: neighbours are a factor of 1.6 apart.
 _PLACES, _DECADE_AND_HALF = 8, 30.0
 
 

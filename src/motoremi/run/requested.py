@@ -8,7 +8,7 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connect import Bench, driver_class
-from motoremi.data.conditions import Condition, SingleValue, parse_condition
+from motoremi.data.conditions import Condition, SingleValue, parse_condition, parse_value
 from motoremi.data.session import Session
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput, InstrumentError
@@ -220,6 +220,17 @@ class RequestedMeasurements:
         for step in steps:
             execution.where = f"a requested measurement ({step.do})"
             execution.measure(Planned(1, step))
+
+
+def read_value(request: MeasurementRequest, text: str) -> SingleValue:
+    """The requested value as the operator types it, with or without its name.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be read, or is another one.
+    """
+    return requested_value(request, parse_value(text if "=" in text else f"{request.id}={text}"))
 
 
 def requested_value(request: MeasurementRequest, value: SingleValue) -> SingleValue:

@@ -23,7 +23,7 @@ from motoremi.run.runner import make_bench, resumable, start_document, was_begun
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure, load_procedure, ready_procedures
 from motoremi.simulate.hidden_effects import DEMO_EFFECTS
-from motoremi.workbench.challenge_view import is_open_challenge
+from motoremi.workbench.challenge_view import refuse_sealed
 from motoremi.workbench.events import Events
 from motoremi.workbench.investigations import InvestigationRun, plan_of
 from motoremi.workbench.runs import ProcedureRun, Run
@@ -155,8 +155,7 @@ class Workplace:
         """Investigate a session on the bench; with `one`, make only the next measurement."""
         folder = self._shelf.desk(identifier).path
         session, plan = load(folder), plan_of(body)
-        if is_open_challenge(session):
-            raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+        refuse_sealed(session)
         bench_file = BenchFile(backend="sim") if body.get("bench") == SIMULATED else self._real()
         procedure, bench_file = prepared(session, self._bench_of(session, bench_file))
         return self._place(folder, lambda name: InvestigationRun(name, procedure, bench_file, plan, folder, self._events))

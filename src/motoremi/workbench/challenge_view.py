@@ -23,6 +23,12 @@ def is_open_challenge(session: Session) -> bool:
     return "sealed_sha256" in session.start and session.analysis(ANSWER) is None
 
 
+def refuse_sealed(session: Session) -> None:
+    """Refuse to diagnose a challenge that the user has not answered yet."""
+    if is_open_challenge(session):
+        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+
+
 def new_challenge(folder: Path, seed: int) -> Path:
     """Make a session with a sealed truth."""
     return make_challenge(folder, seed)

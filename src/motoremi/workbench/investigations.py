@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from motoremi.data.conditions import VALUES, SingleValue, parse_value
+from motoremi.data.conditions import VALUES, SingleValue
 from motoremi.data.session import reopen
 from motoremi.errors import BadInput
 from motoremi.quantities import parse_minutes
 from motoremi.run.answer import Answer, NotDone
-from motoremi.run.requested import MeasurementRequest, requested_value
+from motoremi.run.requested import MeasurementRequest, read_value
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure
 from motoremi.workbench.events import Events
@@ -86,7 +86,7 @@ class InvestigationRun(Run):
         """Pass on the value that the operator was asked for."""
         if self._order is None or not self._example:
             raise BadInput("no value is asked for")
-        self._value = requested_value(self._order, parse_value(text if "=" in text else f"{self._order.id}={text}"))
+        self._value = read_value(self._order, text)
         self.answer("done")
 
     def _measure(self) -> None:

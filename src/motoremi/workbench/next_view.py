@@ -9,9 +9,10 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.data.conditions import CONDITIONS, VALUES, parse_condition, parse_value
 from motoremi.data.session import Session
 from motoremi.errors import BadInput
+from motoremi.interrupts import Cancelled
 from motoremi.investigation.menu import MENU
 from motoremi.investigation.question import NOTHING_ASKED
-from motoremi.workbench.challenge_view import is_open_challenge
+from motoremi.workbench.challenge_view import refuse_sealed
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.tray import Tray
 from motoremi.workbench.views import readable
@@ -40,7 +41,7 @@ def following(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -
         If there is no diagnosis.
     """
     session = desk.session
-    _refuse_sealed(session)
+    refuse_sealed(session)
     refuse_unknown(without)
     stored = session.analysis("diagnosis")
     if stored is None:
@@ -88,7 +89,6 @@ def _one(entry: JsonDict) -> JsonDict:
         # The name that the answer carries, empty for more of the motor as it is, and the value that belongs to it.
         "answer": name,
         "example": "" if setting is None else setting.example,
-        "needed": setting is not None and setting.needed,
         "wished": "" if asks["value"] is None else f"{float(asks['value']):g}{asks['unit']}",
     }
 
@@ -113,7 +113,7 @@ def bring(desk: Desk, tray: Tray, body: JsonDict, progress: Progress) -> JsonDic
     body : dict
         `value`, such as `dc-resistance=21.3mohm`; or for files `condition`, such as `second-temperature=53degC`, empty for repeats.
     """
-    _refuse_sealed(desk.session)
+    refuse_sealed(desk.session)
     value, condition = _text(body, "value"), _text(body, "condition")
     if value:
         added = addition(desk.path, (), [parse_value(value)], None, ImportOptions())
@@ -123,7 +123,10 @@ def bring(desk: Desk, tray: Tray, body: JsonDict, progress: Progress) -> JsonDic
     if not value:
         tray.clear()
     before = ((desk.session.analysis("diagnosis") or {}).get("question") or {}).get("probabilities", {})
-    desk.work(lambda store: diagnose_session(store, progress=progress))
+    try:
+        desk.work(lambda store: diagnose_session(store, progress=progress))
+    except Cancelled:
+        return {"notes": [*added.caveats, "The diagnosis was cancelled; what was added is kept."]}
     _keep_what_it_taught(desk, before)
     return {"notes": list(added.caveats)}
 
@@ -135,11 +138,6 @@ def _keep_what_it_taught(desk: Desk, before: Mapping[str, float]) -> None:
     if asked and asked["steps"] and after:
         last = {**asked["steps"][-1], "probabilities": after, "taught_bits": taught_bits(before, after)}
         desk.save("investigation", {**asked, "steps": [*asked["steps"][:-1], last]})
-
-
-def _refuse_sealed(session: Session) -> None:
-    if is_open_challenge(session):
-        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
 
 
 def _text(body: JsonDict, key: str) -> str:

@@ -273,8 +273,7 @@ def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> Jso
 
 
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:
-    if challenge_view.is_open_challenge(desk.session):
-        raise BadInput("this motor is sealed: give your own answer first (view Challenge)")
+    challenge_view.refuse_sealed(desk.session)
     _ladder(desk, body).diagnose(progress, _standing(body))
 
 

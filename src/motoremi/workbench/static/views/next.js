@@ -41,7 +41,8 @@ function measure(data, one, page) {
   if (!one) {
     return card("Nothing more is needed",
       h("p", { class: "large", id: "next-id" }, data.end || data.advice.id), data.why && h("p", { class: "sentence" }, data.why),
-      data.advice.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${data.advice.action}.`), h("p", { class: "sentence" }, data.advice.why));
+      data.advice.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${data.advice.action}.`), h("p", { class: "sentence" }, data.advice.why),
+      everything(data, page));
   }
   const first = one === data.asked;
   return card("Measure next",
@@ -51,9 +52,16 @@ function measure(data, one, page) {
     h("p", {}, term("next measurement", "How it was found")),
     h("div", { class: "row" },
       button("Not possible here", () => leaveOut(one.id, page), { id: "not-possible" }),
-      !first && data.asked && button(`Back to ${data.asked.id}`, () => pick(null, page)),
-      data.without.length > 0 && button("Ask for everything again", () => { impossible.delete(page.session); return pick(null, page); }, { id: "all-possible" })),
-    data.without.length > 0 && h("p", { class: "note" }, `Not possible here: ${data.without.join(", ")}.`));
+      !first && data.asked && button(`Back to ${data.asked.id}`, () => pick(null, page))),
+    everything(data, page));
+}
+
+// What was left out, and the way back.
+function everything(data, page) {
+  if (!data.without.length) return "";
+  return h("div", {},
+    h("p", { class: "note" }, `Not possible here: ${data.without.join(", ")}.`),
+    button("Ask for everything again", () => { impossible.delete(page.session); return pick(null, page); }, { id: "all-possible" }));
 }
 
 const expected = (one) => `It is expected to teach ${bits(one.information_bits)} bits in ${show(one.minutes, "", 3)} minutes.`;
