@@ -676,7 +676,7 @@ def test_the_noise_of_the_same_sweeps_is_estimated_once(monkeypatch):
     rng = np.random.default_rng(3)
     impedance_ohm = 50 * (1 + 1e-3 * rng.standard_normal((3, 41)))
     asked = []
-    monkeypatch.setattr(noise_module, "estimated", lambda sweep, own=noise_module.estimated: asked.append(sweep) or own(sweep))
+    monkeypatch.setattr(noise_module, "estimated", lambda *given, own=noise_module.estimated: asked.append(given) or own(*given))
 
     def sigma(factor: float) -> np.ndarray:
         return estimate_noise(RepeatedSweep("short", np.geomspace(1e5, 3e7, 41), impedance_ohm * factor + 0j, None)).sigma

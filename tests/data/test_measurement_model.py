@@ -55,7 +55,12 @@ def two_sweeps(points: tuple[int, int], quietest: float = 1e-4, wander: float = 
     grids = (np.geomspace(100e3, 20e6, 2 * points[0]), np.linspace(300e3, 50e6, points[1]))
     for termination, frequency, chosen in zip(("short", "open"), grids, (slice(0, None, 2), slice(None)), strict=True):
         place = np.log10(frequency / 1e6)
-        noise = Noise(quietest * (2 + np.sin(5 * place)), "repeats", wander, 3e-4 * (1 + 1j * place) if termination == "short" else None)
+        noise = Noise(
+            quietest * (2 + np.sin(5 * place)),
+            "repeats",
+            np.full(frequency.size, wander),
+            3e-4 * (1 + 1j * place) if termination == "short" else None,
+        )
         parts.append(Part(frequency, impedance(DAMPED, termination, frequency), noise, np.arange(frequency.size)[chosen]))
     return parts
 
@@ -142,7 +147,7 @@ def test_white_repeats_give_back_their_size_and_nothing_else(count):
     assert np.std(sizes) < 2 * scatter
     assert abs(np.mean(sizes) - 1) < 4 * scatter / np.sqrt(SEEDS) + 0.02
     # What is correlated passes once in twenty by chance, and is small then.
-    by_chance = np.array([noise.correlated for noise in found]) * np.sqrt(count) / 3e-4
+    by_chance = np.array([noise.correlated_sigma.max() for noise in found]) * np.sqrt(count) / 3e-4
     assert np.count_nonzero(by_chance) <= 4
     assert np.max(by_chance) < 0.3
     assert not any(noise.outliers is not None for noise in found)
@@ -153,7 +158,7 @@ def test_white_repeats_give_back_their_size_and_nothing_else(count):
 def test_correlated_repeats_give_back_their_size(ratio):
     white = 2e-4
     found = [noise_of(repeats_of(seed, 3, white, ratio * white)) for seed in range(SEEDS)]
-    correlated = np.array([noise.correlated for noise in found]) * np.sqrt(3) / (ratio * white)
+    correlated = np.array([noise.correlated_sigma.max() for noise in found]) * np.sqrt(3) / (ratio * white)
     # The longest of the four processes has one or two independent values in two decades: each draw scatters by a third or so.
     assert np.all((correlated > 0.4) & (correlated < 2.0))
     assert np.exp(np.mean(np.log(correlated))) == pytest.approx(1, abs=0.12)
@@ -176,7 +181,7 @@ def test_a_drift_gives_back_its_size(count):
         np.testing.assert_allclose(noise.drift, step * count / 2, atol=5 * white)
         assert np.sqrt(np.mean(np.abs(noise.drift - step * count / 2) ** 2)) < white * count / 2
         # What drifts is not counted a second time.
-        assert noise.correlated < white
+        assert noise.correlated_sigma.max() < white
         assert np.median(noise.sigma) * np.sqrt(count) == pytest.approx(white, rel=0.2)
         assert np.median(noise.variance) > 0.5 * np.median(np.abs(noise.drift) ** 2)
 

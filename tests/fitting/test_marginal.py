@@ -66,7 +66,12 @@ class LinearProblem:
 
 def columns_of(analyser: str, sigma: float = 3e-4) -> Columns:
     parts = [
-        Part(GRID_HZ, impedance(DAMPED, t, GRID_HZ), Noise(np.full(GRID_HZ.size, sigma), "repeats", sigma), np.arange(GRID_HZ.size))
+        Part(
+            GRID_HZ,
+            impedance(DAMPED, t, GRID_HZ),
+            Noise(np.full(GRID_HZ.size, sigma), "repeats", np.full(GRID_HZ.size, sigma)),
+            np.arange(GRID_HZ.size),
+        )
         for t in ("short", "open")
     ]
     return Columns.of(parts, find_analyser(analyser))

@@ -109,11 +109,10 @@ class Analyser:
     def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
         """Standard deviations of the relative errors that are smooth along frequency, shape (m, n): each row scales one smooth process.
 
-        With dG = a + b G + c G^2 in the reflection coefficient G, dZ/Z = 2 dG / (1 - G^2).
+        In the reflection coefficient G they are dG = a + b G + c G^2.
         """
         rows = [self.gain_sigma(frequency_hz).astype(np.complex128)] if not self.by_reflection else []
-        reflection = reflection_of(impedance_ohm)
-        factor = 2 / (1 - reflection**2)
+        reflection, factor = reflection_of(impedance_ohm), relative_to_reflection(impedance_ohm)
         rows += [sigma * factor * reflection**power for power, sigma in enumerate(self.reflection_sigma)]
         return np.array(rows)
 
@@ -323,3 +322,8 @@ def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: Com
 def reflection_of(impedance_ohm: ComplexArray) -> ComplexArray:
     """Reflection coefficient against 50 ohm."""
     return (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
+
+
+def relative_to_reflection(impedance_ohm: ComplexArray) -> ComplexArray:
+    """Relative change of an impedance for one of its reflection coefficient G: dZ/Z = 2 dG / (1 - G^2)."""
+    return 2 / (1 - reflection_of(impedance_ohm) ** 2)

@@ -71,7 +71,7 @@ def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tup
         Noise(
             1 / np.sqrt(total),
             noise.source,
-            noise.correlated,
+            None if noise.correlated is None else mean(noise.correlated),
             None if noise.drift is None else mean(noise.drift),
             None if outliers is None else _all_of(bins, outliers),
             None if noise.within is None else mean(noise.within),

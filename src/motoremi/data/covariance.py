@@ -95,10 +95,10 @@ class Columns:
             frequency = part.frequency_hz[part.chosen]
             smooth_ohm = smoothed(part.impedance_ohm)
             slopes = slope(part.frequency_hz, part.impedance_ohm, float(np.median(part.noise.sigma)))[part.chosen]
-            correlated = part.noise.correlated * smooth_basis(frequency, CORRELATED) if part.noise.correlated else np.zeros((frequency.size, 0))
+            correlated = [] if part.noise.correlated is None else [part.noise.correlated[part.chosen, None] * smooth_basis(frequency, CORRELATED)]
             drift = [] if part.noise.drift is None else [part.noise.drift[part.chosen, None] / np.sqrt(2)]
             drift += [] if part.noise.within is None else [part.noise.within[part.chosen, None]]
-            known.append(np.concatenate([correlated, *drift], axis=1))
+            known.append(np.concatenate([np.zeros((frequency.size, 0)), *correlated, *drift], axis=1))
             discrepancy.append(np.concatenate([smooth_basis(frequency, VALUE), slopes[:, None] * smooth_basis(frequency, PLACE)], axis=1))
             places.append((frequency, smooth_ohm[part.chosen]))
         frequency, smooth_ohm = (np.concatenate(values) for values in zip(*places, strict=True))

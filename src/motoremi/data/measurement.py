@@ -86,10 +86,10 @@ class Measurement:
         chosen = find_analyser(str(named))
         return cls(
             groups,
-            tuple(estimate_noise(group) for group in groups),
+            tuple(estimate_noise(group, chosen.by_reflection) for group in groups),
             chosen.with_compensated_fixture() if compensated else chosen,
             max(stated) if stated else None,
-            _by_condition([sweep for sweep in given if sweep.condition is not None]),
+            _by_condition([sweep for sweep in given if sweep.condition is not None], chosen.by_reflection),
             tuple(values),
         )
 
@@ -143,8 +143,15 @@ class Measurement:
         return dataclasses.replace(self, sweeps=tuple(sweep for sweep, _ in pairs), noise=tuple(noise for _, noise in pairs))
 
     def with_analyser(self, analyser: Analyser) -> Measurement:
-        """The same sweeps with the error model of another analyser."""
-        return dataclasses.replace(self, analyser=analyser)
+        """The same sweeps with the error model of another analyser, and their noise as that one has it; points without weight stay so."""
+        if analyser.by_reflection == self.analyser.by_reflection:
+            return dataclasses.replace(self, analyser=analyser)
+        noise = [
+            _without(estimate_noise(sweep, analyser.by_reflection), before.sigma == NO_WEIGHT)
+            for sweep, before in zip(self.sweeps, self.noise, strict=True)
+        ]
+        conditioned = [dataclasses.replace(one, noise=estimate_noise(one.sweep, analyser.by_reflection)) for one in self.conditioned]
+        return dataclasses.replace(self, analyser=analyser, noise=tuple(noise), conditioned=tuple(conditioned))
 
     def with_outliers(self, outliers: Mapping[str, BoolArray]) -> Measurement:
         """The same sweeps with points, by termination, that have no weight."""
@@ -188,17 +195,19 @@ def _arrived(token: str, *own: Any) -> Measurement:
     return measurement
 
 
-def _by_condition(sweeps: list[ImpedanceSweep]) -> tuple[Conditioned, ...]:
+def _by_condition(sweeps: list[ImpedanceSweep], by_reflection: bool) -> tuple[Conditioned, ...]:
     found = []
     for condition in dict.fromkeys(sweep.condition for sweep in sweeps):
         try:
             groups = group_repeats(sweep for sweep in sweeps if sweep.condition == condition)
         except BadInput as error:
             raise BadInput(f"{condition}: {error}") from error
-        found += [Conditioned(condition, group, estimate_noise(group)) for group in groups if condition is not None]
+        found += [Conditioned(condition, group, estimate_noise(group, by_reflection)) for group in groups if condition is not None]
     return tuple(found)
 
 
 def _without(noise: Noise, points: BoolArray) -> Noise:
+    if not points.any():
+        return noise
     known = points if noise.outliers is None else points | noise.outliers
     return dataclasses.replace(noise, sigma=np.where(points, NO_WEIGHT, noise.sigma), outliers=known)

@@ -1,9 +1,11 @@
 """Random noise of a sweep, estimated from its repeats or, if there are none, from its own scatter.
 
-White noise has three parts, as in a bridge: a relative part, an additive part in impedance (visible at low |Z|) and an additive part in
-admittance (visible at high |Z|), times a slow function of frequency. In addition there are noise that is correlated along frequency, drift
-from repeat to repeat, and outliers: single points that differ from their repeats or from their neighbours (a broadcast station, a bad
-contact). Outliers are given a low weight instead of being deleted.
+White noise follows the law of the analyser, times a slow function of frequency. A bridge has a relative part, an additive part in impedance
+(visible at low |Z|) and an additive part in admittance (visible at high |Z|). A network analyser measures the reflection coefficient, with a
+part that does not depend on it and one that is proportional to it: relative to Z both grow without limit far from the reference
+resistance, however sharp a resonance is. In addition there are noise that is correlated along frequency, drift from repeat to repeat, and
+outliers: single points that differ from their repeats or from their neighbours (a broadcast station, a bad contact). Outliers are given a
+low weight instead of being deleted.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.optimize import nnls
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.data.analyser import reflection_of, relative_to_reflection
+from motoremi.data.kernels import smoothed
 from motoremi.data.repeats import contrasts, correlated_part, drift_of
 from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
@@ -46,8 +50,8 @@ class Noise:
         Standard deviation of the white noise of the real and of the imaginary part of ln Z each.
     source : {"repeats", "stated", "scatter"}
         What it was estimated from.
-    correlated : float
-        Standard deviation of the part that is correlated along frequency.
+    correlated : ndarray, shape (n,), or None
+        Real or complex; one standard deviation, of the real and of the imaginary part each, of the part that is correlated along frequency.
     drift : ndarray, shape (n,), or None
         Complex; one standard deviation of the error of the mean because the motor changed during the repeats.
     within : ndarray, shape (n,), or None
@@ -59,7 +63,7 @@ class Noise:
 
     sigma: FloatArray
     source: NoiseSource
-    correlated: float = 0.0
+    correlated: FloatArray | ComplexArray | None = None
     drift: ComplexArray | None = None
     outliers: BoolArray | None = None
     within: ComplexArray | None = None
@@ -74,7 +78,12 @@ class Noise:
         """Variance of all parts together, of the real and of the imaginary part each, shape (n,)."""
         drift = 0.0 if self.drift is None else 0.5 * np.abs(self.drift) ** 2
         within = 0.0 if self.within is None else np.abs(self.within) ** 2
-        return self.sigma**2 + self.correlated**2 + drift + within
+        return self.sigma**2 + self.correlated_sigma**2 + drift + within
+
+    @property
+    def correlated_sigma(self) -> FloatArray:
+        """Standard deviation of the correlated part at each point, shape (n,)."""
+        return np.zeros(self.sigma.size) if self.correlated is None else np.abs(self.correlated)
 
 
 @dataclass(frozen=True)
@@ -82,47 +91,81 @@ class _ByContent:
     """A sweep as a cache key: equal to another with the same bytes."""
 
     digest: bytes
+    by_reflection: bool
     sweep: RepeatedSweep = field(compare=False)
 
 
-def estimate_noise(sweep: RepeatedSweep) -> Noise:
-    """Noise of the mean of a repeated sweep."""
+def estimate_noise(sweep: RepeatedSweep, by_reflection: bool = False) -> Noise:
+    """Noise of the mean of a repeated sweep, as a bridge has it or, `by_reflection`, a network analyser."""
     checkpoint()
     arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(() if sweep.sigma_relative is None else (sweep.sigma_relative,)))
     parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
-    return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), sweep))
+    return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), by_reflection, sweep))
 
 
 # The workbench estimates the noise of the same sweeps to fit, show and diagnose them; with ten thousand points that takes a second or more.
 @lru_cache(maxsize=8)
 def _noise_of(key: _ByContent) -> Noise:
     sweep = key.sweep
-    noise = estimated(sweep)
-    off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated))
+    noise = estimated(sweep, _reflection_domain(sweep.mean_ohm) if key.by_reflection else _relative_domain(sweep.mean_ohm))
+    off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated_sigma))
     if not off.any():
         return noise
     outliers = off > 0 if noise.outliers is None else (off > 0) | noise.outliers
     return dataclasses.replace(noise, sigma=np.maximum(noise.sigma, off), outliers=outliers)
 
 
-def estimated(sweep: RepeatedSweep) -> Noise:
+@dataclass(frozen=True, eq=False)
+class _Domain:
+    """What an analyser's noise is simple in.
+
+    Parameters
+    ----------
+    response : ndarray, shape (n,)
+        Complex; the mean of the repeats in it.
+    to_relative : ndarray, shape (n,)
+        Real or complex; change relative to Z for one of the response.
+    law : ndarray, shape (n, m)
+        Parts of the variance of the white noise of the response, each of unknown size.
+    """
+
+    response: ComplexArray
+    to_relative: FloatArray | ComplexArray
+    law: FloatArray
+
+
+def _relative_domain(mean_ohm: ComplexArray) -> _Domain:
+    """Noise relative to Z: r^2 + (z/|Z|)^2 + (y |Z|)^2."""
+    magnitude = np.abs(mean_ohm)
+    response = np.log(magnitude) + 1j * np.unwrap(np.angle(mean_ohm))
+    law = np.column_stack([np.ones_like(magnitude), 1 / magnitude**2, magnitude**2])
+    return _Domain(response, np.ones(magnitude.size), law)
+
+
+def _reflection_domain(mean_ohm: ComplexArray) -> _Domain:
+    """Noise of the reflection coefficient G: a^2 + (b |G|)^2."""
+    reflection = reflection_of(mean_ohm)
+    return _Domain(reflection, relative_to_reflection(smoothed(mean_ohm)), np.column_stack([np.ones(reflection.size), np.abs(reflection) ** 2]))
+
+
+def estimated(sweep: RepeatedSweep, domain: _Domain) -> Noise:
     """Noise from the repeats, as stated by the user, or from the scatter."""
     if sweep.repeats > 1:
-        return _from_repeats(sweep)
+        return _from_repeats(sweep, domain)
     if sweep.sigma_relative is not None:
         return Noise(np.maximum(sweep.sigma_relative, SMALLEST_SIGMA), "stated")
-    sigma = _from_scatter(sweep.frequency_hz, sweep.impedance_ohm[0])
-    return Noise(sigma, "scatter", correlated=UNSEEN_BY_SCATTER * float(np.median(sigma)))
+    sigma = _from_scatter(sweep.frequency_hz, domain.response)
+    return Noise(sigma * np.abs(domain.to_relative), "scatter", UNSEEN_BY_SCATTER * float(np.median(sigma)) * domain.to_relative)
 
 
-def _from_repeats(sweep: RepeatedSweep) -> Noise:
-    """White noise from sample variances, fitted by the law of a bridge times a slow correction; then correlated noise and drift."""
-    free = contrasts(sweep.impedance_ohm / sweep.mean_ohm - 1)
+def _from_repeats(sweep: RepeatedSweep, domain: _Domain) -> Noise:
+    """White noise from sample variances, fitted by the analyser's law times a slow correction; then correlated noise and drift."""
+    deviations = (sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative
+    free = contrasts(deviations)
     variance = np.mean(np.abs(free) ** 2, axis=0) / 2
-    magnitude = np.abs(sweep.mean_ohm)
-    outliers = _outliers(variance, magnitude)
+    outliers = _outliers(variance, domain.law)
     quiet = np.where(outliers, _median_of_neighbours(variance), variance)
-    sigma = _white(quiet, magnitude)
+    sigma = _white(quiet, domain.law)
     inside = ~outliers
     correlated, factor = correlated_part(sweep.frequency_hz[inside], sigma[inside], free[:, inside])
     sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
@@ -130,18 +173,19 @@ def _from_repeats(sweep: RepeatedSweep) -> Noise:
     if drift is not None and correlated > 0:
         # Correlated noise was estimated with the drift in it; it is estimated again without.
         order = np.arange(sweep.repeats) - (sweep.repeats - 1) / 2
-        steady = contrasts(sweep.impedance_ohm / sweep.mean_ohm - 1 - order[:, None] * drift)
+        steady = contrasts(deviations - order[:, None] * drift)
         correlated, factor = correlated_part(sweep.frequency_hz[inside], sigma[inside], steady[:, inside])
         sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
     sigma = np.where(outliers, np.sqrt(np.maximum(variance, sigma**2)) * np.sqrt(OUTLIER), sigma)
+    drifting = None if drift is None else drift * domain.to_relative
     return Noise(
-        sigma / np.sqrt(sweep.repeats),
+        sigma * np.abs(domain.to_relative) / np.sqrt(sweep.repeats),
         "repeats",
-        correlated / float(np.sqrt(sweep.repeats)),
-        None if drift is None else drift * sweep.repeats / 2,
+        correlated / np.sqrt(sweep.repeats) * domain.to_relative if correlated else None,
+        None if drifting is None else drifting * sweep.repeats / 2,
         outliers if outliers.any() else None,
         # Points are measured one after the other: the ends of a sweep are half a repeat before and after its middle.
-        None if drift is None else drift * np.linspace(-0.5, 0.5, drift.size),
+        None if drifting is None else drifting * np.linspace(-0.5, 0.5, drifting.size),
     )
 
 
@@ -160,46 +204,44 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
     return np.interp(place, place[inside], found)
 
 
-def _outliers(variance: FloatArray, magnitude: FloatArray) -> BoolArray:
-    """Points whose repeats differ far more than those of their neighbours and than the bridge's law allows at their |Z|."""
+def _outliers(variance: FloatArray, law: FloatArray) -> BoolArray:
+    """Points whose repeats differ far more than those of their neighbours and than the analyser's law allows."""
     beside = _median_of_neighbours(variance)
-    law = _bridge_law(np.minimum(variance, OUTLIER * beside), magnitude)
+    allowed = _by_law(np.minimum(variance, OUTLIER * beside), law)
     limit = OUTLIER**2
-    return (variance > limit * beside) & (variance > limit * law)
+    return (variance > limit * beside) & (variance > limit * allowed)
 
 
 def _median_of_neighbours(variance: FloatArray) -> FloatArray:
     return np.maximum(median_filter(variance, size=min(NEIGHBOURS, variance.size), mode="nearest"), SMALLEST_SIGMA**2)
 
 
-def _white(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
+def _white(variance: FloatArray, law: FloatArray) -> FloatArray:
     """Standard deviation of one repeat from sample variances."""
-    law = _bridge_law(variance, magnitude)
+    expected = _by_law(variance, law)
     # The slow correction averages over so many points that its own scatter stays near 10 %.
     width = min(len(variance), max(25, len(variance) // 6))
-    correction = uniform_filter1d(variance / law, width, mode="reflect")
-    return np.maximum(np.sqrt(law * np.clip(correction, 0.25, 4.0)), SMALLEST_SIGMA)
+    correction = uniform_filter1d(variance / expected, width, mode="reflect")
+    return np.maximum(np.sqrt(expected * np.clip(correction, 0.25, 4.0)), SMALLEST_SIGMA)
 
 
-def _bridge_law(variance: FloatArray, magnitude: FloatArray) -> FloatArray:
-    """r^2 + (z/|Z|)^2 + (y |Z|)^2 fitted to sample variances, the scatter of which is proportional to their size."""
-    columns = np.column_stack([np.ones_like(magnitude), 1 / magnitude**2, magnitude**2])
-    law = np.full_like(variance, max(float(np.mean(variance)), SMALLEST_SIGMA**2))
+def _by_law(variance: FloatArray, law: FloatArray) -> FloatArray:
+    """The parts of a law, shape (n, m), fitted to sample variances, whose scatter is proportional to their size."""
+    fitted = np.full_like(variance, max(float(np.mean(variance)), SMALLEST_SIGMA**2))
     for _ in range(8):
-        scaled = columns / law[:, None]
+        scaled = law / fitted[:, None]
         norms = np.linalg.norm(scaled, axis=0)
-        coefficients = nnls(scaled / norms, variance / law)[0] / norms
-        law = np.maximum(columns @ coefficients, SMALLEST_SIGMA**2)
-    return law
+        coefficients = nnls(scaled / norms, variance / fitted)[0] / norms
+        fitted = np.maximum(law @ coefficients, SMALLEST_SIGMA**2)
+    return fitted
 
 
-def _from_scatter(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> FloatArray:
+def _from_scatter(frequency_hz: FloatArray, response: ComplexArray) -> FloatArray:
     """Scatter about a local cubic through the neighbours; an upper bound if the points of the sweep are far apart.
 
     Medians prevent sharp resonances, which a cubic cannot follow, from being counted as noise.
     """
     logarithm = np.log(frequency_hz)
-    response = np.log(np.abs(impedance_ohm)) + 1j * np.unwrap(np.angle(impedance_ohm))
     half = 3
     start = np.clip(np.arange(response.size) - half, 0, response.size - 2 * half - 1)
     windows = start[:, None] + np.arange(2 * half + 1)

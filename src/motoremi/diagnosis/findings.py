@@ -73,14 +73,15 @@ def of_the_noise(fit: Fit) -> list[Finding]:
                     _span(frequency),
                 )
             )
-        if noise.correlated > 0 and noise.source == "repeats":
+        if noise.correlated is not None and noise.source == "repeats":
+            alike = float(np.median(noise.correlated_sigma))
             found.append(
                 Finding(
                     "correlated-noise",
-                    f"repeats of the {name} sweep differ in the same way over neighbouring frequencies, by {100 * noise.correlated:.2g} %: "
+                    f"repeats of the {name} sweep differ in the same way over neighbouring frequencies, by {100 * alike:.2g} %: "
                     "averaging more points does not help",
                     "look for loose contacts and moving cables, and repeat",
-                    noise.correlated > COULD_PASS * white,
+                    alike > COULD_PASS * white,
                     name,
                     _span(frequency),
                 )

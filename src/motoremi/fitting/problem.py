@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of
+from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of, relative_to_reflection
 from motoremi.data.covariance import LEAST_SHARE, Sizes, Whitening, orthonormal
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
@@ -263,8 +263,8 @@ class Problem:
 
     @cached_property
     def _to_relative(self) -> ComplexArray:
-        """2 / (1 - G^2): relative change of Z for one of the reflection coefficient."""
-        return 2 / (1 - reflection_of(self.observed.smooth) ** 2)
+        """Relative change of Z for one of the reflection coefficient, shape (n,)."""
+        return relative_to_reflection(self.observed.smooth)
 
     @cached_property
     def _directions(self) -> ComplexArray:
