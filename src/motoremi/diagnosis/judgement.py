@@ -28,6 +28,9 @@ GLANCE = Budget(swaps=(0,))
 # a part of the motor of their size.
 HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
+# Enough for an effect that leaves nothing, with values that motors have. The best effect that no motor hid gained at most 6 in 45 sets of sweeps
+# of healthy motors outside the protocol (seed 881177), and another one's for the drift of a motor's capacitance 21.
+ENOUGH_GAIN = 25.0
 # Of what was left, so much or less after a single effect: a rest of a different order, whatever a second one makes of it. Cables and cores whose
 # physics is known leave 4 to 12 % in the sweeps of them that we have.
 NEARLY_ALL = 0.125
@@ -93,7 +96,8 @@ class Judgement:
         seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
         # Where little is left beside what the analyser may err by, half of it may be the fine structure of the analyser's errors.
         halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
-        return seen and (self.gain > CLEAR_GAIN or halved)
+        enough = self.gain > ENOUGH_GAIN and self.best.done and self.best.plausible and not self.best.unusual
+        return seen and (self.gain > CLEAR_GAIN or enough or halved)
 
     @cached_property
     def model(self) -> Candidate:

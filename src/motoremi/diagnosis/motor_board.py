@@ -47,7 +47,9 @@ class MotorBoard:
         place = seen_in(under, effect)
         names = [name for name in possible_effects(under) if seen_in(under, name) == place]
         near = _near(model.fit, under)
-        trails = {(*under.effects, name): trail_to(under, name, near=None if name == effect else near) for name in names}
+        trails = {
+            (*under.effects, name): trail_to(under, name) if name == effect else trail_to(under, name, near=near, rival=model.fit) for name in names
+        }
         alike = [key for key in trails if key[-1] == effect or _alike(key[-1], effect)]
         return self._raced(under, trails, LOOK_NEAR, kept=alike)
 

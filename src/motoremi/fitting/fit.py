@@ -202,6 +202,7 @@ def trail_to(
     held: Mapping[str, float] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     near: Mapping[str, float] | None = None,
+    rival: Fit | None = None,
 ) -> Trail:
     """Where to look for a fit with one more effect.
 
@@ -209,6 +210,8 @@ def trail_to(
     ----------
     near : mapping, optional
         Values of a solution with a rival in its place, in SI units: from there above all.
+    rival : Fit, optional
+        That solution. An equivalent circuit may need quite other values; they are read from its impedance, which has no noise.
     """
     added = find_effect(effect)
     label = added.label_in(before.motor)
@@ -224,7 +227,8 @@ def trail_to(
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
     if added.effect.reader is not None:
-        tried += [dict(start) for start in added.effect.reader(_seen_by(before, added.place))]
+        seen_now = [_seen_by(before, added.place), *(() if rival is None else (_seen_in(rival, added.place),))]
+        tried += [dict(start) for seen_one in seen_now for start in added.effect.reader(seen_one)]
     if near:
         bases = [{**own, **near}, own]
     else:
@@ -307,6 +311,20 @@ def _seen_by(fit: Fit, place: str = "") -> Seen:
     sweeps = seen(fit.measurement.coarse)
     model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
     return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters, place=place)
+
+
+@lru_cache(maxsize=4)
+def _seen_in(fit: Fit, place: str) -> Seen:
+    """A fit's own impedance in the place of the sweeps."""
+    terminations = fit.measurement.terminations
+    if "short" not in terminations:
+        return Seen(parameters=fit.parameters, place=place)
+    points = {sweep.termination: sweep.frequency_hz for sweep in fit.measurement.coarse.sweeps}
+    own = Seen(points["short"], fit.model_ohm("short", points["short"]), parameters=fit.parameters, place=place)
+    if "open" not in terminations:
+        return own
+    at = points["open"]
+    return dataclasses.replace(own, frame_hz=at, open_ohm=fit.model_ohm("open", at), through_ohm=fit.model_ohm("short", at))
 
 
 @one_blas_thread

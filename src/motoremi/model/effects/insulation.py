@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Parallel
+from motoremi.model.effects import rational_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.winding import scale
 from motoremi.model.motor import Motor
@@ -56,6 +57,7 @@ EFFECTS = (
         source="Cole and Cole, J. Chem. Phys. 9 (1941) 341",
         change=scale("", materials.relaxation_factor),
         starts=tuple({"strength": d, "corner_hz": f, "exponent": 0.95} for d in (0.02, 0.15) for f in (2e5, 1e6, 4e6, 1.2e7)),
+        reader=rational_starts.relaxing_rotor,
         places=PLACES,
         repeatable=True,
         responds={"second-temperature": {"corner_hz": 3.0}},
@@ -84,6 +86,7 @@ EFFECTS = (
         source="IEEE Std 43 (insulation resistance of rotating machinery)",
         change=_leakage,
         starts=({"resistance_ohm": 2e5}, {"resistance_ohm": 2e4}, {"resistance_ohm": 1e3}),
+        reader=rational_starts.leak,
         places=PLACES,
         responds={"second-temperature": {"resistance_ohm": 0.15}, "dried": {"resistance_ohm": 10.0}},
         seen_as=("capacitance-leakage",),

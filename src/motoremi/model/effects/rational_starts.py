@@ -6,7 +6,7 @@ continued fraction of a rational fit. A grid of start values would have to hit a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -74,6 +74,18 @@ def relaxing_core(seen: Seen) -> list[dict[Any, float]]:
 def film(seen: Seen) -> list[dict[Any, float]]:
     """A film in series with Rr."""
     return _from(seen.frame, _film)
+
+
+def leak(seen: Seen) -> list[dict[Any, float]]:
+    """A leak beside Cr, which is the film without a Cr of its own, or beside Cf."""
+    if seen.place == "Cr":
+        return [_leak(start) for start in film(seen)]
+    return _from(seen.leaking_frame, _leak_to_frame) if seen.place == "Cf" else []
+
+
+def relaxing_rotor(seen: Seen) -> list[dict[Any, float]]:
+    """A relaxation of Cr with one time constant, which the film and Cr together are."""
+    return [_relaxation(start) for start in film(seen)] if seen.place == "Cr" else []
 
 
 def _second_cell(short: Rational) -> dict[Any, float]:
@@ -149,9 +161,11 @@ def _film(frame: Rational) -> dict[Any, float]:
     series, rest = np.polydiv(numerator, [a2, a1, 0.0])
     both, corner = _last(rest, 2)[0] / a2, a1 / a2
     through_cr = numerator[-1] / a1
-    if not (corner > frame.lowest and 0 < through_cr < both):
+    if not (corner > frame.lowest and through_cr < both):
         # The film's time constant is too long for this band, in which both capacitances appear in series.
         corner, through_cr = frame.lowest, both / 2
+    # Beside a leak Cr has no limit.
+    through_cr = max(through_cr, LEAST_SHARE * both)
     film = both - through_cr
     resistance = film / corner
     return {
@@ -161,6 +175,43 @@ def _film(frame: Rational) -> dict[Any, float]:
         Set("Cr"): float(1 / (through_cr * frame.middle)),
         "resistance_ohm": float(resistance),
         "capacitance_f": float(1 / (film * frame.middle)),
+    }
+
+
+def _leak_to_frame(frame: Rational) -> dict[Any, float]:
+    """1/R and Cf in parallel with Rr + s Lr + 1 / (s Cr), from the first step of the continued fraction; direct current flows through R alone."""
+    numerator, denominator = frame.numerator[::-1], frame.denominator[::-1]
+    shunt, rest = np.polydiv(denominator, numerator)
+    through_cr = _last(rest, 2)[0]
+    lr, rr, one = numerator / through_cr
+    return {
+        Set("Cf"): float(shunt[0] / frame.middle),
+        Set("Lr"): float(lr / frame.middle),
+        Set("Rr"): float(rr),
+        Set("Cr"): float(1 / (one * frame.middle)),
+        "resistance_ohm": float(frame.numerator[0]),
+    }
+
+
+def _in_series(film: Mapping[Any, float]) -> float:
+    """The capacitance of film and Cr at high frequencies."""
+    return 1 / (1 / film["capacitance_f"] + 1 / film[Set("Cr")])
+
+
+def _leak(film: Mapping[Any, float]) -> dict[Any, float]:
+    elements = {name: value for name, value in film.items() if isinstance(name, Set)}
+    return {**elements, Set("Cr"): _in_series(film), "resistance_ohm": film["resistance_ohm"]}
+
+
+def _relaxation(film: Mapping[Any, float]) -> dict[Any, float]:
+    elements = {name: value for name, value in film.items() if isinstance(name, Set)}
+    at_rest, of_film = film[Set("Cr")], film["capacitance_f"]
+    return {
+        **elements,
+        Set("Cr"): _in_series(film),
+        "strength": at_rest / of_film,
+        "corner_hz": 1 / (2 * np.pi * film["resistance_ohm"] * (at_rest + of_film)),
+        "exponent": ONE_TIME_CONSTANT["exponent"],
     }
 
 

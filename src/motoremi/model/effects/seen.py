@@ -65,11 +65,20 @@ class Seen:
     @cached_property
     def frame(self) -> Rational | None:
         """Rational fit of s times the difference of the sweeps, with the degrees of a frame with one more time constant."""
+        return self._frame_rational((3, 3), 1)
+
+    @cached_property
+    def leaking_frame(self) -> Rational | None:
+        """Rational fit of the difference of the sweeps, with the degrees of a frame through which direct current flows."""
+        return self._frame_rational((2, 3), 0)
+
+    def _frame_rational(self, degrees: tuple[int, int], power: int) -> Rational | None:
+        """A rational fit of a power of s times the difference of the sweeps; None without one of them."""
         if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:
             return None
-        omega = 2 * np.pi * self.frame_hz
-        weight = 1 / (omega * np.hypot(np.abs(self.open_ohm), np.abs(self.through_ohm)))
-        return rational_fit(self.frame_hz, 1j * omega * (self.open_ohm - self.through_ohm), weight, (3, 3))
+        factor = (2j * np.pi * self.frame_hz) ** power
+        weight = 1 / (np.abs(factor) * np.hypot(np.abs(self.open_ohm), np.abs(self.through_ohm)))
+        return rational_fit(self.frame_hz, factor * (self.open_ohm - self.through_ohm), weight, degrees)
 
     def short_rational(self, degrees: tuple[int, int]) -> Rational | None:
         """A rational fit of the short-circuit sweep; None without one."""

@@ -283,7 +283,7 @@ EFFECTS = (
         title="brush and commutator contact with its film",
         formula="Ra + resistance_ohm / (1 + s * resistance_ohm * capacitance_f)",
         parameters=(
-            Parameter("resistance_ohm", "Ohm", 5e-3, 20.0, "5 - 500 mOhm at rated current, more when unloaded"),
+            Parameter("resistance_ohm", "Ohm", 5e-3, 100.0, "5 - 500 mOhm at rated current, tens of ohms at an analyser's level (estimate)"),
             Parameter("capacitance_f", "F", 0.1e-9, 1e-6, "film of copper oxide (estimate)"),
         ),
         limit="resistance_ohm -> 0",
@@ -293,7 +293,7 @@ EFFECTS = (
         deciding="turn the rotor, DC bias of 0 - 1 A, measure on the bars",
         source="Holm, Electric Contacts (1967), for films; the capacitance is an estimate without a source",
         change=_film("Ra"),
-        starts=({"resistance_ohm": 2.0, "capacitance_f": 2e-8},),
+        starts=tuple({"resistance_ohm": r, "capacitance_f": c} for r in (1.0, 20.0) for c in (2e-9, 3e-8)),
         responds={
             "shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7},
             "dc-bias": {"resistance_ohm": 0.3},
