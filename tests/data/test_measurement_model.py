@@ -214,6 +214,40 @@ def test_white_data_are_hardly_ever_flagged():
     assert sum(noise_of(repeats_of(100 + seed, 2 + seed % 2, 3e-4)).outliers is not None for seed in range(40)) == 0
 
 
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_noise_of_a_network_analyser_is_that_of_its_reflection_coefficient(repeats):
+    """At a sharp resonance of ten kilohms the noise relative to Z is a hundred times that of the neighbourhood."""
+    white = 2e-4
+    true = impedance(DAMPED, "short", GRID_HZ)
+    reflection = (true - 50) / (true + 50)
+    expected = white * np.abs(2 / (1 - reflection**2))
+    assert expected.max() > 100 * np.median(white)
+    ratios = []
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        noisy = [reflection + white * complex_normal(rng, GRID_HZ.size) for _ in range(repeats)]
+        group = group_repeats(me.ImpedanceSweep("short", GRID_HZ, 50 * (1 + one) / (1 - one)) for one in noisy)[0]
+        ratios.append(estimate_noise(group, by_reflection=True).sigma * np.sqrt(repeats) / expected)
+    # At the peak the mean sweep, whose noise is a few per cent there, says how large the factor is.
+    peak = np.argmax(expected)
+    assert np.mean(ratios, axis=0)[peak - 3 : peak + 4] == pytest.approx(1, abs=0.2)
+    assert np.median(ratios) == pytest.approx(1, abs=0.1)
+
+
+def test_noise_follows_the_analyser_that_is_supposed():
+    group = repeats_of(1, 2, 1e-3)
+    bridge, reflection = (Measurement.of(group, analyser) for analyser in ("4294a", "nanovna"))
+    supposed = bridge.with_analyser(find_analyser("nanovna"))
+    np.testing.assert_array_equal(supposed.noise[0].sigma, reflection.noise[0].sigma)
+    assert not np.allclose(supposed.noise[0].sigma, bridge.noise[0].sigma, rtol=0.2)
+    struck = np.zeros(GRID_HZ.size, dtype=np.bool_)
+    struck[40] = True
+    ignored = bridge.with_outliers({"short": struck}).with_analyser(find_analyser("nanovna")).noise[0]
+    assert ignored.sigma[40] == 1.0
+    assert not ignored.regular[40]
+    np.testing.assert_array_equal(bridge.with_analyser(find_analyser("e4990a")).noise[0].sigma, bridge.noise[0].sigma)
+
+
 # The analyser
 
 

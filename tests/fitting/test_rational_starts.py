@@ -39,11 +39,11 @@ def measured(winding: np.ndarray, rotor: np.ndarray, terminations: tuple[str, ..
     ])  # fmt: skip
 
 
-def read_start(measurement: Measurement, effect: str) -> dict[str, float]:
+def read_start(measurement: Measurement, effect: str, place: str = "") -> dict[str, float]:
     """The first start values of an effect that can be read; empty where there are none."""
     reader = next(one.reader for one in catalogue() if one.name == effect)
     assert reader is not None
-    return dict(next(iter(reader(seen(measurement))), {}))
+    return dict(next(iter(reader(dataclasses.replace(seen(measurement), place=place))), {}))
 
 
 def winding(inside: np.ndarray) -> np.ndarray:
@@ -125,6 +125,28 @@ def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
     assert (found[Set("Cf")], found[Set("Lr")]) == pytest.approx((CF, LR), rel=NEAR)
     # Of these the noise of the low end, where the frame is far above the winding, leaves more.
     assert (found[Set("Cr")], found["resistance_ohm"], found["capacitance_f"]) == pytest.approx((CR, 2e3, 1.5e-10), rel=4 * NEAR)
+
+
+def test_a_leak_beside_cf_is_read_off_the_difference_of_the_sweeps():
+    found = read_start(measured(winding(S * LA), beside(frame(), np.full_like(S, 3e3))), "insulation-leakage", "Cf")
+    assert (found[Set("Cf")], found[Set("Cr")], found["resistance_ohm"]) == pytest.approx((CF, CR, 3e3), rel=NEAR)
+    assert found[Set("Lr")] == pytest.approx(LR, rel=4 * NEAR)
+
+
+def test_a_leak_beside_cr_is_read_off_the_difference_of_the_sweeps():
+    leaking = beside(RR + S * LR + beside(1 / (S * CR), np.full_like(S, 800.0)), 1 / (S * CF))
+    found = read_start(measured(winding(S * LA), leaking), "insulation-leakage", "Cr")
+    assert (found[Set("Cf")], found[Set("Lr")], found[Set("Cr")]) == pytest.approx((CF, LR, CR), rel=NEAR)
+    assert found["resistance_ohm"] == pytest.approx(800, rel=4 * NEAR)
+
+
+def test_a_relaxation_of_cr_is_read_off_the_difference_of_the_sweeps():
+    """A branch of R and C beside Cr: 0.4 Cr and 1 MHz."""
+    branch = 1 / (S * 0.4 * CR) + 1 / (2 * np.pi * 1e6 * 0.4 * CR)
+    relaxing_cr = beside(RR + S * LR + beside(1 / (S * CR), branch), 1 / (S * CF))
+    found = read_start(measured(winding(S * LA), relaxing_cr), "dielectric-relaxation", "Cr")
+    assert (found[Set("Cf")], found[Set("Lr")], found[Set("Cr")]) == pytest.approx((CF, LR, CR), rel=NEAR)
+    assert (found["strength"], found["corner_hz"]) == pytest.approx((0.4, 1e6), rel=4 * NEAR)
 
 
 def test_a_film_slower_than_the_band_still_gives_a_start():

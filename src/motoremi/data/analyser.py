@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.kernels import Parts, smooth_basis
+from motoremi.data.kernels import Parts, by_parabolas, smooth_basis
 from motoremi.errors import BadInput
 
 # Functions of modules or parts of them, since an analyser is sent to other processes with its measurement.
@@ -327,3 +327,12 @@ def reflection_of(impedance_ohm: ComplexArray) -> ComplexArray:
 def relative_to_reflection(impedance_ohm: ComplexArray) -> ComplexArray:
     """Relative change of an impedance for one of its reflection coefficient G: dZ/Z = 2 dG / (1 - G^2)."""
     return 2 / (1 - reflection_of(impedance_ohm) ** 2)
+
+
+def smoothed_by_reflection(impedance_ohm: ComplexArray) -> ComplexArray:
+    """A sweep with most of its white noise removed, for error models that depend on the impedance but must not depend on its noise.
+
+    About a resonance Z or 1/Z is straight over frequency, so the reflection coefficient is smooth there, however sharp the resonance is.
+    """
+    reflection = by_parabolas(reflection_of(impedance_ohm))
+    return REFERENCE_OHM * (1 + reflection) / (1 - reflection)

@@ -68,11 +68,22 @@ def interpolated(frequency_hz: FloatArray, impedance_ohm: ComplexArray, wanted_h
 
 
 def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
-    """A sweep with most of its white noise removed, for error models that depend on the impedance but must not depend on its noise."""
+    """A sweep with most of its white noise removed, and the sharpest of its resonances lowered."""
     if impedance_ohm.size < 2 * SMOOTHED_POINTS:
         return impedance_ohm
     values = logarithm(impedance_ohm)
     return np.exp(_mean(values.real, SMOOTHED_POINTS) + 1j * _mean(values.imag, SMOOTHED_POINTS))
+
+
+def by_parabolas(values: ComplexArray) -> ComplexArray:
+    """Values along a sweep, each from the parabola through its neighbours (Savitzky and Golay, Analytical Chemistry 36, 1964)."""
+    if values.size < 2 * SMOOTHED_POINTS:
+        return values
+    powers = np.vander(np.linspace(-1, 1, SMOOTHED_POINTS), 3)
+    fitted, half = powers @ np.linalg.pinv(powers), SMOOTHED_POINTS // 2
+    # Those at the ends are on the parabola of the first or of the last points.
+    inside = np.convolve(values, fitted[half], "valid")
+    return np.concatenate([fitted[:half] @ values[:SMOOTHED_POINTS], inside, fitted[half + 1 :] @ values[-SMOOTHED_POINTS:]])
 
 
 def _mean(values: FloatArray, width: int) -> FloatArray:

@@ -21,8 +21,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.optimize import nnls
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
-from motoremi.data.analyser import reflection_of, relative_to_reflection
-from motoremi.data.kernels import smoothed
+from motoremi.data.analyser import reflection_of, relative_to_reflection, smoothed_by_reflection
 from motoremi.data.repeats import contrasts, correlated_part, drift_of
 from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
@@ -145,7 +144,9 @@ def _relative_domain(mean_ohm: ComplexArray) -> _Domain:
 def _reflection_domain(mean_ohm: ComplexArray) -> _Domain:
     """Noise of the reflection coefficient G: a^2 + (b |G|)^2."""
     reflection = reflection_of(mean_ohm)
-    return _Domain(reflection, relative_to_reflection(smoothed(mean_ohm)), np.column_stack([np.ones(reflection.size), np.abs(reflection) ** 2]))
+    return _Domain(
+        reflection, relative_to_reflection(smoothed_by_reflection(mean_ohm)), np.column_stack([np.ones(reflection.size), np.abs(reflection) ** 2])
+    )
 
 
 def estimated(sweep: RepeatedSweep, domain: _Domain) -> Noise:

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.analyser import smoothed_by_reflection
 from motoremi.data.covariance import Columns, Part
-from motoremi.data.kernels import smoothed
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import MINIMUM_POINTS
 
@@ -172,7 +172,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 measured=impedance,
                 # A search that counts all points alike leaves out those that stand out, and those of which the analyser sees nothing.
                 sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
-                smooth=smoothed(mean)[chosen],
+                smooth=smoothed_by_reflection(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
                 systematic=systematic,
                 variance=noise.variance[chosen],
