@@ -88,15 +88,16 @@ class Judgement:
     @property
     def _describes(self) -> bool:
         """Whether it describes what the base leaves, and that is worth a name."""
-        before = self.base
-        left = before.unexplained_percent["value"]
+        before, by_reflection = self.base, self.base.measurement.analyser.by_reflection
+        enough = self.gain > ENOUGH_GAIN and self.best.done and self.best.plausible and not self.best.unusual
+        # The wide errors of a network analyser can take up all that an effect does, and the odds against that say how unlikely it is.
         if before.marginal.nothing_left >= 0.5:
-            return False
+            return enough and by_reflection
         # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
-        seen = left > before.measurement.good_enough_percent or before.measurement.analyser.by_reflection
+        left = before.unexplained_percent["value"]
+        seen = left > before.measurement.good_enough_percent or by_reflection
         # Where little is left beside what the analyser may err by, half of it may be the fine structure of the analyser's errors.
         halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
-        enough = self.gain > ENOUGH_GAIN and self.best.done and self.best.plausible and not self.best.unusual
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
 
     @cached_property
@@ -269,9 +270,13 @@ def accurate(base: Fit) -> bool:
 
 
 def _leaves_less(before: Candidate, after: Candidate) -> bool:
-    """Whether it describes some of what is left: what only lets the analyser take up more describes nothing."""
+    """Whether it describes some of what is left: what only lets the analyser take up more describes nothing.
+
+    Far from its reference resistance a network analyser multiplies the fine structure of its errors, so that a second effect needs clear odds.
+    """
     left = after.fit.unexplained_percent["value"] < before.fit.unexplained_percent["value"]
-    return before.fit.marginal.nothing_left < 0.5 and left
+    clear = not before.added or not before.fit.measurement.analyser.by_reflection or after.score - before.score > CLEAR_GAIN
+    return before.fit.marginal.nothing_left < 0.5 and left and clear
 
 
 def _comes_closer(before: Candidate, after: Candidate) -> bool:

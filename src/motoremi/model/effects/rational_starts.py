@@ -244,14 +244,10 @@ def winding_modes(seen: Seen) -> list[dict[Any, float]]:
 
 def machine_winding(seen: Seen) -> list[dict[Any, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, for several corner frequencies of cage and iron."""
-    lowest = seen.lowest_inductance_h
-    if lowest is None or seen.frequency_hz is None or seen.short_ohm is None:
+    lowest, resonance = seen.lowest_inductance_h, seen.first_resonance_hz
+    if lowest is None or resonance is None or seen.frequency_hz is None or seen.short_ohm is None:
         return []
     frequency, impedance = seen.frequency_hz, seen.short_ohm
-    falling = np.flatnonzero((impedance.imag[1:] <= 0) & (impedance.imag[:-1] > 0))
-    if not falling.size:
-        return []
-    resonance = float(frequency[falling[0] + 1])
     # Iron and cage already have an effect at the low end: assumed are a tenth of La, and half of the resistance.
     base: dict[Any, float] = {Set("Ra"): max(0.5 * float(impedance.real[0]), 1e-3), Set("La"): 1.1 * lowest}
     starts = []
@@ -285,15 +281,30 @@ def uniform_line(seen: Seen) -> list[dict[Any, float]]:
     return [{**line, Set("Ra"): ra * loss_ohm, Set("Ca"): LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
 
 
+def distributed_winding(seen: Seen) -> list[dict[Any, float]]:
+    """A line from equidistant resonances, and from the low ends of both sweeps and the first parallel resonance.
+
+    A circuit without the line may attribute its resonances to wrong elements, so all of them get new start values.
+    """
+    lowest, resonance, total = seen.lowest_inductance_h, seen.first_resonance_hz, seen.frame_capacitance_f
+    starts = uniform_line(seen)
+    if lowest is None or resonance is None or total is None or seen.short_ohm is None:
+        return starts
+    whole = 1 / ((2 * np.pi * resonance) ** 2 * lowest)
+    winding: dict[Any, float] = {Set("Ra"): max(float(seen.short_ohm.real[0]), LEAST_OHM), Set("La"): lowest}
+    for part in SPREAD_PARTS:
+        slots = min(part * whole / ACTING, MOST_SPREAD**2 * total)
+        for farad in (slots / MOST_SPREAD, 0.5 * (slots / MOST_SPREAD + total)):
+            frame = {Set("Rr"): SMALL_FRAME["Rr"], Set("Lr"): SMALL_FRAME["Lr"], Set("Cr"): max(total - farad, (1 - MOST_SPREAD) * total)}
+            starts.append({**winding, **frame, Set("Ca"): (1 - part) * whole, Set("Cf"): farad, "share": slots / farad})
+    return starts
+
+
 def winding_sections(seen: Seen) -> list[dict[Any, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, with several distributions of its capacitance."""
-    lowest = seen.lowest_inductance_h
-    if lowest is None or seen.frequency_hz is None or seen.short_ohm is None or seen.parameters.keys() & LINES:
+    lowest, resonance = seen.lowest_inductance_h, seen.first_resonance_hz
+    if lowest is None or resonance is None or seen.short_ohm is None or seen.parameters.keys() & LINES:
         return []
-    falling = np.flatnonzero((seen.short_ohm.imag[1:] <= 0) & (seen.short_ohm.imag[:-1] > 0))
-    if not falling.size:
-        return []
-    resonance = float(seen.frequency_hz[falling[0] + 1])
     whole = 1 / ((2 * np.pi * resonance) ** 2 * lowest)
     ohm = max(float(seen.short_ohm.real[0]), 1e-3)
     starts = []

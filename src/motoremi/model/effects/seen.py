@@ -47,6 +47,22 @@ class Seen:
         henry = float(self.short_ohm.imag[0] / (2 * np.pi * self.frequency_hz[0]))
         return henry if henry > 0 else None
 
+    @property
+    def first_resonance_hz(self) -> float | None:
+        """Where the short-circuit sweep turns from inductive to capacitive for the first time; None if it does not."""
+        if self.frequency_hz is None or self.short_ohm is None:
+            return None
+        falling = np.flatnonzero((self.short_ohm.imag[1:] <= 0) & (self.short_ohm.imag[:-1] > 0))
+        return float(self.frequency_hz[falling[0] + 1]) if falling.size else None
+
+    @property
+    def frame_capacitance_f(self) -> float | None:
+        """The capacitance to the frame at the low end of the open-circuit sweep; None if it is not capacitive there."""
+        if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:
+            return None
+        reactance_ohm = float((self.open_ohm - self.through_ohm).imag[0])
+        return -1 / (2 * np.pi * float(self.frame_hz[0]) * reactance_ohm) if reactance_ohm < 0 else None
+
     @cached_property
     def resonating(self) -> Rational | None:
         """Rational fit of the short-circuit sweep with the degrees of a winding with two resonances."""

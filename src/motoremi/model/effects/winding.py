@@ -248,7 +248,7 @@ EFFECTS = (
         starts=tuple(
             {"share": k, Scale("Ca"): c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))
         ),
-        reader=rational_starts.uniform_line,
+        reader=rational_starts.distributed_winding,
     ),
     Effect(
         name="field-coupling",
