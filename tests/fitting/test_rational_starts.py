@@ -116,7 +116,13 @@ def test_a_line_is_read_off_its_resonances():
 
 def test_resonances_that_are_not_evenly_spaced_are_no_line():
     cells = sum(beside(S * 1e-7, 1 / (S * c), np.full_like(S, 900.0)) for c in (1e-8, 2e-10, 1e-9))
-    assert not read_start(measured(winding(S * LA) + cells, frame()), "distributed-winding")
+    assert not read_start(measured(winding(S * LA) + cells, frame(), ("short",)), "distributed-winding")
+
+
+def test_a_distributed_winding_starts_from_the_low_ends_of_both_sweeps():
+    found = read_start(measured(winding(S * LA), frame()), "distributed-winding")
+    assert found[Set("La")] == pytest.approx(LA, rel=NEAR)
+    assert found[Set("Cf")] + found[Set("Cr")] == pytest.approx(CF + CR, rel=NEAR)
 
 
 def test_a_bearing_film_is_read_off_the_difference_of_the_sweeps():
