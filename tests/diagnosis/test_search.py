@@ -65,6 +65,9 @@ class MadeBoard:
         self.calls.append(f"drop {effect} of {''.join(model.added)}")
         return self.model(name for name in model.added if name != effect)
 
+    def twins(self, one: Made, other: Made) -> bool:
+        return abs(one.score - other.score) < BUDGET.gain
+
     def explored(self, budget: Budget = BUDGET) -> dict[Key, Made]:
         return explore(self, self.model(()), budget)
 

@@ -18,6 +18,7 @@ from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome
 from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
 from motoremi.data.measurement import Measurement
+from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.investigation.question import next_question
 from motoremi.investigation.rivals import Lessons
@@ -59,10 +60,16 @@ class Product:
             tuple(Offer.of(one) for one in listed if one.get("asks")),
             lambda: _answer(found.informed_by(measurement)),
             str(question["stop"] or ""),
-            tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes),
+            tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes) + _mislabelled(measurement),
             took,
             ready - started,
         )
+
+
+def _mislabelled(measurement: Measurement) -> tuple[str, ...]:
+    """Requests whose sweep is the other termination's again."""
+    twice = measured_twice(measurement.sweeps)
+    return tuple(f"{termination}-sweep" for termination in (*measurement.mislabelled, *(() if twice is None else (twice.wrong,))))
 
 
 def _answer(found: Diagnosis) -> Answer:

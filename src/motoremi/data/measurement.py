@@ -16,8 +16,9 @@ from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
 from motoremi.data.coarse import coarse
 from motoremi.data.conditions import Condition, SingleValue
+from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.noise import Noise, estimate_noise
-from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, group_repeats
+from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, Termination, group_repeats
 from motoremi.errors import BadInput
 
 # Discrepancy that is accepted if no accuracy is stated: no impedance analyser is specified better.
@@ -60,6 +61,8 @@ class Measurement:
         Sweeps under a condition, in the order in which the conditions were measured, the short-circuit sweep first.
     values : tuple of SingleValue
         Values from other meters.
+    mislabelled : tuple of str
+        Termination of each repeat that is not used because it is the other termination's sweep again.
     """
 
     sweeps: tuple[RepeatedSweep, ...]
@@ -68,6 +71,7 @@ class Measurement:
     accuracy_percent: float | None = None
     conditioned: tuple[Conditioned, ...] = ()
     values: tuple[SingleValue, ...] = ()
+    mislabelled: tuple[Termination, ...] = ()
 
     @classmethod
     def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None, values: Iterable[SingleValue] = ()) -> Measurement:
@@ -79,7 +83,7 @@ class Measurement:
         members = [sweep for sweep in given if sweep.condition is None]
         if given and not members:
             raise BadInput("every sweep is under a condition: also give sweeps of the motor as it is, without a condition")
-        groups = tuple(group_repeats(members))
+        groups, mislabelled = without_mislabelled(group_repeats(members))
         named = analyser or next((m.metadata["analyser"] for m in members if m.metadata.get("analyser")), DEFAULT_ANALYSER)
         stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
         compensated = all({"open", "short"} <= set(m.metadata.get("compensated") or ()) for m in members)
@@ -91,6 +95,7 @@ class Measurement:
             max(stated) if stated else None,
             _by_condition([sweep for sweep in given if sweep.condition is not None], chosen.by_reflection),
             tuple(values),
+            mislabelled,
         )
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -66,6 +66,11 @@ class Candidate:
         """Whether nothing is left that another effect could describe: neither a discrepancy nor an analyser far beyond what is declared."""
         return self.fit.marginal.nothing_left >= 0.5 and self.fit.analyser_sigma <= ALLOWED_SIGMA
 
+    @property
+    def leaves_nothing(self) -> bool:
+        """Whether nothing is left, and that with values that motors have."""
+        return self.done and self.plausible and not self.unusual
+
     @cached_property
     def unusual(self) -> tuple[str, ...]:
         """Parameters of the effects whose laws bend (three parameters or more) that lie beyond where most motors have them."""

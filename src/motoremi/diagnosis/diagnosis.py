@@ -15,7 +15,16 @@ from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key
-from motoremi.diagnosis.findings import Finding, of_the_amount, of_the_analyser, of_the_declaration, of_the_noise, of_the_sweeps, the_same_twice
+from motoremi.diagnosis.findings import (
+    Finding,
+    of_the_amount,
+    of_the_analyser,
+    of_the_declaration,
+    of_the_labels,
+    of_the_noise,
+    of_the_sweeps,
+    the_same_twice,
+)
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, GLANCE, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
@@ -264,9 +273,10 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
         if the_same_twice(fit.measurement) is not None:
             # No model will be believed: single effects are ranked, for who wants to look.
             return _informed(Searched(fit, Declared(judge(fit, progress, GLANCE, each))), fit.measurement, each)
-        first = _without_outliers(fit, fit, search, each) or judge(fit, search, each=each)
+        first = judge(fit, search, each=each)
         if not first.model.done:
-            first = _without_outliers(fit, first.best.fit, again, each) or first
+            # A point stands out only if nothing describes it together with the others.
+            first = _without_outliers(fit, fit, again, each) or _without_outliers(fit, first.best.fit, again, each) or first
         return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0), each)), fit.measurement, each)
 
 
@@ -307,7 +317,8 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
 
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
     judgement = declared.judgement
-    found = of_the_noise(judgement.base) + of_the_analyser(judgement.model.fit, judgement.stands) + of_the_sweeps(left) + of_the_amount(fit)
+    found = of_the_noise(judgement.base) + of_the_analyser(judgement.model.fit, judgement.stands) + of_the_sweeps(left)
+    found += of_the_labels(fit.measurement) + of_the_amount(fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
     return tuple(found)

@@ -52,6 +52,9 @@ class Board(Protocol[M]):
     def dropped(self, model: M, effect: str) -> M:
         """The model without one of its effects, sought from its solution."""
 
+    def twins(self, one: M, other: M) -> bool:
+        """Whether two models describe the data alike, so that adding to one of them is enough."""
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -75,7 +78,7 @@ class Budget:
 
     beam: int = 4
     swapped: int = 2
-    swaps: tuple[int, ...] = (2, 2)
+    swaps: tuple[int, ...] = (2, 3)
     share: float = 0.3
     gain: float = 3.0
 
@@ -123,16 +126,16 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
             _take(found, (board.dropped(best, effect) for effect in best.added))
         if best.done:
             break
-        beam = _worth_adding_to(_ranked(found, size)[: budget.beam], base, budget)
+        beam = _worth_adding_to(board, _ranked(found, size), base, budget)
     return found
 
 
-def _worth_adding_to(ranked: Sequence[M], base: M, budget: Budget) -> list[M]:
+def _worth_adding_to(board: Board[M], ranked: Sequence[M], base: M, budget: Budget) -> list[M]:
     """Those that gain a good part of what the best gains; of twins only the better, since the other is swapped in where it is meant."""
     least = base.score + budget.share * (ranked[0].score - base.score)
     kept: list[M] = []
     for model in ranked:
-        if model.score >= least and all(one.score - model.score >= budget.gain for one in kept):
+        if len(kept) < budget.beam and model.score >= least and not any(board.twins(one, model) for one in kept):
             kept.append(model)
     return kept
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
-from motoremi.data.kernels import interpolated
 from motoremi.data.measurement import Measurement
+from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import BEYOND_SIGMA, Fit
 from motoremi.inspection.unexplained import Remainder
@@ -19,8 +19,6 @@ from motoremi.quantities import show
 COULD_PASS = 3.0
 # Standard deviations by which the fixture differs from none.
 SEEN = 4.0
-# Two sweeps that differ by less at nine points of ten are one sweep measured twice: what the far end does to a motor is seen over more of the band.
-THE_SAME, OF_POINTS = 0.02, 0.9
 # Fewer points than these a sweep cannot carry seven elements and a doubt.
 FEW_POINTS = 30
 
@@ -156,23 +154,31 @@ def of_the_sweeps(left: Remainder | None) -> list[Finding]:
 
 def the_same_twice(measurement: Measurement) -> Finding | None:
     """That the open-circuit sweep is the short-circuit sweep again, or the other way round."""
-    if len(measurement.sweeps) < 2:
+    twice = measured_twice(measurement.sweeps)
+    if twice is None:
         return None
-    one, other = measurement.sweeps
-    low, high = max(one.frequency_hz[0], other.frequency_hz[0]), min(one.frequency_hz[-1], other.frequency_hz[-1])
-    common = (one.frequency_hz >= low) & (one.frequency_hz <= high)
-    if not common.any():
-        return None
-    between = interpolated(other.frequency_hz, other.mean_ohm, one.frequency_hz[common])
-    apart = float(np.quantile(np.abs(np.log(one.mean_ohm[common] / between)), OF_POINTS))
-    if apart > THE_SAME:
-        return None
+    connected = {"open": "free", "short": "connected"}[twice.wrong]
     return Finding(
         "sweeps-disagree",
-        f"the open-circuit and the short-circuit sweep are the same to {show(100 * apart, '%', 2)} at nine points of ten: one was measured twice",
-        "measure both again, the short-circuit sweep with the far end connected and the open-circuit sweep with it free",
+        f"the open-circuit and the short-circuit sweep are the same to {show(100 * twice.apart, '%', 2)} at nine points of ten: "
+        "one was measured twice",
+        f"measure the {twice.wrong}-circuit sweep again, with the far end {connected}; if it stays the same, measure the other one too",
         True,
     )
+
+
+def of_the_labels(measurement: Measurement) -> list[Finding]:
+    """Repeats that are the other termination's sweep."""
+    return [
+        Finding(
+            "not-as-asked",
+            f"{measurement.mislabelled.count(termination)} of the {termination}-circuit sweeps are the other termination's sweep again: not used",
+            "check the far end of the winding before each sweep",
+            False,
+            termination,
+        )
+        for termination in dict.fromkeys(measurement.mislabelled)
+    ]
 
 
 def of_the_amount(fit: Fit) -> list[Finding]:

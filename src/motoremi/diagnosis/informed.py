@@ -80,7 +80,10 @@ def of_the_operator(rivals: Rivals) -> list[Finding]:
     """Sweeps and values that are none of what was asked for."""
     return [
         Finding(
-            NOT_AS_ASKED, f"{one.says}; it is not used", "repeat that measurement, or append it under the condition that it was taken in", False
+            NOT_AS_ASKED,
+            f"{one.says}; it is weighed as either" if one.used else f"{one.says}; it is not used",
+            "make sure that it was done" if one.used else "repeat that measurement, or append it under the condition that it was taken in",
+            False,
         )
         for taught in rivals.taught
         for one in taught.mistakes

@@ -89,7 +89,7 @@ class Judgement:
     def _describes(self) -> bool:
         """Whether it describes what the base leaves, and that is worth a name."""
         before, by_reflection = self.base, self.base.measurement.analyser.by_reflection
-        enough = self.gain > ENOUGH_GAIN and self.best.done and self.best.plausible and not self.best.unusual
+        enough = self.gain > ENOUGH_GAIN and self.best.leaves_nothing
         # The wide errors of a network analyser can take up all that an effect does, and the odds against that say how unlikely it is.
         if before.marginal.nothing_left >= 0.5:
             return enough and by_reflection
@@ -287,7 +287,8 @@ def _comes_closer(before: Candidate, after: Candidate) -> bool:
 def _relieves(before: Candidate, after: Candidate) -> bool:
     """Whether the analyser has to err much less. Of one of its own errors either that or clear odds are enough, of a part of the motor not."""
     relieved = before.fit.analyser_sigma > ALLOWED_SIGMA and after.fit.analyser_sigma <= RELIEF * before.fit.analyser_sigma
-    clear = after.score - before.score > CLEAR_GAIN
+    gain = after.score - before.score
+    clear = gain > CLEAR_GAIN or (gain > ENOUGH_GAIN and after.leaves_nothing)
     added = list(after.added)
     for name in before.added:
         added.remove(name)
@@ -298,9 +299,10 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
 
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, each: Map = map) -> Judgement:
     """Search what is missing from a fit, and decide."""
-    board = MotorBoard(base, each)
     # Of a circuit that is good enough, effects are shown and none is named.
-    found = explore(board, board.start(), GLANCE if accurate(base) else budget, progress)
+    spent = GLANCE if accurate(base) else budget
+    board = MotorBoard(base, each, spent.beam if spent.most_effects > 1 else 1)
+    found = explore(board, board.start(), spent, progress)
     return decided(base, found)
 
 

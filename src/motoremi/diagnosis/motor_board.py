@@ -6,13 +6,18 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from math import inf
 
+import numpy as np
+
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
 from motoremi.fitting.fit import on_all_points, task_without, trail_to
-from motoremi.fitting.race import BEHIND, LOOK, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Best, Rounds, Trail, race
+from motoremi.fitting.race import BEHIND, LOOK, LOOK_ALIKE, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Best, Rounds, Trail, race
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.workers import Map
+
+# The circuits of twins differ by so much of what either leaves.
+TWINS_APART = 0.3
 
 
 class MotorBoard:
@@ -23,10 +28,13 @@ class MotorBoard:
     base : Fit
     each : callable
         As the built-in `map`: by it models are worked on.
+    singles : int
+        How many single effects at least are refitted on all points, however far behind the best: one that does a part of what two effects do is
+        far behind another one that bends to both.
     """
 
-    def __init__(self, base: Fit, each: Map = map) -> None:
-        self._base, self._each = base, each
+    def __init__(self, base: Fit, each: Map = map, singles: int = 1) -> None:
+        self._base, self._each, self._singles = base, each, singles
         # Of all races, which have their points in common, by number of effects.
         self._best: dict[int, Best] = {}
 
@@ -50,8 +58,10 @@ class MotorBoard:
         trails = {
             (*under.effects, name): trail_to(under, name) if name == effect else trail_to(under, name, near=near, rival=model.fit) for name in names
         }
-        alike = [key for key in trails if key[-1] == effect or _alike(key[-1], effect)]
-        return self._raced(under, trails, LOOK_NEAR, kept=alike)
+        alike = {key: trail for key, trail in trails.items() if key[-1] == effect or _alike(key[-1], effect)}
+        others = {key: trail for key, trail in trails.items() if key not in alike}
+        # What may pass for the effect must arrive: only the likelihood tells them apart.
+        return self._raced(under, alike, LOOK_ALIKE, kept=list(alike)) + self._raced(under, others, LOOK_NEAR)
 
     def dropped(self, model: Candidate, effect: str) -> Candidate:
         """The model without an effect; without any, the base."""
@@ -60,6 +70,13 @@ class MotorBoard:
         under = self._without(model.fit, effect)
         trail = Trail(under.task, [_near(model.fit, under)], 1, under.sizes)
         return candidate(on_all_points((trail, race({"": trail}, THOROUGH)[""], under)), self._base)
+
+    def twins(self, one: Candidate, other: Candidate) -> bool:
+        """Whether two models describe the sweeps by nearly the same impedances."""
+        own, others = one.fit.errors(), other.fit.errors()
+        apart = np.concatenate([own[name] - others[name] for name in own])
+        left = np.concatenate(list(own.values()))
+        return bool(np.linalg.norm(apart) <= TWINS_APART * np.linalg.norm(left))
 
     def _without(self, fit: Fit, effect: str) -> Fit:
         """A fit's values with an effect taken out of the model, not refitted: where to look from, and as much left as in the base."""
@@ -92,7 +109,10 @@ class MotorBoard:
         solutions = race(trails, rounds, kept, progress, self._each)
         size = len(before.effects) + 1
         best = self._best.setdefault(size, Best())
-        near = [key for key, behind in best.behind(solutions).items() if behind <= BEHIND]
+        behind = best.behind(solutions)
+        # What is sought in the place of an effect is its rival, and no other is wanted.
+        wanted = 0 if kept or rounds is LOOK_NEAR or size > 1 else self._singles
+        near = [key for place, key in enumerate(solutions) if behind[key] <= BEHIND or place < wanted]
         fits = list(self._each(on_all_points, [(trails[key], solutions[key], before) for key in near]))
         if max((fit.log_evidence for fit in fits), default=-inf) < least:
             fits += self._each(on_all_points, [(trails[key], solutions[key], before) for key in solutions if key not in near])

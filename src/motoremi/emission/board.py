@@ -49,6 +49,10 @@ class Candidate:
         return False
 
 
+# Odds of 20 to 1.
+AS_LIKELY = 3.0
+
+
 class SpectrumBoard:
     """Models with further effects in addition to those of one fit.
 
@@ -87,6 +91,10 @@ class SpectrumBoard:
         """The model without an effect."""
         effects, values = _without(model.fit, effect)
         return self._weighed(fit_spectra(self._problem, effects, [values], _FROM_NEAR))
+
+    def twins(self, one: Candidate, other: Candidate) -> bool:
+        """Whether two models are about as likely: few effects of a spectrum look alike otherwise."""
+        return abs(one.score - other.score) < AS_LIKELY
 
     def _weighed(self, fit: EmissionFit) -> Candidate:
         added = fit.effects[len(self._base.effects) :]

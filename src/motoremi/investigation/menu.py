@@ -78,6 +78,11 @@ class Option:
         return self.kind == "sweep" or bool(self.elements)
 
     @property
+    def may_change_nothing(self) -> bool:
+        """Whether a motor may be the same under it, though elements may move: warm copper never is."""
+        return bool(self.elements) and self.name != "second-temperature"
+
+    @property
     def unit(self) -> str:
         """Of the value that goes with it; empty without one."""
         setting = CONDITIONS.get(self.name)
@@ -166,7 +171,15 @@ MENU = (
         asked=100e-12,
     ),
     Option("terminal-block", "lift the lead off the terminal block and sweep the motor without it", "change", 6.0),
-    Option("end-turn-touched", "tape a strip of foil on the end turns and repeat both sweeps", "change", 15.0, elements=_FOIL),
+    Option(
+        "end-turn-touched",
+        "tape a strip of foil on the end turns and repeat both sweeps",
+        "change",
+        15.0,
+        elements=_FOIL,
+        others=0.03,
+        reaches=("winding",),
+    ),
     Option(
         "dc-bias",
         "repeat both sweeps with a DC bias through the winding",
@@ -191,7 +204,7 @@ MENU = (
         24.0,
         asked=30.0,
         elements=_WARM,
-        others=0.03,
+        others=0.1,
         reaches=EVERYTHING,
     ),
     Option("rotor-out", "take the rotor out and repeat both sweeps", "change", 60.0, predicted=False),

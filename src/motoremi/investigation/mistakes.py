@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.conditions import STANDARDS, Condition
 from motoremi.data.kernels import interpolated, smooth_basis
 from motoremi.data.measurement import Measurement
+from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
 from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.outcome import SMOOTH, Observed, Outcome
@@ -37,17 +39,20 @@ class Mistake:
         As one would tell the operator.
     log_likelihood : float
         Of the sweep, the prior of the mistake included.
+    used : bool
+        Whether the sweep is weighed nevertheless.
     """
 
     kind: str
     says: str
     log_likelihood: float
+    used: bool = False
 
 
 def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known) -> Mistake:
     """The likeliest mistake that would give a sweep, and how likely all of them together make it."""
     asked = f"{sweep.termination} sweep, {sweep.condition}"
-    shows = option.name in MUST_SHOW or bool(option.elements)
+    shows = option.name in MUST_SHOW or bool(option.elements) or Outcome(likeliest, [sweep]).elsewhere
     found: list[Mistake] = []
     for reference in measurement.sweeps:
         same = reference.termination == sweep.termination
@@ -56,7 +61,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             continue
         if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
-        log = _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
+        log = _as(reference, sweep)
         what = f"it is the {reference.termination} sweep of the motor as it was"
         found.append(Mistake("nothing-changed" if same else "wrong-termination", f"{asked}: {what}, again", log))
     if option.kind == "standard":
@@ -79,6 +84,22 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
     return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))
 
 
+def as_before(sweeps: Sequence[Observed], measurement: Measurement) -> float:
+    """Log likelihood of sweeps that are those of the motor as it was; minus infinity where those do not cover them."""
+    total = 0.0
+    for sweep in sweeps:
+        reference = next((one for one in measurement.sweeps if one.termination == sweep.termination), None)
+        if reference is None or not _covers(reference.frequency_hz, sweep.frequency_hz):
+            return float("-inf")
+        total += _as(reference, sweep)
+    return total
+
+
+def _as(reference: RepeatedSweep, sweep: Observed) -> float:
+    """Log likelihood of a sweep that is another one again."""
+    return _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
+
+
 def _covers(own_hz: FloatArray, wanted_hz: FloatArray) -> bool:
     return bool(own_hz[0] <= wanted_hz[0] * 1.001 and own_hz[-1] >= wanted_hz[-1] * 0.999)
 
@@ -93,6 +114,7 @@ class _Given:
 
     size = 0
     absolute = True
+    elsewhere = False
     density = 0.0
     unpredicted: IntArray = np.zeros(0, dtype=np.intp)
 

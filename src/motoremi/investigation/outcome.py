@@ -27,9 +27,12 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Parallel, Series, Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor
+from motoremi.model.parameter import Parameter
 
 # What no model describes of a change is smooth over this length, in decades; beside it, the place of a resonance moves by as much.
 SMOOTH: tuple[tuple[float, float], ...] = ((1.0, 0.6),)
+# How well the value of an added part is known, and what a strap of some centimetres has. Assumptions; unconfirmed.
+LEAD_TOLERANCE, CAPACITOR_TOLERANCE, STRAP_H = 0.05, 0.02, 50e-9
 # The analyser reads no infinite impedance.
 OPEN_OHM = 1e9
 
@@ -83,7 +86,10 @@ class Outcome:
         self.condition = self.sweeps[0].condition
         self.option = option or BY_NAME[self.condition.id]
         problem = fit.problem
-        self._names = [p.name for p in problem.everything]
+        # Behind a fixture that nobody compensated, a compensation shows the motor without it for the first time.
+        self._bare = self.option.name == "repeat-compensation" and fit.measurement.analyser.fixture is not None
+        self._part = _added_part(self.option, self.condition, fit.motor)
+        self._names = [p.name for p in problem.everything] + ([] if self._part is None else [self._part.parameter.name])
         found = responses(self.condition, self._names, self.option) if self.option.kind == "change" else Responses((), 1)
         self._responses = found if listed else found.without_listed()
         self._anew = self._connections()
@@ -103,7 +109,12 @@ class Outcome:
     @property
     def absolute(self) -> bool:
         """Whether the sweep stands for itself, not against one of the reference state."""
-        return self.option.kind != "change"
+        return self.option.kind != "change" or self._bare
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the motor is seen in a way in which the model was not fitted."""
+        return self.option.kind == "sweep" or self._bare
 
     @property
     def unpredicted(self) -> IntArray:
@@ -139,18 +150,26 @@ class Outcome:
             return _Unit(1, np.hypot(resistance, omega * inductance))
         return _Unit(-1, 1 / np.hypot(analyser.conductance_sigma_s(sweep.frequency_hz), omega * capacitance))
 
-    def _connections(self) -> list[tuple[int, float]]:
-        """Place and standard deviation of what compensation leaves at the connections: between two terminations each is made anew."""
+    def _connections(self) -> list[tuple[int, float, float]]:
+        """Place, mean and standard deviation of what is new in the circuit: an added part, and what compensation leaves at each connection."""
         analyser = self.fit.measurement.analyser
-        if analyser.ideal:
-            return []
+        part = [] if self._part is None else [(len(self._names) - 1, self._part.value, self._part.sigma)]
+        if analyser.ideal or self._bare:
+            return part
         declared = self.fit.sizes.declared
         own = [p for t in dict.fromkeys(sweep.termination for sweep in self.sweeps) for p in residual_parameters(analyser, t)]
-        return [(self._names.index(p.name), declared * float(p.sigma or 0.0)) for p in own if p.name in self._names]
+        return part + [(self._names.index(p.name), 0.0, declared * float(p.sigma or 0.0)) for p in own if p.name in self._names]
+
+    def _physical(self, u: FloatArray) -> FloatArray:
+        """Values of all names; an added part has its nominal one."""
+        values = self.fit.problem.physical(u)
+        return values if self._part is None else np.append(values, self._part.value)
 
     def _circuit(self, sweep: Observed) -> Node:
         s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
-        return self._behind(_set_up(self.fit.motor, self.option, self.condition, sweep.termination, s, self._sound), sweep)
+        circuit = _set_up(self.fit.motor, self.option, self.condition, sweep.termination, s, self._sound)
+        circuit = circuit if self._part is None else self._part.beside(circuit, sweep.termination)
+        return circuit if self._bare else self._behind(circuit, sweep)
 
     def _reference_tape(self, sweep: Observed) -> Tape:
         return Tape(self._behind(self.fit.motor.circuit(sweep.termination), sweep), self._names)
@@ -161,14 +180,13 @@ class Outcome:
 
     def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Prediction, shape (2 n,), its derivatives for the model's unknowns, shape (k, 2 n), and for eta, shape (q, 2 n)."""
-        problem = self.fit.problem
-        values = problem.physical(u)
+        values = self._physical(u)
         chain = np.where(self._log, values[self._varying], self._scale)
         factor, slopes = factors(self._responses, eta[: self._responses.size], self._names)
         moved = values * factor
         redrawn = np.zeros(len(self._names), dtype=np.bool_)
-        for number, (place, sigma) in enumerate(self._anew, start=self._responses.size):
-            moved[place] = sigma * eta[number]
+        for number, (place, mean_value, sigma) in enumerate(self._anew, start=self._responses.size):
+            moved[place] = mean_value + sigma * eta[number]
             redrawn[place] = True
         means, by_u, by_eta = [], [], []
         for sweep, tape, before, unit in zip(self.sweeps, self._tapes, self._before, self._units, strict=True):
@@ -179,7 +197,7 @@ class Outcome:
                 mean = logarithm(impedance)
                 own = np.where(redrawn[:, None], 0.0, relative * factor[:, None])[self._varying] * chain[:, None]
                 response = np.concatenate(
-                    [slopes @ (relative * moved[:, None]), *([relative[place] * sigma][0][None] for place, sigma in self._anew)]
+                    [slopes @ (relative * moved[:, None]), *((relative[place] * sigma)[None] for place, _, sigma in self._anew)]
                 )
                 if before is not None:
                     reference, tilt = before.gradient(s, values)
@@ -219,7 +237,7 @@ class Outcome:
         here = Observed(self.condition, termination, frequency_hz, np.ones_like(frequency_hz))
         s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
         with np.errstate(all="ignore"):
-            return self._reference_tape(here).impedance(s, self.fit.problem.physical(self.fit.unknowns))
+            return self._reference_tape(here).impedance(s, self._physical(self.fit.unknowns))
 
     def residual(self, mean: FloatArray) -> FloatArray:
         """Data less a prediction, phases within half a turn."""
@@ -281,7 +299,7 @@ class Outcome:
     def _there(self) -> list[ComplexArray]:
         """Impedance of each sweep, in ohm: as it was measured, else as the likeliest response has it."""
         factor, _ = factors(self._responses, np.zeros(self._responses.size), self._names)
-        moved = self.fit.problem.physical(self.fit.unknowns) * factor
+        moved = self._physical(self.fit.unknowns) * factor
         found = []
         for sweep, tape in zip(self.sweeps, self._tapes, strict=True):
             with np.errstate(all="ignore"):
@@ -301,6 +319,50 @@ class _Unit:
         return (impedance_ohm / self.impedance_ohm) ** self.power
 
 
+@dataclass(frozen=True)
+class _AddedPart:
+    """A part that a condition adds to the circuit.
+
+    Parameters
+    ----------
+    parameter : Parameter
+    law : Law
+    value, sigma : float
+        Its nominal value and how well that is known, SI unit.
+    terminations : tuple of str
+        Sweeps that it is in.
+    parallel : bool
+    """
+
+    parameter: Parameter
+    law: laws.Law
+    value: float
+    sigma: float
+    terminations: tuple[str, ...] = ("short", "open")
+    parallel: bool = False
+
+    def beside(self, circuit: Node, termination: str) -> Node:
+        """A circuit with the part."""
+        if termination not in self.terminations:
+            return circuit
+        both = (circuit, Leaf("part", self.law, (self.parameter,)))
+        return Parallel(both) if self.parallel else Series(both)
+
+
+def _added_part(option: Option, condition: Condition, motor: Motor) -> _AddedPart | None:
+    value = condition.value
+    lead = Parameter("added part", "H", 0.0, 1e-3, "", "linear")
+    if option.name == "longer-lead" and value is not None:
+        return _AddedPart(lead, laws.inductor, value, LEAD_TOLERANCE * value)
+    if option.name == "longer-strap" and not (value is None and "ground-strap-inductance" in motor.effects):
+        # A motor whose strap is a part of its model has twice as much of it: `Effect.responds`.
+        return _AddedPart(lead, laws.inductor, value or 0.0, LEAD_TOLERANCE * value if value else STRAP_H, ("open",))
+    if option.name == "known-capacitor" and value is not None:
+        capacitor = Parameter("added part", "F", 0.0, 1e-3, "", "linear")
+        return _AddedPart(capacitor, laws.capacitor, value, CAPACITOR_TOLERANCE * value, parallel=True)
+    return None
+
+
 class ValueOutcome:
     """The prediction of one model for a single value, as a logarithm; the same face as `Outcome`.
 
@@ -313,6 +375,7 @@ class ValueOutcome:
     listed = False
     size = 1
     absolute = True
+    elsewhere = False
     density = 0.0
     unpredicted: IntArray = np.zeros(1, dtype=np.intp)
 
@@ -404,12 +467,7 @@ def _set_up(motor: Motor, option: Option, condition: Condition, termination: str
         return add_effects(Motor(winding=part, frame=part), own).circuit("short" if termination == "short" else "open")
     if option.name == "far-end-grounded":
         return motor.circuit("grounded")
-    circuit = motor.circuit(termination)
-    if value is not None and (option.name == "longer-lead" or (option.name == "longer-strap" and termination == "open")):
-        return Series((circuit, _known(s * value)))
-    if value is not None and option.name == "known-capacitor":
-        return Parallel((circuit, _known(1 / (s * value))))
-    return circuit
+    return motor.circuit(termination)
 
 
 def _standard(name: str, value: float | None, s: ComplexArray) -> Node:

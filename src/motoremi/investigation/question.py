@@ -19,6 +19,7 @@ from scipy.special import logsumexp
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.conditions import VALUES, SingleValue
 from motoremi.data.measurement import Measurement
+from motoremi.data.mislabelled import measured_twice
 from motoremi.investigation.conditioned import POINTS_AHEAD, ahead, asked_condition
 from motoremi.investigation.menu import BY_NAME, MENU, SWEEP_MINUTES, Option
 from motoremi.investigation.outcome import Outcome, ValueOutcome
@@ -56,6 +57,8 @@ DRAWS = 40
 # Pairs are made of so many measurements that teach most alone.
 PAIRED = 5
 POINTS_OF_A_PAIR, POINTS_LISTED = 20, 14
+# A sweep that is the other one again is asked for so many times; then both terminations of this motor are the same.
+SAME_AGAIN = 2
 # An open direction of a model moves its prediction by no more than so many standard deviations of logarithms.
 OPEN = 2.0
 # Expected log odds that tell two explanations apart: 20 to 1.
@@ -201,7 +204,7 @@ def next_question(
     -------
     Question
     """
-    missing = _missing(measurement)
+    needed = _needed(measurement)
     done = {one.condition.id for one in measurement.conditioned} | {one.name for one in measurement.values}
     left_out = {*without, *done}
     possible = [option for option in MENU if option.name not in left_out and option.kind != "reference"]
@@ -216,9 +219,10 @@ def next_question(
     # What these would teach is not predicted.
     unpredicted = [BY_NAME["repeats"], *(option for option in possible if not option.predicted)]
     ranked += [Worth(option, 0.0, _minutes(option, sweep_minutes)) for option in unpredicted if option.name not in left_out]
-    if missing is not None and missing.name not in left_out:
-        first = Worth(missing, _bits(weight for _, weight in standing) / 2, _minutes(missing, sweep_minutes))
-        return Question((first, *ranked), None, f"{missing.action}: one sweep cannot locate an effect", labels)
+    if needed is not None and needed[0].name not in left_out:
+        option, because = needed
+        first = Worth(option, _bits(weight for _, weight in standing) / 2, _minutes(option, sweep_minutes))
+        return Question((first, *ranked), None, f"{option.action}: {because}", labels)
     if stands:
         if best == "nothing missing":
             return Question(tuple(ranked), "nothing-missing", "nothing is missing that these data could show", labels)
@@ -227,8 +231,9 @@ def next_question(
         return Question(tuple(ranked), "one-stands", _UNKNOWN, labels)
     if not ranked or max(one.bits for one in ranked) < LITTLE_BITS:
         ranked = _with_pairs(ranked, standing, measurement, sweep_minutes)
-    if not ranked or max(one.bits for one in ranked) < NOTHING_BITS:
-        return Question(tuple(ranked), "inseparable", _proof(ranked, standing), labels)
+    needed_bits = _bits(labels.values()) - _bits_at(odds)
+    if not ranked or max(one.bits for one in ranked) < NOTHING_BITS or _all_together(ranked) < needed_bits:
+        return Question(tuple(ranked), "inseparable", _proof(ranked, standing, needed_bits), labels)
     return Question(tuple(ranked), None, _why(ranked[0], labels), labels)
 
 
@@ -238,10 +243,15 @@ def _order(worth: Worth) -> tuple[bool, float]:
     return teaches, worth.rate if teaches else worth.bits
 
 
-def _missing(measurement: Measurement) -> Option | None:
-    if len(measurement.sweeps) == 2:
+def _needed(measurement: Measurement) -> tuple[Option, str] | None:
+    """A reference sweep that is missing, or is the other one again, and why it is needed."""
+    if len(measurement.sweeps) < 2:
+        return BY_NAME["open-sweep" if measurement.terminations == ("short",) else "short-sweep"], "one sweep cannot locate an effect"
+    twice = measured_twice(measurement.sweeps)
+    repeats = [sweep.repeats for sweep in measurement.sweeps]
+    if twice is None or max(repeats) >= min(repeats) + SAME_AGAIN:
         return None
-    return BY_NAME["open-sweep" if measurement.terminations == ("short",) else "short-sweep"]
+    return BY_NAME[f"{twice.wrong}-sweep"], "the sweeps of both terminations are the same, so one of them was measured twice"
 
 
 def _asked_about(rivals: Rivals) -> list[tuple[Rival, float]]:
@@ -260,6 +270,17 @@ def _minutes(option: Option, sweep_minutes: float) -> float:
 def _bits(probabilities: Iterable[float]) -> float:
     """What it would take to know which: their entropy."""
     return float(-sum(p * np.log2(p) for p in probabilities if p > 0))
+
+
+def _all_together(ranked: Sequence[Worth]) -> float:
+    """What all that can still be measured is expected to teach at most: given the explanation, outcomes tell nothing of each other."""
+    return sum(one.bits for one in ranked)
+
+
+def _bits_at(odds: float) -> float:
+    """What is left to know where one explanation has these odds against another."""
+    share = odds / (1 + odds)
+    return _bits((share, 1 - share))
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,15 +334,15 @@ class _Predicted(NamedTuple):
 
 
 def _predicted(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[_Predicted]:
-    if option.kind == "value":
-        sizes = OF_VALUE_OUTSIDE if rival.outside else OF_VALUE
-    elif rival.outside and option.reaches_motor:
-        sizes = AHEAD_OUTSIDE
-    else:
-        sizes = AHEAD_ELSEWHERE if option.kind == "sweep" else AHEAD
     widths = MOVED_AHEAD if option.reaches else MOVED_AHEAD_BESIDE
     found = []
     for share, prediction in _predictions(option, rival, measurement, points):
+        if option.kind == "value":
+            sizes = OF_VALUE_OUTSIDE if rival.outside else OF_VALUE
+        elif rival.outside and option.reaches_motor:
+            sizes = AHEAD_OUTSIDE
+        else:
+            sizes = AHEAD_ELSEWHERE if prediction.elsewhere else AHEAD
         mean, own, by_eta = prediction.at(rival.known.centre, np.zeros(prediction.size))
         for (size, part), (width, likely) in product(sizes.items(), widths.items()):
             answers = by_eta * np.where(prediction.unpredicted == 2, width, 1.0)[:, None]
@@ -419,12 +440,17 @@ def _why(asked: Worth, labels: Mapping[str, float]) -> str:
     return f"{asked.option.action}{then}: that is expected to teach {taught}, telling {told}"
 
 
-def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]) -> str:
-    names = [rival.label for rival, _ in standing if not rival.outside]
+def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], needed_bits: float) -> str:
+    names = " and ".join(rival.label for rival, _ in standing if not rival.outside)
     best = max(ranked, key=lambda one: one.bits, default=None)
     if best is None:
-        return f"nothing is left on the menu that could tell {' and '.join(names)} apart"
+        return f"nothing is left on the menu that could tell {names} apart"
+    if best.bits < NOTHING_BITS:
+        return (
+            f"nothing on the menu tells {names} apart: their outcomes coincide; of {len(ranked)} measurements {best.option.name} "
+            f"would teach most, {show(best.bits, '', 2)} bits"
+        )
     return (
-        f"nothing on the menu tells {' and '.join(names)} apart: their outcomes coincide; of {len(ranked)} measurements {best.option.name} "
-        f"would teach most, {show(best.bits, '', 2)} bits"
+        f"nothing on the menu tells {names} apart: the {len(ranked)} measurements that are left would together teach at most "
+        f"{show(_all_together(ranked), '', 2)} bits, and {show(needed_bits, '', 2)} are needed"
     )

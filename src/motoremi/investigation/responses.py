@@ -122,15 +122,23 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
                 Response(name, moved.mean * strength, math.hypot(moved.sigma * strength, REPEATABILITY), count, unpredicted=int(not moved.mean))
             )
             count += 1
-        elif label:
-            factor = None if known else find_effect(label.split("#")[0]).effect.responds.get(option.name, {}).get(short)
+        elif label and short not in _shapes(label):
+            effect = find_effect(label.split("#")[0]).effect
+            factor = None if known else effect.responds.get(option.name, {}).get(short)
             if factor is not None and power is None:
                 members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
                 count += 1
-            reached = factor is None and find_effect(label.split("#")[0]).effect.group in option.reaches
+            reached = factor is None and effect.group in option.reaches
             members.append(Response(name, 0.0, option.others if reached else UNREACHED, count, unpredicted=2))
             count += 1
     return Responses(tuple(members), count)
+
+
+def _shapes(label: str) -> set[str]:
+    """Pure numbers that give a law its shape and have a simplest value: no property of a part that a condition would move."""
+    return {
+        parameter.name for parameter in find_effect(label.split("#")[0]).effect.parameters if not parameter.unit and parameter.special is not None
+    }
 
 
 def _copper(label: str, short: str) -> float | None:

@@ -22,9 +22,10 @@ from motoremi.data.measurement import Measurement
 from motoremi.fitting.result import Fit
 from motoremi.investigation.conditioned import by_condition
 from motoremi.investigation.menu import BY_NAME, Option
-from motoremi.investigation.mistakes import WRONG, Mistake, mistakes
+from motoremi.investigation.mistakes import WRONG, Mistake, as_before, mistakes
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
-from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, weigh, weigh_either
+from motoremi.investigation.responses import NONE_AT_ALL
+from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, mixed, weigh
 
 Key = tuple[str, ...]
 # Name of the rival that the catalogue does not hold.
@@ -38,6 +39,8 @@ DOUBT = 0.02
 LIKE = 3
 # How often what the catalogue does not hold departs at each point by itself, and by how much, as a logarithm. An assumption; unconfirmed.
 DEPARTS, DEPARTS_BY = 0.1, (0.03, 0.1, 0.3)
+# How often nothing at all moves under a condition that may move elements; and how often it was not set up. Assumptions; unconfirmed.
+UNMOVED, NOTHING_DONE = 0.2, 0.025
 # A mistake is looked at where it is within these log odds of what was asked for.
 PLAUSIBLE = 8.0
 
@@ -236,8 +239,13 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
         for left_out, value in log.items():
             shares[left_out] = shares.get(left_out, 0.0) + float(np.exp(rival.log_weight + value - total))
         members.append(dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=known[max(log.items(), key=lambda pair: pair[1])[0]]))
+    unchanged = sum(np.exp(rival.log_weight + log[()] - total) * one.unchanged for rival, log, one in zip(rivals.members, logs, done, strict=True))
     told = tuple(wrong[name] for name in sorted(wrong) if sum(share for left_out, share in shares.items() if name in left_out) > 0.5)
-    return _with(rivals, members, str(sweeps[0].condition), told)
+    condition = str(sweeps[0].condition)
+    if unchanged > 0.5:
+        says = f"{condition}: nothing changed: either nothing in this motor answers to it, or it was not done"
+        told += (Mistake("nothing-changed", says, float(np.log(NOTHING_DONE)), used=True),)
+    return _with(rivals, members, condition, told)
 
 
 def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
@@ -248,11 +256,24 @@ def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
 
 
 def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
-    if rival.outside:
-        return _weighed_outside(sweeps, rivals)
+    """What sweeps under a condition say of an explanation, whether it responds as it says, or in another way, or not at all."""
+    cases = [(1.0, _weighed_outside(sweeps, rivals))] if rival.outside else _responding(rival, sweeps)
+    as_it_was = as_before(sweeps, rival.fit.measurement) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
+    if np.isneginf(as_it_was):
+        return mixed(cases)
+    *responding, (silent, other) = [(share * (1 - NOTHING_DONE), case) for share, case in cases]
+    unchanged = Weighed(as_it_was, rival.known, 0.0, unchanged=1.0)
+    return mixed([*responding, (silent * (1 - UNMOVED), other), (NOTHING_DONE + silent * UNMOVED, unchanged)])
+
+
+def _responding(rival: Rival, sweeps: Sequence[Observed]) -> list[tuple[float, Weighed]]:
+    """With the responses that the effects name, where they name any, and without; each with its probability."""
     responding = Outcome(rival.fit, sweeps)
-    sizes = UNDESCRIBED_ELSEWHERE if responding.option.kind == "sweep" else None
-    return weigh_either((responding, Outcome(rival.fit, sweeps, listed=False) if responding.listed else None), rival.known, sizes)
+    sizes = UNDESCRIBED_ELSEWHERE if responding.elsewhere else None
+    first = weigh(responding, rival.known, sizes)
+    if not responding.listed:
+        return [(1.0, first)]
+    return [(1 - NONE_AT_ALL, first), (NONE_AT_ALL, weigh(Outcome(rival.fit, sweeps, listed=False), rival.known, sizes))]
 
 
 def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:

@@ -7,7 +7,7 @@ open has its range); the response numbers; the analyser's errors; and what no mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Protocol, TypeAlias
 
@@ -17,7 +17,6 @@ from scipy.special import logsumexp
 
 from motoremi.arrays import FloatArray, IntArray
 from motoremi.fitting.result import Fit
-from motoremi.investigation.responses import NONE_AT_ALL
 
 # Relative size of what no model describes of a change -> prior. The least is what a motor repeats to. An assumption; unconfirmed.
 UNDESCRIBED = {5e-4: 0.45, 2e-3: 0.3, 8e-3: 0.17, 3e-2: 0.08}
@@ -31,6 +30,8 @@ UNDESCRIBED_OUTSIDE = {5e-4: 0.23, 2e-3: 0.2, 8e-3: 0.2, 3e-2: 0.17, 0.1: 0.13, 
 UNPREDICTED = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
 # Where the search for the best ends: at a size in the middle.
 MIDDLE = 2e-3
+# White noise that is added at first, and taken away in stages: what the prior holds probable is then found before every point is to be met.
+BLURS = (0.3, 0.03, 0.0)
 # Steps at most of each part, and the damping that each begins with.
 STEPS, DAMPING = 25, 1e-3
 # Standard deviations beyond which no response is looked for; what a step must gain.
@@ -49,6 +50,10 @@ class Prediction(Protocol):
     @property
     def absolute(self) -> bool:
         """Whether it depends on the model's unknowns at all but slightly."""
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the motor is seen in a way in which the model was not fitted."""
 
     @property
     def unpredicted(self) -> IntArray:
@@ -117,11 +122,14 @@ class Weighed:
         What is then known of the model's own unknowns.
     undescribed : float
         The likeliest size of what the model does not describe of the change.
+    unchanged : float
+        Probability that the data show the motor as it was.
     """
 
     log_likelihood: float
     known: Known
     undescribed: float
+    unchanged: float = 0.0
 
 
 def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None = None) -> Weighed:
@@ -136,13 +144,16 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Sizes of what no model describes -> prior.
     """
     sizes = sizes or UNDESCRIBED
-    white = _Whitening(prediction)
-    noise = prediction.density + white.log_density
-    smooth = white(prediction.smooth)
-    best = _System(prediction, known, known.centre, np.zeros(prediction.size), white, smooth)
     # From where almost anything goes to where little does: a resonance that moved by more than its width is out of sight of the second.
-    for size in (max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))):
-        best = _best_near(best, prediction, white, smooth, (size, 1.0, 1.0))
+    most, middle = max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))
+    u, eta = known.centre, np.zeros(prediction.size)
+    for blur in BLURS:
+        white = _Whitening(prediction, blur)
+        smooth = white(prediction.smooth)
+        best = _best_near(_System(prediction, known, u, eta, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
+        u, eta = best.u, best.eta
+    best = _best_near(best, prediction, white, smooth, (middle, 1.0, 1.0))
+    noise = prediction.density + white.log_density
     elements, effects = (UNPREDICTED if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     priors = {
         (size, *widths): float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
@@ -188,23 +199,19 @@ def anything(prediction: Prediction, known: Known, sizes: Sequence[float]) -> fl
     return prediction.density + float(logsumexp(logs) - np.log(len(sizes)))
 
 
-def weigh_either(predictions: tuple[Prediction, Prediction | None], known: Known, sizes: dict[float, float] | None = None) -> Weighed:
-    """With the responses that effects name, or without them where they may not come."""
-    responding, silent = predictions
-    first = weigh(responding, known, sizes)
-    if silent is None:
-        return first
-    second = weigh(silent, known, sizes)
-    logs = first.log_likelihood + np.log(1 - NONE_AT_ALL), second.log_likelihood + np.log(NONE_AT_ALL)
-    likelier = first if logs[0] >= logs[1] else second
-    return Weighed(float(np.logaddexp(*logs)), likelier.known, likelier.undescribed)
+def mixed(cases: Sequence[tuple[float, Weighed]]) -> Weighed:
+    """What is known if one of several cases, each with its probability, holds: the likelihood of all, and what the likeliest teaches."""
+    logs = np.array([np.log(share) + case.log_likelihood for share, case in cases])
+    total = float(logsumexp(logs))
+    unchanged = float(np.exp(logs - total) @ [case.unchanged for _, case in cases])
+    return replace(cases[int(np.argmax(logs))][1], log_likelihood=total, unchanged=unchanged)
 
 
 class _Whitening:
-    """Numbers relative to white noise and the analyser's smooth errors together."""
+    """Numbers relative to white noise, to which a blur may be added, and the analyser's smooth errors together."""
 
-    def __init__(self, prediction: Prediction) -> None:
-        self._weight = 1 / prediction.sigma
+    def __init__(self, prediction: Prediction, blur: float = 0.0) -> None:
+        self._weight = 1 / np.hypot(prediction.sigma, blur)
         columns = prediction.errors * self._weight
         self._root = np.linalg.cholesky(np.eye(self._weight.size) + columns.T @ columns) if len(columns) else None
         together = 0.0 if self._root is None else float(np.sum(np.log(np.diag(self._root))))

@@ -1,0 +1,74 @@
+"""Sweeps that were taken with the other termination: each is recognised because it is the other sweep again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.kernels import interpolated
+from motoremi.data.sweep import RepeatedSweep, Termination
+
+# Two sweeps that differ by less at nine points of ten are one sweep measured twice: the far end of a winding changes more of the band.
+THE_SAME, OF_POINTS = 0.02, 0.9
+
+
+@dataclass(frozen=True)
+class MeasuredTwice:
+    """That the open-circuit and the short-circuit sweep are the same.
+
+    Parameters
+    ----------
+    apart : float
+        Largest relative difference at `OF_POINTS` of the points.
+    wrong : {"short", "open"}
+        The sweep that is more likely the wrong one.
+    """
+
+    apart: float
+    wrong: Termination
+
+
+def measured_twice(sweeps: Sequence[RepeatedSweep]) -> MeasuredTwice | None:
+    """Whether the sweeps of both terminations are the same; None if they differ, or if there is only one."""
+    if len(sweeps) < 2:
+        return None
+    short, opened = sweeps
+    apart = _apart(short.frequency_hz, short.mean_ohm, opened.frequency_hz, opened.mean_ohm)
+    if apart > THE_SAME:
+        return None
+    # Without a path through the far end a motor is a capacitance at low frequencies. Where both sweeps are one, either may be wrong,
+    # and the one that was repeated less often is doubted.
+    inductive = bool(short.mean_ohm.imag[0] > 0)
+    return MeasuredTwice(apart, "open" if inductive or opened.repeats < short.repeats else "short")
+
+
+def without_mislabelled(sweeps: Sequence[RepeatedSweep]) -> tuple[tuple[RepeatedSweep, ...], tuple[Termination, ...]]:
+    """The sweeps without repeats that are the other termination's, and the termination of each repeat that was left out.
+
+    A repeat is left out only if others of its termination differ from the other sweep: they show what it should have been.
+    """
+    if len(sweeps) < 2:
+        return tuple(sweeps), ()
+    kept, left_out = [], []
+    for own, other in (tuple(sweeps), tuple(reversed(sweeps))):
+        differences = [[_apart(own.frequency_hz, one, other.frequency_hz, each) for each in other.impedance_ohm] for one in own.impedance_ohm]
+        good = np.min(differences, axis=1) > THE_SAME
+        if good.all() or not good.any():
+            kept.append(own)
+            continue
+        kept.append(replace(own, impedance_ohm=own.impedance_ohm[good]))
+        left_out += [own.termination] * int(np.sum(~good))
+    return tuple(kept), tuple(left_out)
+
+
+def _apart(one_hz: FloatArray, one_ohm: ComplexArray, other_hz: FloatArray, other_ohm: ComplexArray) -> float:
+    """Largest relative difference at `OF_POINTS` of the common points; infinite if there are none."""
+    low, high = max(one_hz[0], other_hz[0]), min(one_hz[-1], other_hz[-1])
+    common = (one_hz >= low) & (one_hz <= high)
+    if not common.any():
+        return float("inf")
+    between = interpolated(other_hz, other_ohm, one_hz[common])
+    return float(np.quantile(np.abs(np.log(one_ohm[common] / between)), OF_POINTS))
