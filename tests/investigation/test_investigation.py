@@ -433,3 +433,69 @@ def test_a_procedure_says_the_condition_of_its_sweeps() -> None:
     assert Sweep(do="sweep", termination="short", condition="dc-bias=1A").condition == "dc-bias=1A"
     with pytest.raises((ValidationError, ValueError), match="needs its value"):
         Sweep(do="sweep", termination="short", condition="dc-bias")
+
+
+def the_same_twice(opened: int) -> Measurement:
+    """The short-circuit sweep, and so many times the same as the open-circuit sweep."""
+    short = sweeps({})[0]
+    return Measurement.of([short, *(replace(sweeps({}, seed=seed)[0], termination="open") for seed in range(1, opened + 1))])
+
+
+def test_a_sweep_that_is_the_other_one_again_is_asked_for_again_but_not_for_ever() -> None:
+    asked = [next_question(rivals(), the_same_twice(opened)).to_dict() for opened in (1, 2, 3)]
+    assert [one["id"] for one in asked[:2]] == ["open-sweep", "open-sweep"]
+    assert "measured twice" in asked[0]["why"]
+    assert asked[2]["id"] != "open-sweep"
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.97, 0.8, 0.6])
+def test_explanations_that_answer_alike_stay_as_likely_however_far_the_iron_saturates(factor: float) -> None:
+    """The search for the response must arrive wherever it is, or what is left of a resonance decides between them."""
+    told = Measurement.of([*sweeps({}), *sweeps({}, "dc-bias=1A", {"La": factor}, 5)])
+    before, after = rivals().probabilities, update(rivals(), told).probabilities
+    odds = [one[("insulation-leakage@Cf",)] / one[()] for one in (before, after)]
+    assert 0.5 < odds[1] / odds[0] < 2
+
+
+def test_a_change_that_changes_nothing_speaks_for_what_foresees_none() -> None:
+    """Shorting a field winding moves a coupled one by far more than anything else."""
+    coupled = {"field-coupling": {"coupling": 0.3, "resonance_hz": 3e6, "quality": 5.0}}
+    bare = fit(dc_motor(), sweeps(coupled))
+    fits = {("field-coupling",): (bare.add("field-coupling"), 0.0), ("permeability-relaxation",): (bare.add("permeability-relaxation"), 0.0)}
+    unchanged = Measurement.of([*sweeps(coupled), *sweeps(coupled, "field-winding", seed=3)])
+    after = update(rivals_of(fits, 0.03), unchanged)
+    assert after.probabilities[("permeability-relaxation",)] > 3 * after.probabilities[("field-coupling",)]
+    (taught,) = after.taught
+    assert [(one.kind, one.used) for one in taught.mistakes] == [("nothing-changed", True)]
+    assert "weighed as either" in of_the_operator(after)[0].why
+
+
+@pytest.mark.parametrize(
+    ("condition", "part"),
+    [("known-capacitor=100pF", "capacitor"), ("longer-lead=50nH", "inductor"), ("longer-strap", "strap")],
+)
+def test_an_added_part_need_not_have_its_nominal_value(condition: str, part: str) -> None:
+    omega = 2 * np.pi * FREQUENCY
+    given = []
+    for sweep in sweeps({}, condition, seed=2):
+        impedance = sweep.impedance_ohm
+        if part == "capacitor":
+            impedance = 1 / (1 / impedance + 1j * omega * 101.5e-12)
+        elif part == "inductor" or sweep.termination == "open":
+            impedance = impedance + 1j * omega * (52e-9 if part == "inductor" else 30e-9)
+        given.append(replace(sweep, impedance_ohm=impedance))
+    after = update(rivals(), Measurement.of([*sweeps({}), *(one for one in given if part != "strap" or one.termination == "open")]))
+    assert after.outside < 0.1
+    assert not after.taught[0].mistakes
+
+
+def test_a_strap_carries_what_flows_through_the_frame_also_where_the_far_end_is_tied_to_it() -> None:
+    strapped = {"ground-strap-inductance": {"resistance_ohm": 0.01, "inductance_h": 2e-7}}
+    bare, with_strap = simulated("grounded", {}), simulated("grounded", strapped)
+    np.testing.assert_allclose(with_strap - bare, 0.01 + 2j * np.pi * FREQUENCY * 2e-7, rtol=1e-6, atol=1e-3 * np.abs(bare).max())
+
+
+def test_where_the_whole_menu_would_teach_too_little_it_stops_with_the_proof() -> None:
+    found = next_question(rivals(), Measurement.of(sweeps({})), without=[one.name for one in MENU if one.name not in ("dc-resistance", "repeats")])
+    assert found.stop == "inseparable"
+    assert "would together teach at most" in found.why

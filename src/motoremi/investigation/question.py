@@ -451,6 +451,6 @@ def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], nee
             f"would teach most, {show(best.bits, '', 2)} bits"
         )
     return (
-        f"nothing on the menu tells {names} apart: the {len(ranked)} measurements that are left would together teach at most "
+        f"nothing on the menu tells {names} apart: all that is left to measure would together teach at most "
         f"{show(_all_together(ranked), '', 2)} bits, and {show(needed_bits, '', 2)} are needed"
     )
