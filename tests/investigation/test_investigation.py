@@ -499,3 +499,11 @@ def test_where_the_whole_menu_would_teach_too_little_it_stops_with_the_proof() -
     found = next_question(rivals(), Measurement.of(sweeps({})), without=[one.name for one in MENU if one.name not in ("dc-resistance", "repeats")])
     assert found.stop == "inseparable"
     assert "would together teach at most" in found.why
+
+
+def test_a_change_depends_on_the_unknowns_of_what_answers_to_it() -> None:
+    with_contact = base().add("brush-contact", thorough=False)
+    told = Observed(parse_condition("dc-bias=1A"), "short", FREQUENCY, np.full(FREQUENCY.size, 1e-4), simulated("short", {}))
+    moving = [p.name for p, moves in zip(with_contact.problem.unknowns, Outcome(with_contact, [told]).moving, strict=True) if moves]
+    assert moving == ["brush-contact.resistance_ohm", "brush-contact.capacitance_f"]
+    assert not Outcome(with_contact, [told], listed=False).moving.any()

@@ -31,9 +31,6 @@ CLEAR_GAIN = 60.0
 # Enough for an effect that leaves nothing, with values that motors have. The best effect that no motor hid gained at most 6 in 45 sets of sweeps
 # of healthy motors outside the protocol (seed 881177), and another one's for the drift of a motor's capacitance 21.
 ENOUGH_GAIN = 25.0
-# Of what was left, so much or less after a single effect: a rest of a different order, whatever a second one makes of it. Cables and cores whose
-# physics is known leave 4 to 12 % in the sweeps of them that we have.
-NEARLY_ALL = 0.125
 # Circuits that err less than so many times as much are about as good.
 ALIKE = 2.0
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
@@ -165,12 +162,9 @@ class Judgement:
 
     @property
     def of_singles(self) -> Judgement | None:
-        """The judgement without larger sets, where one effect of the likeliest set describes nearly all by itself; None elsewhere."""
-        singles = {key: one for key, one in self.found.items() if len(key) <= 1}
-        under = self.among(singles)
-        left = under.model.fit.unexplained_percent["value"]
-        nearly_all = under.stands and left <= NEARLY_ALL * self.base.unexplained_percent["value"]
-        return under if nearly_all and not self.distributed and set(under.named) & set(self.best.added) else None
+        """The judgement without larger sets, where one effect of the likeliest set describes most by itself; None elsewhere."""
+        under = self.among({key: one for key, one in self.found.items() if len(key) <= 1})
+        return under if under.stands and not self.distributed and set(under.named) & set(self.best.added) else None
 
     @property
     def of_singles_as_good(self) -> Judgement | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray, IntArray
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from motoremi.data.conditions import STANDARDS, Condition
 from motoremi.data.kernels import interpolated, smooth_basis
 from motoremi.data.measurement import Measurement
@@ -113,7 +113,7 @@ class _Given:
     """A prediction without unknowns."""
 
     size = 0
-    absolute = True
+    moving: BoolArray = np.zeros(0, dtype=np.bool_)
     elsewhere = False
     density = 0.0
     unpredicted: IntArray = np.zeros(0, dtype=np.intp)

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray, IntArray
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
@@ -110,6 +110,12 @@ class Outcome:
     def absolute(self) -> bool:
         """Whether the sweep stands for itself, not against one of the reference state."""
         return self.option.kind != "change" or self._bare
+
+    @cached_property
+    def moving(self) -> BoolArray:
+        """The unknowns on which it depends by more than a little, shape (k,): of a change those of the parts that answer to it."""
+        answering = {one.parameter.rpartition(".")[0] for one in self._responses.members if one.listed}
+        return np.array([self.absolute or p.name.rpartition(".")[0] in answering for p in self.fit.problem.unknowns], dtype=np.bool_)
 
     @property
     def elsewhere(self) -> bool:
@@ -374,7 +380,6 @@ class ValueOutcome:
 
     listed = False
     size = 1
-    absolute = True
     elsewhere = False
     density = 0.0
     unpredicted: IntArray = np.zeros(1, dtype=np.intp)
@@ -386,6 +391,7 @@ class ValueOutcome:
         self.data: FloatArray = np.array([np.log(value.value_si)])
         self.errors: FloatArray = np.zeros((0, 1))
         self.smooth: FloatArray = np.ones((1, 1))
+        self.moving: BoolArray = np.ones(len(fit.problem.unknowns), dtype=np.bool_)
 
     def _doubt(self) -> float:
         """How far the quantity may be from what the model calls by its name, as a logarithm."""

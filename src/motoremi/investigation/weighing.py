@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import logsumexp
 
-from motoremi.arrays import FloatArray, IntArray
+from motoremi.arrays import BoolArray, FloatArray, IntArray
 from motoremi.fitting.result import Fit
 
 # Relative size of what no model describes of a change -> prior. The least is what a motor repeats to. An assumption; unconfirmed.
@@ -48,8 +48,8 @@ class Prediction(Protocol):
         """How many response numbers."""
 
     @property
-    def absolute(self) -> bool:
-        """Whether it depends on the model's unknowns at all but slightly."""
+    def moving(self) -> BoolArray:
+        """The model's unknowns on which it depends by more than a little, shape (k,)."""
 
     @property
     def elsewhere(self) -> bool:
@@ -173,8 +173,8 @@ def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth:
     damping, cost = DAMPING, best.cost(at)
     for _ in range(STEPS):
         wanted = best.damped(at, damping)
-        # What the sweeps at hand say of a model's unknowns holds near its fit only: a change, which hardly depends on them, leaves them there.
-        u = np.clip(known.centre + wanted[:k], known.low, known.high) if prediction.absolute else known.centre
+        # What the sweeps at hand say of a model's unknowns holds near its fit only: on what hardly depends on them they have no say.
+        u = np.where(prediction.moving, np.clip(known.centre + wanted[:k], known.low, known.high), known.centre)
         eta = np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)
         trial = _System(prediction, known, u, eta, white, smooth)
         gained = cost - trial.cost(at)
@@ -253,7 +253,7 @@ class _System:
         self._away = np.concatenate([away, np.zeros(len(smooth))])
         # In these the prediction is looked at where they are, in all others it is linear.
         self._moving = np.arange(len(self._rows)) < self._own
-        self._moving[:k] &= prediction.absolute
+        self._moving[:k] &= prediction.moving
 
     def _normal(self, at: Scale) -> tuple[FloatArray, FloatArray]:
         """Matrix, priors included, and right-hand side of the normal equations."""
