@@ -106,7 +106,8 @@ class Judgement:
     def standing(self) -> Standing:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
-        if len(self.model.added) == 1 and self.model.unusual and self._as_close(*self.model.added) and not any(self.belief.families.values()):
+        bends = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
+        if bends and self._as_close(*self.model.added) and not any(self.belief.families.values()):
             # With values that few motors have a law only bends to the curve, as others do; one with a family is told with it.
             return "not"
         if len(self.model.added) < MOST_NAMES:
@@ -318,17 +319,22 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
-    """The judgement among the sets with values that motors have, where the likeliest has others and leaves something, and one of them does as well.
+    """The judgement among the sets with values that motors have, where the likeliest has others, and one of them does as well.
 
-    The laws are not quite the motor's then, so that likelihood ratios mean little, and values decide.
+    Where something is left the laws are not quite the motor's, so that likelihood ratios mean little, and values decide. Two effects that leave
+    nothing are not believed with such values; two others that leave nothing either are, unless the odds against them are clear.
     """
     likeliest = judgement.model
-    if not likeliest.unusual or likeliest.fit.marginal.nothing_left >= 0.5:
+    leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
+    if not likeliest.unusual or (leaves_nothing and len(likeliest.added) < MOST_NAMES):
         return judgement
     for size in range(len(likeliest.added), MOST_NAMES + 1):
         usual = {key: one for key, one in judgement.found.items() if not one.unusual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(usual, together))
-        alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
+        if leaves_nothing:
+            alike = other.model.done and likeliest.score - other.model.score <= ENOUGH_GAIN
+        else:
+            alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
         if other.named and other.stands and alike:
             return other
     return judgement

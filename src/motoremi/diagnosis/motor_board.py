@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 
 import numpy as np
@@ -109,14 +109,18 @@ class MotorBoard:
         solutions = race(trails, rounds, kept, progress, self._each)
         size = len(before.effects) + 1
         best = self._best.setdefault(size, Best())
-        behind = best.behind(solutions)
-        # What is sought in the place of an effect is its rival, and no other is wanted.
-        wanted = 0 if kept or rounds is LOOK_NEAR or size > 1 else self._singles
-        near = [key for place, key in enumerate(solutions) if behind[key] <= BEHIND or place < wanted]
-        fits = list(self._each(on_all_points, [(trails[key], solutions[key], before) for key in near]))
-        if max((fit.log_evidence for fit in fits), default=-inf) < least:
-            fits += self._each(on_all_points, [(trails[key], solutions[key], before) for key in solutions if key not in near])
-        return [candidate(fit, self._base) for fit in fits]
+        near = [key for key, behind in best.behind(solutions).items() if behind <= BEHIND]
+
+        def refitted(keys: Iterable[tuple[str, ...]]) -> list[Candidate]:
+            return [candidate(fit, self._base) for fit in self._each(on_all_points, [(trails[key], solutions[key], before) for key in keys])]
+
+        found = refitted(near)
+        if max((one.fit.log_evidence for one in found), default=-inf) < least:
+            return found + refitted(key for key in solutions if key not in near)
+        if before is self._base and not any(one.done for one in found):
+            # They will be added to.
+            found += refitted([key for key in solutions if key not in near][: max(self._singles - len(near), 0)])
+        return found
 
 
 def _near(fit: Fit, under: Fit) -> dict[str, float]:

@@ -66,7 +66,7 @@ LOOK = Rounds((Round(40, 2, ALL, ALL), Round(40, 6, 8, ALL), Round(40, 12, 6, 12
 # The same beside an effect that is in the model already: its elements are still bent by what is missing, so starts need more steps.
 LOOK_BESIDE = Rounds((Round(40, 6, ALL, ALL), Round(40, 8, 12, 16), Round(40, 15, 6, 10), Round(80, 15, 3, 5)), 3, 80)
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
-LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 8)), 8, 80)
+LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
 # One model alone, without haste.
 THOROUGH = Rounds((Round(80, 7, ALL, 1), Round(80, 40, 9, 1)), 1, 120)
