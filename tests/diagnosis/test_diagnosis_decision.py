@@ -34,7 +34,7 @@ def left(percent: float, error_percent: float, analyser_sigma: float) -> SimpleN
 
 def model(added: tuple[str, ...], score: float, error_percent: float, left_percent: float, unusual: tuple[str, ...] = ()) -> SimpleNamespace:
     """A candidate of which only that is known."""
-    return SimpleNamespace(added=added, score=score, fit=left(left_percent, error_percent, 1.0), unusual=unusual, done=False)
+    return SimpleNamespace(added=added, score=score, fit=left(left_percent, error_percent, 1.0), unusual=unusual, done=False, leaves_nothing=False)
 
 
 def of(*models: SimpleNamespace) -> dict[tuple[str, ...], SimpleNamespace]:
@@ -81,10 +81,12 @@ def test_a_law_with_usual_values_is_named_as_before():
 def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best):
     """A toroid of ferrite: the analyser takes up more, the circuit errs by 39 instead of 9 %, and the evidence is higher."""
     found = {
-        (): SimpleNamespace(added=(), score=0.0, fit=left(45.0, 46.0, 39.0)),
-        ("permeability-relaxation",): SimpleNamespace(added=("permeability-relaxation",), score=450.0, fit=left(7.9, 9.0, 13.0)),
+        (): SimpleNamespace(added=(), score=0.0, fit=left(45.0, 46.0, 39.0), leaves_nothing=False),
+        ("permeability-relaxation",): SimpleNamespace(
+            added=("permeability-relaxation",), score=450.0, fit=left(7.9, 9.0, 13.0), leaves_nothing=False
+        ),
         ("eddy-laminations", "permeability-relaxation"): SimpleNamespace(
-            added=("permeability-relaxation", "eddy-laminations"), score=500.0, fit=left(second_leaves, 39.0, 21.0)
+            added=("permeability-relaxation", "eddy-laminations"), score=500.0, fit=left(second_leaves, 39.0, 21.0), leaves_nothing=False
         ),
     }
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]

@@ -309,8 +309,8 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
 
     monkeypatch.setattr(motor_board, "race", raced)
     monkeypatch.setattr(motor_board, "on_all_points", fitted)
-    monkeypatch.setattr(motor_board, "candidate", lambda fit, base: fit)
+    monkeypatch.setattr(motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False))
     board = motor_board.MotorBoard(base)
     found = board.added(SimpleNamespace(added=(), fit=base), None)
     assert asked == [0.0, -200.0]
-    assert max(one.log_evidence for one in found) > base.log_evidence
+    assert max(one.fit.log_evidence for one in found) > base.log_evidence

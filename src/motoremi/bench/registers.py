@@ -17,6 +17,8 @@ INDICATE, READY = bytes(8) + b"\x0d", b"2"
 # An instrument that was interrupted may still be sending data: attempts to reach it, and the pause between them in seconds.
 MOST_ATTEMPTS, REST_S = 5, 0.5
 VARIANT, SERIAL, IN_FIRMWARE_UPDATE = 0xF0, 0xD0, 0xFF
+# Contents of the first two registers from VARIANT on: device variant and version of the protocol. No other values are known.
+THIS_PROTOCOL = (2, 1)
 
 
 class RegisterDriver(Driver):
@@ -44,7 +46,7 @@ class RegisterDriver(Driver):
         if major == IN_FIRMWARE_UPDATE:
             raise InstrumentError(f"{name}: waits for a firmware update; switch it off and on")
         model = f"{'LiteVNA' if major == 2 else 'NanoVNA V2'}, board {board}"
-        if (variant, protocol) != (2, 1) or not re.fullmatch(self.model, model):
+        if (variant, protocol) != THIS_PROTOCOL or not re.fullmatch(self.model, model):
             raise InstrumentError(
                 f"{name}: expected a {self.model}, but variant {variant} with protocol {protocol} answers; "
                 "check the resource or choose another driver"

@@ -56,6 +56,8 @@ class Motor:
         Between the armature terminals: (Ra + s La) parallel Ca, eq. (1).
     frame : Node
         From the far end of the winding to the frame: (Rr + s Lr + 1/s Cr) parallel Cf, the second term of eq. (2).
+    strap : Node, optional
+        The part of `frame` that is between frame and analyser: with its far end tied to the frame the winding is in series with it.
     distribution : Parameter, optional
         Share of Cf that is distributed along the winding.
     spread : Node, optional
@@ -74,6 +76,7 @@ class Motor:
 
     winding: Node
     frame: Node
+    strap: Node | None = None
     distribution: Parameter | None = None
     spread: Node | None = None
     coupled: tuple[Parameter, Parameter] | None = None
@@ -105,6 +108,8 @@ class Motor:
         else:
             whole = self._with_across(winding)
             seen = Series((whole, frame)) if termination == "open" else whole
+        if termination == "grounded" and self.strap is not None:
+            seen = Series((seen, self.strap))
         for attachment in self.attachments:
             if ("short" if termination == "short" else "open") in attachment.terminations:
                 seen = attachment.wrap(seen)

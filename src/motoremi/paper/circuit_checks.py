@@ -135,7 +135,8 @@ def above_20_mhz() -> Disagreement:
 
 def stop_rule() -> Disagreement:
     """The accuracy that 30 candidates and a deviation of 0.1 can reach."""
-    half_step = 10 ** (1 / (CANDIDATES - 1))
+    # Candidates divide two decades (`candidate_bounds`) into equal steps of the logarithm.
+    half_step = 100 ** (0.5 / (CANDIDATES - 1))
     measurement = Measurement.of(sweeps(TABLE_1_OHM, noise=0.0), "none")
     log = Problem(dc_motor(), measurement, weights="log")
     likelihood = Problem(dc_motor(), measurement)

@@ -9,7 +9,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Series, Shunted
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Subtract
-from motoremi.model.motor import Attachment, Motor
+from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
 
@@ -24,9 +24,7 @@ def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> 
 
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     strap = Leaf("strap", laws.resistance_and_inductance, (parameters["resistance_ohm"], parameters["inductance_h"]))
-    # All that flows through the frame flows through it, so that it is inside of what else is at the terminals.
-    inside = Attachment(lambda node: Series((node, strap)), ("open",))
-    return dataclasses.replace(motor, attachments=(inside, *motor.attachments))
+    return dataclasses.replace(motor, frame=Series((motor.frame, strap)), strap=strap)
 
 
 EFFECTS = (
@@ -69,7 +67,7 @@ EFFECTS = (
         name="ground-strap-inductance",
         group="connection",
         title="inductance and resistance of the frame strap",
-        formula="Z_open + resistance_ohm + s * inductance_h",
+        formula="Z_frame + resistance_ohm + s * inductance_h",
         parameters=(
             Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "1 - 100 mOhm and the path through the laminations"),
             Parameter("inductance_h", "H", 5e-9, 1e-6, "10 - 300 nH for a strap or a wire"),
