@@ -16,7 +16,7 @@ from paper_circuit import DAMPED, impedance
 import motoremi as me
 from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
-from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore, explore_again, key_of
 from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import Round, Rounds, race
 
@@ -67,6 +67,16 @@ class MadeBoard:
 
     def twins(self, one: Made, other: Made) -> bool:
         return abs(one.score - other.score) < BUDGET.gain
+
+    def alike(self, one: Made, other: Made) -> bool:
+        return len(set(one.added) ^ set(other.added)) <= 2
+
+    def sought_anew(self, model: Made) -> list[Made]:
+        self.calls.append(f"anew {''.join(sorted(model.added))}")
+        return [self.model(model.added)]
+
+    def explored_again(self, *found: Made) -> dict[Key, Made]:
+        return explore_again(self, {key_of(model): model for model in found}, BUDGET)
 
     def explored(self, budget: Budget = BUDGET) -> dict[Key, Made]:
         return explore(self, self.model(()), budget)
@@ -314,3 +324,39 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
     found = board.added(SimpleNamespace(added=(), fit=base), None)
     assert asked == [0.0, -200.0]
     assert max(one.fit.log_evidence for one in found) > base.log_evidence
+
+
+def test_a_second_search_adds_to_twins():
+    # The first search named "ac", since it added to "a" only; what "b" does beside "c" was not seen.
+    made = board({"": 0, "a": 50, "b": 49, "ac": 90, "bc": 110}, finished=("ac", "bc"))
+    found = made.explored_again(*(made.model(added) for added in ("", "a", "b", "ac")))
+    assert key_of(best_of(found.values())) == ("b", "c")
+    # Two that leave nothing need no other single effect.
+    assert "add " not in made.calls
+    assert [call for call in made.calls if call.startswith("add")] == ["add a", "add b"]
+
+
+def test_a_second_search_tries_single_effects_again_where_something_is_left():
+    made = board({"": 0, "a": 50, "b": 60, "bc": 110})
+    found = made.explored_again(*(made.model(added) for added in ("", "a")))
+    assert key_of(best_of(found.values())) == ("b", "c")
+    assert made.calls[0] == "add "
+
+
+def test_look_alikes_of_the_best_are_sought_anew():
+    # Beside "a" the search saw "c" in a wrong valley: from its own start values it is better than "b".
+    made = board({"": 0, "a": 50, "ab": 90, "ac": 110}, finished=("ab",))
+    poor = dataclasses.replace(made.model("ac"), score=20.0)
+    overlooked = dataclasses.replace(made, overlooked=frozenset({frozenset("ac")}))
+    overlooked.swapped = lambda model, effect: []
+    found = overlooked.explored_again(made.model(""), made.model("a"), made.model("ab"), poor)
+    assert key_of(best_of(found.values())) == ("a", "c")
+    assert {"anew ab", "anew ac"} <= set(overlooked.calls)
+
+
+def test_a_second_search_never_loses_what_the_first_found():
+    made = board({"": 0, "a": 50, "b": 40}, overlooked=("ab",))
+    kept = Made(("a", "b"), 500.0, done=True)
+    found = made.explored_again(made.model(""), made.model("a"), kept)
+    assert found[("a", "b")] is kept
+    assert best_of(found.values()) is kept

@@ -2,7 +2,8 @@
 
 From the models at hand an effect is *added*; in the best of what that gives, one effect is *swapped* for another, started from the
 solution so that a look-alike cannot lose by not converging; and one that was there before may be *dropped*. The search ends when nothing is
-left, when a further effect gains nothing, or at the largest size. What can be added, and how likely a model is, the board says: motors and
+left, when a further effect gains nothing, or at the largest size. Where the answer of such a search is least certain, a second one
+(`explore_again`) spends more on it. What can be added, and how likely a model is, the board says: motors and
 their sweeps (`motors`), or sources and their spectra (`emission.diagnose`).
 """
 
@@ -56,6 +57,16 @@ class Board(Protocol[M]):
         """Whether two models describe the data alike, so that adding to one of them is enough."""
 
 
+class ThoroughBoard(Board[M], Protocol[M]):
+    """What a second search needs beside."""
+
+    def alike(self, one: M, other: M) -> bool:
+        """Whether two models differ only in one effect that is known to look like the other's."""
+
+    def sought_anew(self, model: M) -> Iterable[M]:
+        """The model, each of its effects in turn from all its start values."""
+
+
 @dataclass(frozen=True)
 class Budget:
     """What a search may spend.
@@ -74,6 +85,9 @@ class Budget:
         them mostly gains a good part of alone.
     gain : float
         What a further effect, or a swap, must gain in log score: odds of 20 to 1.
+    again : int
+        Models that a second search adds to where the first ended with two effects that leave nothing: such an effect is mostly the best alone, or
+        the second if it is a twin.
     """
 
     beam: int = 4
@@ -81,6 +95,7 @@ class Budget:
     swaps: tuple[int, ...] = (2, 3)
     share: float = 0.3
     gain: float = 3.0
+    again: int = 2
 
     @property
     def most_effects(self) -> int:
@@ -126,16 +141,52 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
             _take(found, (board.dropped(best, effect) for effect in best.added))
         if best.done:
             break
-        beam = _worth_adding_to(board, _ranked(found, size), base, budget)
+        beam = _without_twins(board, _worth_adding_to(_ranked(found, size), base, budget))[: budget.beam]
     return found
 
 
-def _worth_adding_to(board: Board[M], ranked: Sequence[M], base: M, budget: Budget) -> list[M]:
-    """Those that gain a good part of what the best gains; of twins only the better, since the other is swapped in where it is meant."""
+def explore_again(board: ThoroughBoard[M], found: Mapping[Key, M], budget: Budget, progress: Progress | None = None) -> dict[Key, M]:
+    """What a search found, and what a second one finds beside it.
+
+    Single effects are tried once more unless the first ended with two that leave nothing; to the best, twins as well, others are added;
+    and the look-alikes of what is then the likeliest are sought anew.
+
+    Parameters
+    ----------
+    board : ThoroughBoard
+    found : mapping
+        By what is added, the base under the empty key.
+    budget : Budget
+    progress : callable, optional
+        Told what is being tried.
+    """
+    found = dict(found)
+    base, best = found[()], best_of(found.values())
+    beam = budget.again
+    if len(best.added) < 2 or not best.done:
+        _take(found, board.added(base, part(progress, 0.0, 0.2)))
+        beam = budget.beam
+    under = _worth_adding_to(_ranked(found, 1), base, budget)[:beam]
+    for place, model in enumerate(under):
+        _take(found, board.added(model, part(progress, 0.2 + 0.6 * place / len(under), 0.2 + 0.6 * (place + 1) / len(under))))
+    _swap(board, found, 2, budget, part(progress, 0.8, 1.0))
+    best = best_of(found.values())
+    for model in [one for one in found.values() if len(one.added) == len(best.added) > 1 and board.alike(one, best)]:
+        _take(found, board.sought_anew(model))
+    return found
+
+
+def _worth_adding_to(ranked: Sequence[M], base: M, budget: Budget) -> list[M]:
+    """Those that gain a good part of what the best gains."""
     least = base.score + budget.share * (ranked[0].score - base.score)
+    return [model for model in ranked if model.score >= least]
+
+
+def _without_twins(board: Board[M], ranked: Sequence[M]) -> list[M]:
+    """Of twins only the better, since the other is swapped in where it is meant."""
     kept: list[M] = []
     for model in ranked:
-        if len(kept) < budget.beam and model.score >= least and not any(board.twins(one, model) for one in kept):
+        if not any(board.twins(one, model) for one in kept):
             kept.append(model)
     return kept
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import zip_longest
 from math import inf
 
 import numpy as np
@@ -11,7 +13,20 @@ import numpy as np
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
 from motoremi.fitting.fit import on_all_points, task_without, trail_to
-from motoremi.fitting.race import BEHIND, LOOK, LOOK_ALIKE, LOOK_BESIDE, LOOK_NEAR, THOROUGH, Best, Rounds, Trail, race
+from motoremi.fitting.race import (
+    BEHIND,
+    LOOK,
+    LOOK_AGAIN,
+    LOOK_AGAIN_BESIDE,
+    LOOK_ALIKE,
+    LOOK_BESIDE,
+    LOOK_NEAR,
+    THOROUGH,
+    Best,
+    Rounds,
+    Trail,
+    race,
+)
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
 from motoremi.workers import Map
@@ -31,10 +46,15 @@ class MotorBoard:
     singles : int
         How many single effects at least are refitted on all points, however far behind the best: one that does a part of what two effects do is
         far behind another one that bends to both.
+    ended_with : sequence of str, optional
+        The likeliest effects of a first search: this is then a second one, which takes more steps before it leaves a model out, and leaves none out
+        that is known to look like one of these.
     """
 
-    def __init__(self, base: Fit, each: Map = map, singles: int = 1) -> None:
+    def __init__(self, base: Fit, each: Map = map, singles: int = 1, ended_with: Sequence[str] | None = None) -> None:
         self._base, self._each, self._singles = base, each, singles
+        self._ended_with = ended_with
+        self._alone, self._beside = (LOOK, LOOK_BESIDE) if ended_with is None else (LOOK_AGAIN, LOOK_AGAIN_BESIDE)
         # Of all races, which have their points in common, by number of effects.
         self._best: dict[int, Best] = {}
 
@@ -47,7 +67,8 @@ class MotorBoard:
         fit = model.fit
         beside = bool(model.added)
         trails = {(*model.added, name): trail_to(fit, name) for name in possible_effects(fit)}
-        return self._raced(fit, trails, LOOK_BESIDE if beside else LOOK, progress=progress, least=fit.log_evidence)
+        kept = [key for key in trails if beside and any(_alike(key[-1], name) for name in self._ended_with or ())]
+        return self._raced(fit, trails, self._beside if beside else self._alone, kept=kept, progress=progress, least=fit.log_evidence)
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
         """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""
@@ -62,6 +83,20 @@ class MotorBoard:
         others = {key: trail for key, trail in trails.items() if key not in alike}
         # What may pass for the effect must arrive: only the likelihood tells them apart.
         return self._raced(under, alike, LOOK_ALIKE, kept=list(alike)) + self._raced(under, others, LOOK_NEAR)
+
+    def alike(self, one: Candidate, other: Candidate) -> bool:
+        """Whether two models have the same effects, but for one that is known to look like the other's."""
+        own, others = ((Counter(a.added) - Counter(b.added)).elements() for a, b in ((one, other), (other, one)))
+        different = list(zip_longest(own, others))
+        return len(different) <= 1 and all(a is not None and b is not None and _alike(a, b) for a, b in different)
+
+    def sought_anew(self, model: Candidate) -> list[Candidate]:
+        """The same effects, each in turn from all its start values: one that was found alone may belong in another valley beside a second."""
+        found = []
+        for effect in model.added:
+            under = self._without(model.fit, effect)
+            found += self._raced(under, {(*under.effects, effect): trail_to(under, effect)}, THOROUGH)
+        return found
 
     def dropped(self, model: Candidate, effect: str) -> Candidate:
         """The model without an effect; without any, the base."""
@@ -117,7 +152,7 @@ class MotorBoard:
         found = refitted(near)
         if max((one.fit.log_evidence for one in found), default=-inf) < least:
             return found + refitted(key for key in solutions if key not in near)
-        if before is self._base and not any(one.done for one in found):
+        if before is self._base and (self._ended_with is not None or not any(one.done for one in found)):
             # They will be added to.
             found += refitted([key for key in solutions if key not in near][: max(self._singles - len(near), 0)])
         return found
@@ -129,6 +164,6 @@ def _near(fit: Fit, under: Fit) -> dict[str, float]:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two effects are known to look alike on many motors, or are one at two places: then neither may be left out for a poor first look."""
+    """Whether two effects are the same, are it at two places, or are known to look alike: then neither may be left out for a poor first look."""
     effect, rival = find_effect(one).effect, find_effect(other).effect
     return effect is rival or bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))

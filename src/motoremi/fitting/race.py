@@ -65,6 +65,10 @@ FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
 LOOK = Rounds((Round(40, 2, ALL, ALL), Round(40, 6, 8, ALL), Round(40, 12, 6, 12), Round(80, 12, 3, 8)), 8, 80)
 # The same beside an effect that is in the model already: its elements are still bent by what is missing, so starts need more steps.
 LOOK_BESIDE = Rounds((Round(40, 6, ALL, ALL), Round(40, 8, 12, 16), Round(40, 15, 6, 10), Round(80, 15, 3, 5)), 3, 80)
+# A second search, for one effect and beside one: twice the time, and no model is left out before 23 steps. Beside an effect that resonates
+# sharply forty points are too few: a true lead beside a suppressor was not among the eight best. For one effect they are enough.
+LOOK_AGAIN = Rounds((Round(40, 8, ALL, ALL), Round(40, 15, 8, ALL), Round(80, 25, 4, 12)), 8, 120)
+LOOK_AGAIN_BESIDE = Rounds((Round(80, 8, ALL, ALL), Round(80, 15, 8, ALL), Round(80, 25, 4, 12)), 8, 120)
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
