@@ -169,7 +169,9 @@ def explore_again(board: ThoroughBoard[M], found: Mapping[Key, M], budget: Budge
     under = _worth_adding_to(_ranked(found, 1), base, budget)[:beam]
     for place, model in enumerate(under):
         _take(found, board.added(model, part(progress, 0.2 + 0.6 * place / len(under), 0.2 + 0.6 * (place + 1) / len(under))))
-    _swap(board, found, 2, budget, part(progress, 0.8, 1.0))
+    # Effects of what the first search ended with were swapped then.
+    if best_of(found.values()).score > best.score + budget.gain:
+        _swap(board, found, 2, budget, part(progress, 0.8, 1.0))
     best = best_of(found.values())
     for model in [one for one in found.values() if len(one.added) == len(best.added) > 1 and board.alike(one, best)]:
         _take(found, board.sought_anew(model))
