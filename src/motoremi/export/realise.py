@@ -32,7 +32,7 @@ class Realisation:
     Parameters
     ----------
     outside : tuple of (str, Part)
-        From the terminal inwards: `series` parts (leads) and `shunt` parts to the frame.
+        From the terminal inwards: `series` parts (leads), `shunt` parts to the frame, and `housing` parts to the motor's side of the strap.
     winding : Part or Coils
         Between the terminal and the far end; one section of a distributed winding.
     frame : Part or None
@@ -43,6 +43,8 @@ class Realisation:
         Impedance to the frame of one section.
     across : Part or None
         Between the ends of a distributed winding.
+    strap : Part or None
+        Between the motor's own frame, where `frame` and `housing` parts end, and the frame of the analyser; None where they are one.
     ladder_errors : dict
         Largest relative error of each dispersive element.
     """
@@ -53,6 +55,7 @@ class Realisation:
     sections: int = 1
     spread: Part | None = None
     across: Part | None = None
+    strap: Part | None = None
     ladder_errors: Mapping[str, float] = field(default_factory=dict)
 
     def impedance(self, termination: str, frequency_hz: FloatArray) -> ComplexArray:
@@ -64,8 +67,14 @@ class Realisation:
                 raise BadInput("no open-circuit sweep: the frame's side of the motor is not known")
             load = self.frame.impedance(s)
         seen = self._through_winding(s, load)
-        for kind, part in reversed(self.outside):
-            seen = seen + part.impedance(s) if kind == "series" else 1 / (1 / seen + 1 / part.impedance(s))
+        outermost = next((place for place, (kind, _) in enumerate(self.outside) if kind == "housing"), None)
+        for place, (kind, part) in reversed(list(enumerate(self.outside))):
+            own = part.impedance(s)
+            if kind == "housing" and termination == "short" and self.strap is not None and self.frame is not None:
+                own = own + 1 / (1 / self.strap.impedance(s) + 1 / self.frame.impedance(s))
+            seen = seen + own if kind == "series" else 1 / (1 / seen + 1 / own)
+            if place == outermost and termination == "open" and self.strap is not None:
+                seen = seen + self.strap.impedance(s)
         return seen
 
     def _through_winding(self, s: ComplexArray, load: ComplexArray | None) -> ComplexArray:
@@ -202,14 +211,19 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
             f"{differing} differs between the short- and the open-circuit sweep: no one network is both; drop common-mode-flux for this export"
         )
     builder = _Builder(values, span_hz)
-    outside = tuple(_outside(builder, attachment.wrap(_PLACEHOLDER)) for attachment in reversed(motor.attachments))
+    housed = with_frame and motor.outermost_to_frame is not None
+    outside = tuple(
+        ("housing", builder.part(one.to_frame)) if housed and one.to_frame is not None else _outside(builder, one.wrap(_PLACEHOLDER))
+        for one in reversed(motor.attachments)
+    )
     seen = _bare(motor).circuit("open" if with_frame else "short")
     if isinstance(seen, Sections):
         return _coupled(builder, outside, seen)
     line, across = _line_of(seen)
-    frame = builder.part(motor.frame if line is None or line.load is None else line.load) if with_frame else None
+    frame = builder.part(motor.path_to_frame if line is None or line.load is None else line.load) if with_frame else None
     if line is None:
-        return Realisation(outside, builder.part(motor.between), frame, ladder_errors=builder.errors)
+        strap = builder.part(motor.strap) if housed and motor.strap is not None else None
+        return Realisation(outside, builder.part(motor.between), frame, strap=strap, ladder_errors=builder.errors)
     winding, spread = builder.part(line.series), builder.part(line.shunt)
     bridge = None if across is None else builder.part(across)
     terminations = ("short", "open") if frame is not None else ("short",)
@@ -217,7 +231,7 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
     wanted = {termination: impedance_of(motor.circuit(termination), values, frequency) for termination in terminations}
     sections = 8
     while True:
-        result = Realisation(outside, winding.scaled(1 / sections), frame, sections, spread.scaled(sections), bridge, builder.errors)
+        result = Realisation(outside, winding.scaled(1 / sections), frame, sections, spread.scaled(sections), bridge, ladder_errors=builder.errors)
         errors = [deviation(result.impedance(termination, frequency), wanted[termination]) for termination in terminations]
         if sections >= _LARGEST_NUMBER_OF_SECTIONS or all(db < _SECTION_DB and deg < _SECTION_DEG for db, deg in errors):
             return result
@@ -241,7 +255,7 @@ def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sec
     turns = None if seen.turns is None else builder.part(seen.turns).scaled(1 / count)
     coils = Coils(copper, builder.values["La"] / float(linked_flux(count, coupling)[0]), coupling, turns)
     across, frame = (None if node is None else builder.part(node) for node in (seen.across, seen.load))
-    return Realisation(outside, coils, frame, count, spread, across, builder.errors)
+    return Realisation(outside, coils, frame, count, spread, across, ladder_errors=builder.errors)
 
 
 def deviation(got: ComplexArray, wanted: ComplexArray) -> tuple[float, float]:

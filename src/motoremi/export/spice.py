@@ -89,9 +89,10 @@ def subcircuit(network: Realisation) -> Iterator[str]:
 
     yield f".subckt {SUBCIRCUIT} terminal far_end frame"
     here = "terminal"
+    housing = "frame" if network.strap is None else "housing"
     for kind, part in network.outside:
-        if kind == "shunt":
-            yield from part.lines(fresh, here, "frame")
+        if kind != "series":
+            yield from part.lines(fresh, here, housing if kind == "housing" else "frame")
         else:
             inner = fresh("n")
             yield from part.lines(fresh, here, inner)
@@ -109,7 +110,9 @@ def subcircuit(network: Realisation) -> Iterator[str]:
     if network.across is not None:
         yield from network.across.lines(fresh, here, "far_end")
     if network.frame is not None:
-        yield from network.frame.lines(fresh, "far_end", "frame")
+        yield from network.frame.lines(fresh, "far_end", housing)
+    if network.strap is not None:
+        yield from network.strap.lines(fresh, housing, "frame")
     yield f".ends {SUBCIRCUIT}"
 
 

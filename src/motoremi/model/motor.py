@@ -31,10 +31,14 @@ BASE_PARAMETERS = (
 
 @dataclass(frozen=True)
 class Attachment:
-    """A part between the analyser and the winding: `wrap` adds it to the circuit of the terminations it applies to."""
+    """A part between the analyser and the winding: `wrap` adds it to the circuit of the terminations it applies to.
+
+    `to_frame` is a part that ends at the motor's own frame, so that its current flows through the strap as well; None of any other.
+    """
 
     wrap: Callable[[Node], Node]
     terminations: Terminations = BOTH
+    to_frame: Node | None = None
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class Motor:
     frame : Node
         From the far end of the winding to the frame: (Rr + s Lr + 1/s Cr) parallel Cf, the second term of eq. (2).
     strap : Node, optional
-        The part of `frame` that is between frame and analyser: with its far end tied to the frame the winding is in series with it.
+        Between frame and analyser: in series with `frame`, with a winding whose far end is tied to the frame, and with parts that end at the frame.
     distribution : Parameter, optional
         Share of Cf that is distributed along the winding.
     spread : Node, optional
@@ -92,7 +96,7 @@ class Motor:
         """
         if termination not in (*BOTH, "grounded"):
             raise BadInput(f"unknown termination {termination!r}: use 'short', 'open' or 'grounded'")
-        winding, frame = self.winding, self.frame
+        winding, frame = self.winding, self.path_to_frame
         if termination != "short":
             for factor in self.open_factors:
                 winding = replace_leaf(winding, factor.element, lambda leaf, factor=factor: Scaled(leaf, factor.law, factor.parameters))  # type: ignore[misc]
@@ -108,12 +112,39 @@ class Motor:
         else:
             whole = self._with_across(winding)
             seen = Series((whole, frame)) if termination == "open" else whole
-        if termination == "grounded" and self.strap is not None:
+        outermost = self.outermost_to_frame
+        if termination == "grounded" and self.strap is not None and outermost is None:
             seen = Series((seen, self.strap))
         for attachment in self.attachments:
-            if ("short" if termination == "short" else "open") in attachment.terminations:
+            if ("short" if termination == "short" else "open") not in attachment.terminations:
+                continue
+            if outermost is None or attachment.to_frame is None:
                 seen = attachment.wrap(seen)
+            elif termination == "short":
+                # The far end is at the analyser, not at the frame: the frame is reached through the strap, and from the far end.
+                assert self.strap is not None
+                seen = Parallel((seen, Series((attachment.to_frame, Parallel((self.strap, self.frame))))))
+            else:
+                seen = attachment.wrap(seen)
+                if attachment is outermost:
+                    assert self.strap is not None
+                    seen = Series((seen, self.strap))
         return seen
+
+    @property
+    def outermost_to_frame(self) -> Attachment | None:
+        """The last part that ends at the frame inside a strap; None without either.
+
+        Of a distributed winding the strap is taken for a part of what is at its far end.
+        """
+        if self.strap is None or self.is_line:
+            return None
+        return next((one for one in reversed(self.attachments) if one.to_frame is not None), None)
+
+    @property
+    def path_to_frame(self) -> Node:
+        """From the far end of the winding to the analyser; only to the frame where other parts share the strap."""
+        return self.frame if self.strap is None or self.outermost_to_frame is not None else Series((self.frame, self.strap))
 
     def _with_across(self, winding: Node) -> Node:
         """A winding with the parts that are connected from end to end of it."""
@@ -170,6 +201,10 @@ class Motor:
     def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
         """The motor with one more part between it and the analyser."""
         return dataclasses.replace(self, attachments=(*self.attachments, Attachment(wrap, terminations)))
+
+    def with_part_to_frame(self, branch: Node) -> Motor:
+        """The motor with a part from its terminal to its frame."""
+        return dataclasses.replace(self, attachments=(*self.attachments, Attachment(lambda node: Parallel((node, branch)), to_frame=branch)))
 
     def with_branch(self, branch: Node) -> Motor:
         """The motor with one more part of its winding, in parallel with Ca."""

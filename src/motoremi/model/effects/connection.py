@@ -24,7 +24,7 @@ def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> 
 
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     strap = Leaf("strap", laws.resistance_and_inductance, (parameters["resistance_ohm"], parameters["inductance_h"]))
-    return dataclasses.replace(motor, frame=Series((motor.frame, strap)), strap=strap)
+    return dataclasses.replace(motor, strap=strap if motor.strap is None else Series((motor.strap, strap)))
 
 
 EFFECTS = (

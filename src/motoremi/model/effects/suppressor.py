@@ -23,7 +23,7 @@ def _capacitor(motor: Motor, place: str, parameters: Mapping[str, Parameter]) ->
     )
     if not place:
         return motor.with_across(branch)
-    shunted = motor.attached(lambda node: Parallel((node, branch)))
+    shunted = motor.with_part_to_frame(branch)
     if place == "frame":
         return shunted
     return dataclasses.replace(shunted, frame=Parallel((shunted.frame, branch)))

@@ -1,0 +1,66 @@
+"""Connections and suppressors beside each other, against the nodal analysis of the simulated motor, which has its own netlists."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from motoremi.export.realise import realise
+from motoremi.model.circuit import Tape
+from motoremi.model.effects import add_effects
+from motoremi.model.motor import dc_motor
+from motoremi.simulate.simulated_motor import SimulatedMotor
+
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 101)
+# From the motor outwards, as they are connected.
+OUTWARDS = (
+    "suppressor-capacitor",
+    "suppressor-capacitor@frame",
+    "suppressor-capacitor@pair",
+    "suppressor-choke",
+    "ground-strap-inductance",
+    "lead-inductance",
+    "terminal-capacitance",
+)
+# A strap and a lead are in series with all else, so it does not matter when they are added.
+ORDERS = [
+    *combinations(OUTWARDS, 2),
+    *(("ground-strap-inductance", name) for name in OUTWARDS[:4]),
+    ("suppressor-capacitor@frame", "suppressor-choke", "ground-strap-inductance"),
+    ("suppressor-capacitor@pair", "ground-strap-inductance", "terminal-capacitance"),
+    ("suppressor-capacitor@frame", "ground-strap-inductance", "lead-inductance"),
+]
+
+
+@pytest.mark.parametrize("names", ORDERS, ids=" + ".join)
+def test_effects_of_the_connection_are_where_the_simulated_motor_has_them(names: tuple[str, ...]) -> None:
+    simulated = SimulatedMotor.random(5, names)
+    motor = add_effects(dc_motor(), names)
+    values = {**simulated.elements, **{f"{one.name}.{name}": value for one in simulated.effects for name, value in one.sizes.items()}}
+    parameters = [parameter.name for parameter in motor.parameters]
+    netlist = realise(motor, values, (FREQUENCY_HZ[0], FREQUENCY_HZ[-1]))
+    for termination in ("short", "open"):
+        expected = simulated.impedance(termination, FREQUENCY_HZ)
+        seen = Tape(motor.circuit(termination), parameters).impedance(2j * np.pi * FREQUENCY_HZ, np.array([values[name] for name in parameters]))
+        np.testing.assert_allclose(seen, expected, rtol=1e-9)
+        # The choke's loss is a ladder there, within what the export states.
+        np.testing.assert_allclose(
+            netlist.impedance(termination, FREQUENCY_HZ), expected, rtol=max(1e-9, 3 * max(netlist.ladder_errors.values(), default=0))
+        )
+
+
+def test_with_its_far_end_on_the_frame_the_strap_carries_the_suppressor_as_well() -> None:
+    simulated = SimulatedMotor.random(5, ("suppressor-capacitor@frame", "ground-strap-inductance"))
+    motor = add_effects(dc_motor(), [one.name for one in simulated.effects])
+    values = {**simulated.elements, **{f"{one.name}.{name}": value for one in simulated.effects for name, value in one.sizes.items()}}
+    parameters = [parameter.name for parameter in motor.parameters]
+    s = 2j * np.pi * FREQUENCY_HZ
+    seen = Tape(motor.circuit("grounded"), parameters).impedance(s, np.array([values[name] for name in parameters]))
+    bare = SimulatedMotor(**simulated.elements)
+    sizes = {one.name: one.sizes for one in simulated.effects}
+    capacitor, strap = sizes["suppressor-capacitor@frame"], sizes["ground-strap-inductance"]
+    branch = capacitor["esr_ohm"] + s * capacitor["esl_h"] + 1 / (s * capacitor["capacitance_f"])
+    expected = 1 / (1 / bare.impedance("short", FREQUENCY_HZ) + 1 / branch) + strap["resistance_ohm"] + s * strap["inductance_h"]
+    np.testing.assert_allclose(seen, expected, rtol=1e-9)
