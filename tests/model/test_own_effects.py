@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import motoremi, motoremi_process
+from conftest import FREQUENCY_HZ
 from places import ROOT
 from typer.testing import CliRunner
 
@@ -20,6 +21,8 @@ from motoremi.errors import BadInput
 from motoremi.model.effects import catalogue, catalogue_sha256, find_effect
 from motoremi.model.effects.own import VARIABLE, effects_in
 from motoremi.model.effects.start import Scale
+from motoremi.simulate.analyser_errors import SimulatedAnalyser
+from motoremi.simulate.simulated_motor import SimulatedMotor
 
 EXAMPLE = ROOT / "docs" / "examples" / "ferrite_bead.py"
 
@@ -37,13 +40,15 @@ def test_the_example_is_short():
 
 
 @pytest.mark.slow
-def test_own_effect_from_the_command_line_is_named_added_reported_and_exported(tmp_path, measure, forgotten):
-    sweeps = [me.ImpedanceSweep(s.termination, s.frequency_hz[::4], s.impedance_ohm[::4]) for s in measure(6)[0]]
-    s = 2j * np.pi * sweeps[0].frequency_hz
+def test_own_effect_from_the_command_line_is_named_added_reported_and_exported(tmp_path, forgotten):
+    frequency = FREQUENCY_HZ[::4]
+    s = 2j * np.pi * frequency
     bead = 1 / (1 / 120.0 + 1 / (s * 1.5e-6))
-    for number, sweep in enumerate(sweeps):
-        beaded = me.ImpedanceSweep(sweep.termination, sweep.frequency_hz, sweep.impedance_ohm + bead)
-        write_impedance_csv(tmp_path / f"{sweep.termination}{number % 3}.csv", beaded)
+    motor, analyser = SimulatedMotor.random(6), SimulatedAnalyser(1006)
+    for connection, termination in enumerate(("short", "open")):
+        for number in range(3):
+            seen = analyser.measure(termination, frequency, motor.impedance(termination, frequency) + bead, connection, bandwidth_factor=3)
+            write_impedance_csv(tmp_path / f"{termination}{number}.csv", me.ImpedanceSweep(termination, frequency, seen))
     files = [f"--{kind}={tmp_path / f'{kind}{n}.csv'}" for kind in ("short", "open") for n in range(3)]
     assert motoremi("import", tmp_path / "s", *files, "--analyser", "4294a").returncode == 0
     done = motoremi_process("diagnose", tmp_path / "s", "--effects-from", EXAMPLE, "--json")
