@@ -24,13 +24,13 @@ OUTWARDS = (
     "lead-inductance",
     "terminal-capacitance",
 )
-# A strap and a lead are in series with all else, so it does not matter when they are added.
+# It does not matter when they are added.
 ORDERS = [
     *combinations(OUTWARDS, 2),
-    *(("ground-strap-inductance", name) for name in OUTWARDS[:4]),
+    *combinations(reversed(OUTWARDS), 2),
     ("suppressor-capacitor@frame", "suppressor-choke", "ground-strap-inductance"),
-    ("suppressor-capacitor@pair", "ground-strap-inductance", "terminal-capacitance"),
-    ("suppressor-capacitor@frame", "ground-strap-inductance", "lead-inductance"),
+    ("terminal-capacitance", "suppressor-capacitor@pair", "ground-strap-inductance"),
+    ("lead-inductance", "suppressor-capacitor@frame", "ground-strap-inductance"),
 ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import Literal, TypeAlias
 
@@ -29,6 +30,17 @@ BASE_PARAMETERS = (
 )
 
 
+class Outwards(IntEnum):
+    """Where a part between winding and analyser is, from the motor outwards, whatever the order in which parts are added."""
+
+    FIRST_TURNS = 0
+    BRUSHES = 1
+    CHOKE = 2
+    LEADS = 3
+    TERMINALS = 4
+    ANALYSER = 5
+
+
 @dataclass(frozen=True)
 class Attachment:
     """A part between the analyser and the winding: `wrap` adds it to the circuit of the terminations it applies to.
@@ -38,6 +50,7 @@ class Attachment:
 
     wrap: Callable[[Node], Node]
     terminations: Terminations = BOTH
+    place: Outwards = Outwards.LEADS
     to_frame: Node | None = None
 
 
@@ -198,13 +211,17 @@ class Motor:
         winding, frame = (replace_element(part, element, change) for part in (self.winding, self.frame))
         return dataclasses.replace(self, winding=winding, frame=frame)
 
-    def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH) -> Motor:
+    def attached(self, wrap: Callable[[Node], Node], terminations: Terminations = BOTH, place: Outwards = Outwards.LEADS) -> Motor:
         """The motor with one more part between it and the analyser."""
-        return dataclasses.replace(self, attachments=(*self.attachments, Attachment(wrap, terminations)))
+        return self._with(Attachment(wrap, terminations, place))
 
     def with_part_to_frame(self, branch: Node) -> Motor:
-        """The motor with a part from its terminal to its frame."""
-        return dataclasses.replace(self, attachments=(*self.attachments, Attachment(lambda node: Parallel((node, branch)), to_frame=branch)))
+        """The motor with a part from its brush to its frame."""
+        return self._with(Attachment(lambda node: Parallel((node, branch)), place=Outwards.BRUSHES, to_frame=branch))
+
+    def _with(self, attachment: Attachment) -> Motor:
+        # Parts at one place stay in the order in which they are added.
+        return dataclasses.replace(self, attachments=tuple(sorted((*self.attachments, attachment), key=lambda one: one.place)))
 
     def with_branch(self, branch: Node) -> Motor:
         """The motor with one more part of its winding, in parallel with Ca."""
@@ -216,8 +233,7 @@ class Motor:
 
     def with_first_turns(self, cell: Node) -> Motor:
         """The motor with a lumped part in series at the winding's terminal, inside all other attachments."""
-        first = Attachment(lambda seen: Series((seen, cell)))
-        return dataclasses.replace(self, attachments=(first, *self.attachments))
+        return self._with(Attachment(lambda seen: Series((seen, cell)), place=Outwards.FIRST_TURNS))
 
     def __repr__(self) -> str:
         return f"Motor(effects={list(self.effects)})"

@@ -9,7 +9,7 @@ from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Series, Shunted
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Subtract
-from motoremi.model.motor import Motor
+from motoremi.model.motor import Motor, Outwards
 from motoremi.model.parameter import Parameter
 
 
@@ -19,7 +19,8 @@ def _lead(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Moto
 
 
 def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    return motor.attached(lambda node: Shunted(node, laws.capacitance_only, (parameters["capacitance_f"],)))
+    terminal = (parameters["capacitance_f"],)
+    return motor.attached(lambda node: Shunted(node, laws.capacitance_only, terminal), place=Outwards.TERMINALS)
 
 
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:

@@ -10,20 +10,20 @@ from motoremi.model.circuit import Leaf, Scaled, Series, Shunted, ThroughCable
 from motoremi.model.effects.effect import Change, Effect
 from motoremi.model.effects.start import Subtract
 from motoremi.model.laws import Law
-from motoremi.model.motor import BOTH, Motor, OpenSweepFactor, Terminations
+from motoremi.model.motor import BOTH, Motor, OpenSweepFactor, Outwards, Terminations
 from motoremi.model.parameter import Parameter
 
 
 def _wrapped(kind: type[Scaled] | type[Shunted] | type[ThroughCable], law: Law) -> Change:
     def change(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-        return motor.attached(lambda node: kind(node, law, tuple(parameters.values())))
+        return motor.attached(lambda node: kind(node, law, tuple(parameters.values())), place=Outwards.ANALYSER)
 
     return change
 
 
 def _series(motor: Motor, law: Law, parameters: Mapping[str, Parameter], terminations: Terminations) -> Motor:
     part = Leaf("residual", law, tuple(parameters.values()))
-    return motor.attached(lambda node: Series((node, part)), terminations)
+    return motor.attached(lambda node: Series((node, part)), terminations, Outwards.ANALYSER)
 
 
 def _short_residual(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:

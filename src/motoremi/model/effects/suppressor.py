@@ -10,7 +10,7 @@ from motoremi.model.circuit import Leaf, Node, Parallel, Scaled, Series
 from motoremi.model.effects import rational_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Subtract
-from motoremi.model.motor import Motor
+from motoremi.model.motor import Motor, Outwards
 from motoremi.model.parameter import Parameter
 
 
@@ -34,7 +34,7 @@ def _choke(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Mot
     coil = Scaled(Leaf("choke L", laws.inductor, (parameters["inductance_h"],)), materials.debye_factor, core)
     choke: Node = Series((Leaf("choke R", laws.resistor, (parameters["resistance_ohm"],)), coil))
     choke = Parallel((choke, Leaf("choke C", laws.capacitor, (parameters["capacitance_f"],))))
-    return motor.attached(lambda node: Series((node, choke)))
+    return motor.attached(lambda node: Series((node, choke)), place=Outwards.CHOKE)
 
 
 EFFECTS = (
