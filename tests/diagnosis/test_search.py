@@ -45,6 +45,7 @@ class MadeBoard:
     overlooked: frozenset[frozenset[str]] = frozenset()
     otherwise: float = -100.0
     calls: list[str] = field(default_factory=list)
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     def model(self, added: Iterable[str], first_look: bool = False) -> Made:
         key = tuple(added)
@@ -70,6 +71,9 @@ class MadeBoard:
 
     def alike(self, one: Made, other: Made) -> bool:
         return len(set(one.added) ^ set(other.added)) <= 2
+
+    def error(self, model: Made) -> float:
+        return self.errors.get("".join(model.added), 1.0)
 
     def sought_anew(self, model: Made) -> list[Made]:
         self.calls.append(f"anew {''.join(sorted(model.added))}")
@@ -360,3 +364,10 @@ def test_a_second_search_never_loses_what_the_first_found():
     found = made.explored_again(made.model(""), made.model("a"), kept)
     assert found[("a", "b")] is kept
     assert best_of(found.values()) is kept
+
+
+def test_a_second_search_adds_to_the_single_effect_that_comes_closest_however_unlikely_it_is():
+    made = board({"": 0, "a": 50, "b": -30, "bc": 110})
+    made.errors = {"b": 0.3}
+    found = made.explored_again(*(made.model(added) for added in ("", "a")))
+    assert key_of(best_of(found.values())) == ("b", "c")

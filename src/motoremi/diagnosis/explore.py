@@ -63,6 +63,9 @@ class ThoroughBoard(Board[M], Protocol[M]):
     def alike(self, one: M, other: M) -> bool:
         """Whether two models differ only in one effect that is known to look like the other's."""
 
+    def error(self, model: M) -> float:
+        """By how much it misses the data."""
+
     def sought_anew(self, model: M) -> Iterable[M]:
         """The model, each of its effects in turn from all its start values."""
 
@@ -148,8 +151,8 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
 def explore_again(board: ThoroughBoard[M], found: Mapping[Key, M], budget: Budget, progress: Progress | None = None) -> dict[Key, M]:
     """What a search found, and what a second one finds beside it.
 
-    Single effects are tried once more unless the first ended with two that leave nothing; to the best, twins as well, others are added;
-    and the look-alikes of what is then the likeliest are sought anew.
+    Single effects are tried once more unless the first ended with two that leave nothing. To the best of them, twins as well, to the closest, and
+    to those that the first ended with, others are added; and the look-alikes of what is then the likeliest are sought anew.
 
     Parameters
     ----------
@@ -166,7 +169,12 @@ def explore_again(board: ThoroughBoard[M], found: Mapping[Key, M], budget: Budge
     if len(best.added) < 2 or not best.done:
         _take(found, board.added(base, part(progress, 0.0, 0.2)))
         beam = budget.beam
-    under = _worth_adding_to(_ranked(found, 1), base, budget)[:beam]
+    singles = _ranked(found, 1)
+    under = _worth_adding_to(singles, base, budget)[:beam]
+    if beam == budget.beam:
+        # What is missing beside an effect may make it look less likely than none, though it comes closest.
+        under.append(min(singles, key=board.error))
+    under = list({key_of(one): one for one in (*under, *(found[(name,)] for name in best.added if (name,) in found))}.values())
     for place, model in enumerate(under):
         _take(found, board.added(model, part(progress, 0.2 + 0.6 * place / len(under), 0.2 + 0.6 * (place + 1) / len(under))))
     # Effects of what the first search ended with were swapped then.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from itertools import zip_longest
 from math import inf
 
@@ -64,11 +65,24 @@ class MotorBoard:
 
     def added(self, model: Candidate, progress: Progress | None) -> list[Candidate]:
         """The model with each possible effect; those that stay near the best."""
-        fit = model.fit
-        beside = bool(model.added)
+        fit, beside = model.fit, bool(model.added)
         trails = {(*model.added, name): trail_to(fit, name) for name in possible_effects(fit)}
+        if beside and self._ended_with is not None:
+            again = self._sought_alone(model)
+            trails = {key: dataclasses.replace(one, starts=[*one.starts, *trail_to(again, key[-1]).starts]) for key, one in trails.items()}
         kept = [key for key in trails if beside and any(_alike(key[-1], name) for name in self._ended_with or ())]
         return self._raced(fit, trails, self._beside if beside else self._alone, kept=kept, progress=progress, least=fit.log_evidence)
+
+    def _sought_alone(self, model: Candidate) -> Fit:
+        """The fit with one effect, sought without others beside it.
+
+        Two fits that are equally likely differ in the values from where a further effect starts, and with them in which of these are found.
+        """
+        return reduce(Fit.add, model.added, self._base)
+
+    def error(self, model: Candidate) -> float:
+        """Of its circuit alone, however much the analyser could take up."""
+        return model.fit.rms_error_percent
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
         """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""
