@@ -1,4 +1,4 @@
-"""The paper's reproduction: the docs show what the command prints, the command keeps the contract, its numbers stand on their own feet."""
+"""The paper's reproduction: the docs show what the command prints, and its numbers agree with calculations that share no formula with it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_figures_are_drawn(drawn):
             assert file.read_bytes().startswith(b"\x89PNG")
 
 
-def test_curves_tell_the_papers_story(drawn):
+def test_the_printed_colony_misses_its_own_rule_and_ours_leaves_only_the_leads(drawn):
     fits = drawn["fits"]
     printed, ours, completed = fits.values()
     # The printed colony meets its own rule far from the noise; ours ends where only the hidden leads are left; with them at the noise.
@@ -57,7 +57,7 @@ def test_curves_tell_the_papers_story(drawn):
     assert completed["rms_error_percent"] < 1.1 * completed["floor_percent"]
     for name in list(fits)[:2]:
         assert drawn["figure_6"][name]
-    # The curves of Fig. 8 hold the errors that are told.
+    # The curves of Fig. 8 agree with the errors that are reported.
     frequency = np.array(drawn["figure_8"]["frequency_hz"])
     for name, fit in fits.items():
         curves = np.array([drawn["figure_8"]["error_percent"][name][t] for t in ("short", "open")])
