@@ -53,6 +53,11 @@ Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument
 
 # More names than these tell nobody anything; what the others would add is taken off the confidence.
 LARGEST_FAMILY = 6
+# What the catalogue does not hold and has nearly the same impedance, of effects whose law takes many shapes.
+IMITATED: Mapping[str, str] = {
+    "dielectric-relaxation@Ca": "a winding with a tap or with unlike sections",
+    "dielectric-relaxation@Cf": "a layer whose resistance is distributed (a semiconducting or damp coat)",
+}
 # How often points that stand out are looked for, each time without those found before.
 LOOKS = 3
 # Sets of effects that are listed.
@@ -399,6 +404,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
     if named and judgement.model.unusual and judgement.model.fit.marginal.nothing_left < 0.5:
         kinds.append("unusual values")
+    if len(named) == 1 and named[0] in IMITATED:
+        kinds.append("imitated")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
@@ -448,6 +455,10 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     ]
     if verdict == "instrument":
         said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
+    if len(named) == 1 and named[0] in IMITATED:
+        said.append(
+            f"{IMITATED[named[0]]}, which the catalogue does not hold, has nearly the same impedance: these sweeps do not tell it from {named[0]}"
+        )
     said += [f"these sweeps cannot tell {', '.join(family[:-1])} and {family[-1]} apart" for family in families]
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
