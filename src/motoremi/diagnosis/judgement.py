@@ -14,7 +14,7 @@ from motoremi.arrays import Progress
 from motoremi.data.analyser import DEFAULT_ANALYSER
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, agreeing, believe, in_place_of, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
-from motoremi.diagnosis.explore import Budget, Key, best_of, explore, explore_again
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect
@@ -23,6 +23,8 @@ from motoremi.workers import Map
 BUDGET = Budget()
 # A search for one effect.
 GLANCE = Budget(swaps=(0,))
+# Single effects that are refitted on all points where none of them is enough: what the decision may fall back on.
+SHOWN = 4
 # What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
 # no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
 # a part of the motor of their size.
@@ -31,8 +33,6 @@ CLEAR_GAIN = 60.0
 # Enough for an effect that leaves nothing, with values that motors have. The best effect that no motor hid gained at most 6 in 45 sets of sweeps
 # of healthy motors outside the protocol (seed 881177), and another one's for the drift of a motor's capacitance 21.
 ENOUGH_GAIN = 25.0
-# The errors of an analyser are rarely so much larger than declared that one effect leaves nothing by itself.
-STRAINED_SIGMA = 2.0
 # Circuits that err less than so many times as much are about as good.
 ALIKE = 2.0
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
@@ -298,19 +298,8 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
     """Search what is missing from a fit, and decide."""
     # Of a circuit that is good enough, effects are shown and none is named.
     spent = GLANCE if accurate(base) else budget
-    board = MotorBoard(base, each, spent.beam if spent.most_effects > 1 else 1)
-    found = explore(board, board.start(), spent, progress)
-    if spent.most_effects > 1 and _is_in_doubt(found):
-        again = MotorBoard(base, each, spent.beam, ended_with=best_of(found.values()).added)
-        found = explore_again(again, found, spent, progress)
-    return decided(base, found)
-
-
-def _is_in_doubt(found: Mapping[Key, Candidate]) -> bool:
-    """Whether a search for effects that clearly show ended with two, with something left, or with an analyser that errs more than most do."""
-    best = best_of(found.values())
-    simple = len(best.added) < MOST_NAMES and best.done and best.fit.analyser_sigma <= STRAINED_SIGMA
-    return best.score - found[()].score > CLEAR_GAIN and not simple
+    board = MotorBoard(base, each, SHOWN if spent.most_effects > 1 else 1)
+    return decided(base, explore(board, board.start(), spent, progress))
 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER) -> Judgement:

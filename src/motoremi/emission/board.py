@@ -9,10 +9,12 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import prior_of_size
+from motoremi.diagnosis.explore import Key, ranked
 from motoremi.emission.source_effects import EFFECTS, SourceEffect, find_source_effect
 from motoremi.emission.source_starts import chopper_starts
 from motoremi.emission.spectrum_fit import EmissionFit, fit_spectra
 from motoremi.emission.spectrum_problem import Problem
+from motoremi.progress import part
 
 # Penalty in log evidence for a model with a parameter at the bound of its range: odds of 20 to 1.
 BOUND_PENALTY = 3.0
@@ -51,6 +53,8 @@ class Candidate:
 
 # Odds of 20 to 1.
 AS_LIKELY = 3.0
+# Models that effects are added to: the second is for two effects that together look like a third. It must gain this share of what the best gains.
+BEAM, SHARE = 2, 0.3
 
 
 class SpectrumBoard:
@@ -71,13 +75,29 @@ class SpectrumBoard:
         """The model with nothing added."""
         return self._weighed(self._base)
 
-    def added(self, model: Candidate, progress: Progress | None) -> Iterator[Candidate]:
-        """The model with each possible effect."""
+    def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> Iterator[Candidate]:
+        """The likeliest models with one effect less, with each possible effect added."""
+        beam = self._beam(found, size - 1)
+        for place, model in enumerate(beam):
+            yield from self._added(model, part(progress, place / len(beam), (place + 1) / len(beam)))
+
+    def _added(self, model: Candidate, progress: Progress | None) -> Iterator[Candidate]:
         names = [name for name in self._possible if name not in model.added]
         for index, name in enumerate(names):
             if progress is not None:
                 progress(name, index, len(names))
             yield self._weighed(add_effect(self._problem, model.fit, name))
+
+    def _beam(self, found: Mapping[Key, Candidate], size: int) -> list[Candidate]:
+        """Those that gain a good part of what the best of their size gains; of two about as likely only the better: few effects of a spectrum
+        look alike otherwise."""
+        leaders = ranked(found, size)
+        least = self.start().score + SHARE * (leaders[0].score - self.start().score)
+        kept: list[Candidate] = []
+        for model in leaders:
+            if model.score >= least and not any(abs(one.score - model.score) < AS_LIKELY for one in kept):
+                kept.append(model)
+        return kept[:BEAM]
 
     def swapped(self, model: Candidate, effect: str) -> Iterator[Candidate]:
         """The model with each look-alike of the effect in its place."""
@@ -91,10 +111,6 @@ class SpectrumBoard:
         """The model without an effect."""
         effects, values = _without(model.fit, effect)
         return self._weighed(fit_spectra(self._problem, effects, [values], _FROM_NEAR))
-
-    def twins(self, one: Candidate, other: Candidate) -> bool:
-        """Whether two models are about as likely: few effects of a spectrum look alike otherwise."""
-        return abs(one.score - other.score) < AS_LIKELY
 
     def _weighed(self, fit: EmissionFit) -> Candidate:
         added = fit.effects[len(self._base.effects) :]

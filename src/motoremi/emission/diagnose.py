@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["EmissionDiagnosis", "add_effect", "diagnose_emission", "fit_base", "where_it_fails"]
 
-# Smaller than for impedance, since there are six effects only, which are less similar. The second model of the beam and the swaps are for two
-# effects that together look like a third; they take a quarter of the time. Odds of 20 to 1 after the prior are 150 to 1 (5 log units) of evidence.
-BUDGET = Budget(beam=2, swapped=1, swaps=(1, 0), share=0.3)
+# Smaller than for impedance, since there are six effects only, which are less similar. The swaps are for two effects that together look like a
+# third; with the second model that effects are added to (`board`) they take a quarter of the time. Odds of 20 to 1 after the prior are 150 to 1
+# (5 log units) of evidence.
+BUDGET = Budget(swapped=1, swaps=(1, 0))
 # A model with a robust chi2 above this does not explain the spectra; with the right effect it is 0.1 to 1.3.
 GOOD_CHI2 = 3.0
 # An effect that removes this share of the squared error, with this lead in log evidence, is named even if it does not explain everything.

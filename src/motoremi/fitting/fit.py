@@ -21,7 +21,7 @@ from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper_colony import paper_colony
 from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
-from motoremi.fitting.race import THOROUGH, Trail, race
+from motoremi.fitting.race import Trail, raced_alone
 from motoremi.fitting.result import METHODS, Fit, on_fits, summarise
 from motoremi.fitting.search import (
     FOLLOWED,
@@ -463,7 +463,7 @@ def trail_without(before: Fit, gone: str) -> Trail:
 def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
     """The fit that a trail leads to, on all points; where that leaves something, a `thorough` one sends ants out as well."""
     started = time.perf_counter()
-    solution = arrived_on_all(trail.task, [race({"": trail}, THOROUGH)[""].values])
+    solution = arrived_on_all(trail.task, [raced_alone(trail).values])
     searched = _searched(trail.task, solution)
     if thorough and solution.marginal.nothing_left < 0.5:
         search = trail.task.thinned(SEARCH_POINTS)

@@ -19,7 +19,7 @@ from motoremi.data.covariance import ROUGH_SHARE, Sizes
 from motoremi.fitting.marginal import SMALLEST
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
-from motoremi.fitting.search import CLOSE, MOST_DECLARED, PLAIN, ROUGH, Solution, Task, arrive, rough
+from motoremi.fitting.search import CLOSE, LITTLE_LEFT, MOST_DECLARED, PLAIN, ROUGH, Solution, Task, arrive, rough
 from motoremi.threads import one_blas_thread
 from motoremi.workers import Map
 
@@ -39,12 +39,15 @@ class Round(NamedTuple):
         Of each start.
     starts, models : int
         How many of each model, and of how many models, at most.
+    likely : bool
+        By the likelihood with a small discrepancy, whatever the models leave: near the noise, every point alike tells nothing.
     """
 
     points: int
     steps: int
     starts: int
     models: int
+    likely: bool = False
 
 
 class Rounds(NamedTuple):
@@ -59,16 +62,13 @@ ALL = 10_000
 # Of those that arrive, so many, and all that are so near the best in log evidence, are followed until their sizes are the likeliest; those whose
 # sizes have further to go may gain more by it.
 FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
-# A look at thirty effects, of up to thirty starts each. Set by trial on the first cases of the blind seeds 5 and 6, where every single effect
-# arrived; by how much it could be less is not measured. Two steps are too few to leave a model out: behind a fixture that nobody compensated
-# a skin effect was 28th of 34 after them, and first in the end.
-LOOK = Rounds((Round(40, 2, ALL, ALL), Round(40, 6, 8, ALL), Round(40, 12, 6, 12), Round(80, 12, 3, 8)), 8, 80)
-# The same beside an effect that is in the model already: its elements are still bent by what is missing, so starts need more steps.
-LOOK_BESIDE = Rounds((Round(40, 6, ALL, ALL), Round(40, 8, 12, 16), Round(40, 15, 6, 10), Round(80, 15, 3, 5)), 3, 80)
-# A second search, for one effect and beside one: twice the time, and no model is left out before 23 steps. Beside an effect that resonates
-# sharply forty points are too few: a true lead beside a suppressor was not among the eight best. For one effect they are enough.
-LOOK_AGAIN = Rounds((Round(40, 8, ALL, ALL), Round(40, 15, 8, ALL), Round(80, 25, 4, 12)), 8, 120)
-LOOK_AGAIN_BESIDE = Rounds((Round(80, 8, ALL, ALL), Round(80, 15, 8, ALL), Round(80, 25, 4, 12)), 8, 120)
+# One effect: thirty of them, of up to thirty starts each. None is left out before twenty-five steps, since pairs begin from where each has got
+# to, and two steps tell little: behind a fixture that nobody compensated a skin effect was 28th of 34 after them, and first in the end.
+SINGLES = Rounds((Round(40, 2, ALL, ALL), Round(40, 8, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80)
+# Two effects: six hundred pairs. In 24 of the protocol (seed 660001) the true pair was among the first 54 after the first round, whether it had four
+# or six steps and eight or sixteen starts of each pair. Many pairs with one true effect are as good on few points of equal weight; the likelihood
+# then tells them apart.
+PAIRS = Rounds((Round(40, 4, ALL, ALL), Round(40, 12, 3, 150), Round(80, 12, 2, 80, likely=True)), 12, 120)
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
@@ -110,11 +110,14 @@ class Trail:
             return self
         return dataclasses.replace(self, task=dataclasses.replace(self.task, measurement=measurement))
 
-    def problem(self, points: int) -> Problem:
-        """What the early rounds solve."""
+    def problem(self, points: int, likely: bool = False) -> Problem:
+        """What the early rounds solve; the `likely` ones later."""
+        # A tenth of what is left: the discrepancy must not take what an effect would.
+        little = max(0.1 * self.left.discrepancy, SMALLEST)
         if self.by_likelihood:
-            # A tenth of what is left: the discrepancy must not take what an effect would.
-            return self.task.likelihood(points, Sizes(max(0.1 * self.left.discrepancy, SMALLEST), self.left.declared), ROUGH_SHARE)
+            return self.task.likelihood(points, Sizes(little, self.left.declared), ROUGH_SHARE)
+        if likely:
+            return self.task.likelihood(points, Sizes(min(little, LITTLE_LEFT), 1.0), ROUGH_SHARE)
         return self.task.thinned(points)
 
 
@@ -139,10 +142,15 @@ class Standing:
         return float(self.objective.min())
 
 
-def race(
-    trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = (), progress: Progress | None = None, each: Map = map
-) -> dict[Name, Solution]:
-    """The solutions, on a thinned grid, of the models that arrive; the best evidence first.
+class Raced(NamedTuple, Generic[Name]):
+    """What a race leads to: solutions of the models that arrive, the best evidence first, and where each model has got to at last."""
+
+    solutions: dict[Name, Solution]
+    reached: dict[Name, Standing]
+
+
+def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = (), progress: Progress | None = None, each: Map = map) -> Raced[Name]:
+    """Take models from their start values to solutions on a thinned grid, fewer and fewer of them.
 
     Parameters
     ----------
@@ -157,17 +165,24 @@ def race(
     """
     course = _Course(trails, each, progress, len(rounds.rounds) + 1)
     standing = {name: Standing(trail.starts, np.zeros(len(trail.starts))) for name, trail in trails.items()}
+    reached = dict(standing)
     for one in rounds.rounds:
         chosen = _ahead(standing, one.models, kept)
         order = sorted(chosen, key=lambda name: -len(standing[name].starts))
         standing = course.round(_run, {name: (standing[name], one) for name in order})
+        reached |= standing
     chosen = _ahead(standing, rounds.arriving, kept)
     found = course.round(_arrive, {name: (standing[name], rounds.points) for name in chosen})
     leading = sorted(found, key=lambda name: -found[name].log_evidence)
     behind = Best().behind(found)
     near = [name for name in leading if name in leading[:FINISHING] or behind[name] <= _reach(found[name])]
     found |= course.round(_finish, {name: (found[name], rounds.points) for name in near})
-    return dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence))
+    return Raced(dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence)), reached)
+
+
+def raced_alone(trail: Trail) -> Solution:
+    """The solution of one model, without haste."""
+    return race({"": trail}, THOROUGH).solutions[""]
 
 
 class Best:
@@ -212,10 +227,10 @@ def _ahead(standing: Mapping[Name, Standing], most: int, kept: Sequence[Name]) -
 def _run(job: tuple[Trail, tuple[Standing, Round]]) -> Standing:
     """Some steps of the best starts of one model."""
     trail, (standing, one) = job
-    problem = trail.problem(one.points)
+    problem = trail.problem(one.points, one.likely)
     first = len(standing.starts) == len(trail.starts)
     chosen = _leaders(standing.objective, trail.group if first else 1, one.starts)
-    precision = CLOSE if trail.by_likelihood else ROUGH
+    precision = CLOSE if trail.by_likelihood or one.likely else ROUGH
     ends = polish(problem, problem.vectors([standing.starts[i] for i in chosen]), iterations=one.steps, precision=precision, bending=one.steps > 5)
     order = range(len(chosen)) if len(chosen) == len(trail.starts) else np.argsort(ends.objective)
     return Standing([problem.named(ends.u[i]) for i in order], ends.objective[list(order)])

@@ -9,7 +9,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.fitting.marginal import NOTHING_LEFT
 from motoremi.fitting.polish import polish
-from motoremi.fitting.race import THOROUGH, Trail, race
+from motoremi.fitting.race import Trail, raced_alone
 from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.fitting.starts import base_starts
@@ -89,7 +89,7 @@ def _resonating(fit: Fit, element: str) -> dict[str, float]:
     tried += [(0.04, f, q) for f in np.geomspace(frequency.min(), frequency.max(), 6) for q in (0.5, 10.0)]
     starts = [{**base, "free strength": b, "free resonance": f, "free quality": q} for b, f, q in tried for base in bases]
     trail = Trail(Task(motor, fit.measurement, fit.bounds, fit.held), starts, len(bases), fit.sizes)
-    return race({element: trail}, THOROUGH)[element].values
+    return raced_alone(trail).values
 
 
 def _scaled(motor: Motor, element: str, corners_hz: FloatArray, parameters: Sequence[Parameter]) -> Motor:

@@ -159,7 +159,7 @@ def _open_alone(both: Fit, each: Map) -> Fit:
         starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
     # Alone, more or less may be left than in both: how much is not known.
     trails = {index: Trail(task, [start], 1, Sizes(1.0, 1.0)) for index, start in enumerate(starts)}
-    found = race(trails, EACH, each=each)
+    found = race(trails, EACH, each=each).solutions
     fits = list(each(on_all_points, [(trails[index], solution, both) for index, solution in found.items()]))
     good = [one for one in fits if one.explained]
     if good:

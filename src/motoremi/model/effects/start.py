@@ -53,8 +53,9 @@ def own_values(start: Start) -> dict[str, float]:
 def with_start(values: Mapping[str, float], start: Start, label: str = "") -> dict[str, float]:
     """Values of a motor's parameters with an effect's start: elements changed, its own parameters under `label`."""
 
-    def taken(name: str, value: float) -> float:
-        return max(value * start.get(Scale(name), 1.0) - start.get(Subtract(name), 0.0), LEAST_LEFT * value)
-
-    changed = {name: start.get(Set(name), taken(name, value) if value > 0 else value) for name, value in values.items()}
+    changed = dict(values)
+    for name in {key.element for key in start if not isinstance(key, str)} & values.keys():
+        value = values[name]
+        left = max(value * start.get(Scale(name), 1.0) - start.get(Subtract(name), 0.0), LEAST_LEFT * value)
+        changed[name] = start.get(Set(name), left if value > 0 else value)
     return {**changed, **{f"{label}.{name}": value for name, value in own_values(start).items()}}
