@@ -10,12 +10,13 @@ from typing import TypeVar
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
 from motoremi.diagnosis.explore import Key
-from motoremi.fitting.beside import trails_of_pairs
+from motoremi.fitting.beside import Pairs
 from motoremi.fitting.fit import on_all_points, task_without, trail_to
-from motoremi.fitting.race import BEHIND, LOOK_ALIKE, LOOK_NEAR, PAIRS, SINGLES, Best, Standing, Trail, race, raced_alone
+from motoremi.fitting.race import BEHIND, GLANCE, IN_FULL, LEADERS, LOOK_ALIKE, LOOK_NEAR, PAIRS, SINGLES, Best, Standing, Trail, race, raced_alone
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution
 from motoremi.model.effects import find_effect
+from motoremi.progress import part
 from motoremi.workers import Map
 
 Name = TypeVar("Name", bound=Hashable)
@@ -50,9 +51,8 @@ class MotorBoard:
         One effect more is never less likely than none more: where the leaders are, on few points those in false valleys looked better than
         the others, and all that arrived are refitted.
         """
-        trails: Mapping[Key, Trail]
-        trails = self._single_trails() if size == 1 else trails_of_pairs(self._base, self._alone, self._reached, self._each)
-        raced = race(trails, SINGLES if size == 1 else PAIRS, (), progress, self._each)
+        trails, rounds = (self._single_trails(), SINGLES) if size == 1 else (self._pair_trails(found, progress), PAIRS)
+        raced = race(trails, rounds, (), part(progress, 0.0 if size == 1 else 0.5, 1.0), self._each)
         leading = self._near_best(size, raced.solutions)
         near = self._refitted(trails, leading)
         others = {key: solution for key, solution in raced.solutions.items() if key not in leading}
@@ -67,6 +67,16 @@ class MotorBoard:
     def _single_trails(self) -> Mapping[Key, Trail]:
         self._alone = {name: trail_to(self._base, name) for name in possible_effects(self._base)}
         return {(name,): trail for name, trail in self._alone.items()}
+
+    def _pair_trails(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
+        """The pairs that lead at a glance."""
+        fitted = {key[0]: one.fit for key, one in found.items() if len(key) == 1}
+        pairs = Pairs(self._base, self._alone, self._reached, fitted, self._each)
+        trails = pairs.at_a_glance()
+        reached = race(trails, GLANCE, (), part(progress, 0.0, 0.5), self._each).reached
+        leaders = sorted(reached, key=lambda pair: reached[pair].best)[:LEADERS]
+        others = {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in leaders[IN_FULL:]}
+        return {**pairs.in_full({pair: reached[pair] for pair in leaders[:IN_FULL]}), **others}
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
         """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""

@@ -19,13 +19,13 @@ from motoremi.threads import one_blas_thread
 from motoremi.workers import Map
 
 Pair = tuple[str, ...]
-# Of up to a hundred start values of one effect beside another so many take part in the race, those with the least objective as they are.
-BEGUN = 5
+# Of up to a hundred start values of one effect beside another so many take part in the first look, those with the least objective as they are.
+GLANCED = 5
 # Points a sweep on which they are compared.
 POINTS = 40
 
 
-def trails_of_pairs(base: Fit, alone: Mapping[str, Trail], reached: Mapping[str, Standing], each: Map = map) -> dict[Pair, Trail]:
+class Pairs:
     """The model with each two effects.
 
     Parameters
@@ -35,56 +35,75 @@ def trails_of_pairs(base: Fit, alone: Mapping[str, Trail], reached: Mapping[str,
     alone : mapping
         Where the search for each effect by itself began.
     reached : mapping
-        Where it has got to.
+        Where its race has got to.
+    fitted : mapping
+        Those that were fitted on all points, maybe from elsewhere.
     each : callable
         As the built-in `map`.
-
-    Returns
-    -------
-    dict
-        By effects, in the order in which they are added; each pair once.
     """
-    jobs = [(_with(base, alone[name], reached[name]), tuple(alone)) for name in alone]
-    from_either: dict[str, dict[str, Trail]] = dict(zip(alone, each(_begun, jobs), strict=True))
-    return dict(_joined(from_either))
+
+    def __init__(self, base: Fit, alone: Mapping[str, Trail], reached: Mapping[str, Standing], fitted: Mapping[str, Fit], each: Map = map) -> None:
+        self._with = {name: _with(base, alone[name], reached[name], fitted.get(name)) for name in alone}
+        self._each = each
+
+    def at_a_glance(self) -> dict[Pair, Trail]:
+        """All pairs, each once, in the order in which their effects are added; with a few start values."""
+        found = self._trails({one: tuple(self._with) for one in self._with}, GLANCED)
+        return {pair: trail for one, other in combinations_with_replacement(self._with, 2) for pair, trail in _joined(found, one, other)}
+
+    def in_full(self, reached: Mapping[Pair, Standing]) -> dict[Pair, Trail]:
+        """Some pairs with all their start values, and with those that a first look has reached."""
+        seconds = {one: tuple({pair[1 - at] for pair in reached for at in (0, 1) if pair[at] == one}) for one in self._with}
+        found = self._trails({one: others for one, others in seconds.items() if others}, None)
+        whole = {pair: trail for first, second in reached for pair, trail in _joined(found, first, second)}
+        return {
+            pair: dataclasses.replace(trail, starts=[*reached[pair].starts, *trail.starts], group=len(reached[pair].starts) + trail.group)
+            for pair, trail in whole.items()
+        }
+
+    def _trails(self, seconds: Mapping[str, Sequence[str]], most: int | None) -> dict[str, dict[str, Trail]]:
+        """By one effect and another, the trail to the other beside the one."""
+        jobs = [(self._with[one], others, most) for one, others in seconds.items()]
+        return dict(zip(seconds, self._each(_begun, jobs), strict=True))
 
 
-def _joined(found: Mapping[str, Mapping[str, Trail]]) -> Iterator[tuple[Pair, Trail]]:
-    for one, other in combinations_with_replacement(found, 2):
-        pairs = {pair: found[pair[0]][pair[1]] for pair in {(one, other): None, (other, one): None} if pair[1] in found[pair[0]]}
-        if not pairs:
-            continue
+def _joined(found: Mapping[str, Mapping[str, Trail]], one: str, other: str) -> Iterator[tuple[Pair, Trail]]:
+    """The trail to a pair, from either effect; none if they exclude each other."""
+    pairs = {pair: found[pair[0]][pair[1]] for pair in {(one, other): None, (other, one): None} if pair[1] in found[pair[0]]}
+    if pairs:
         # A part that does not vary is chosen for what the model before leaves, so its effect comes last.
         last = max(pairs, key=lambda pair: any(not parameter.vary for parameter in find_effect(pair[1]).effect.parameters))
         starts = [start for trail in pairs.values() for start in trail.starts]
         yield last, dataclasses.replace(pairs[last], starts=starts, group=len(starts))
 
 
-def _with(base: Fit, trail: Trail, reached: Standing) -> Fit:
-    """The base with an effect where the race has left it, as far as start values of another one are read from it."""
-    best, *others = reached.starts[:2]
+def _with(base: Fit, trail: Trail, reached: Standing, fitted: Fit | None) -> Fit:
+    """The base with an effect where the search has left it, as far as start values of another one are read from it."""
     names = {parameter.name for parameter in trail.task.motor.parameters}
-    own, second = ({name: value for name, value in values.items() if name in names} for values in (best, *(others or [best])))
+    of_race = [{name: value for name, value in start.items() if name in names} for start in reached.starts[:2]]
+    nuisance = {name: value for name, value in reached.starts[0].items() if name not in names}
+    best, second = (of_race[0], of_race[-1]) if fitted is None else (fitted.parameters, of_race[0])
     return dataclasses.replace(
         base,
         motor=trail.task.motor,
-        parameters=own,
-        search_parameters=own,
-        likeliest_parameters=second if others else {},
-        nuisance={name: value for name, value in best.items() if name not in names},
+        parameters=best,
+        search_parameters=best,
+        likeliest_parameters=second,
+        nuisance=nuisance if fitted is None else fitted.nuisance,
         held=trail.task.held,
         bounds=trail.task.bounds,
     )
 
 
 @one_blas_thread
-def _begun(job: tuple[Fit, Sequence[str]]) -> dict[str, Trail]:
-    """Each effect that can be added to one, with the best of its start values."""
-    fit, names = job
-    return {name: _best_begun(trail_to(fit, name)) for name in names if find_effect(name).fits(fit.motor)}
+def _begun(job: tuple[Fit, Sequence[str], int | None]) -> dict[str, Trail]:
+    """Each effect that can be added to one, with the best of its start values, or all of them."""
+    fit, names, most = job
+    trails = {name: trail_to(fit, name) for name in names if find_effect(name).fits(fit.motor)}
+    return trails if most is None else {name: _best_begun(trail, most) for name, trail in trails.items()}
 
 
-def _best_begun(trail: Trail) -> Trail:
+def _best_begun(trail: Trail, most: int) -> Trail:
     problem = trail.averaged.problem(POINTS)
     objective = problem.objective(problem.vectors(trail.starts))
-    return dataclasses.replace(trail, starts=[trail.starts[index] for index in np.argsort(objective, kind="stable")[:BEGUN]])
+    return dataclasses.replace(trail, starts=[trail.starts[index] for index in np.argsort(objective, kind="stable")[:most]])

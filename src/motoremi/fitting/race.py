@@ -65,10 +65,13 @@ FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
 # One effect: thirty of them, of up to thirty starts each. None is left out before twenty-five steps, since pairs begin from where each has got
 # to, and two steps tell little: behind a fixture that nobody compensated a skin effect was 28th of 34 after them, and first in the end.
 SINGLES = Rounds((Round(40, 2, ALL, ALL), Round(40, 8, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80)
-# Two effects: six hundred pairs. In 24 of the protocol (seed 660001) the true pair was among the first 54 after the first round, whether it had four
-# or six steps and eight or sixteen starts of each pair. Many pairs with one true effect are as good on few points of equal weight; the likelihood
-# then tells them apart.
-PAIRS = Rounds((Round(40, 4, ALL, ALL), Round(40, 12, 3, 150), Round(80, 12, 2, 80, likely=True)), 12, 120)
+# Two effects: six hundred pairs at a glance, from a few starts each. In 24 of the protocol (seed 660001) the true pair was among the first 54 after
+# four steps, and no higher after six or with more starts.
+GLANCE = Rounds((Round(40, 4, ALL, ALL), Round(40, 12, 3, 150)), 0, 80)
+# The leaders, of which `IN_FULL` start anew from all their start values: beside a winding with sharp resonances few starts are in the right
+# valley. Many pairs with one true effect are as good on few points of equal weight; the likelihood then tells them apart.
+PAIRS = Rounds((Round(80, 6, ALL, ALL), Round(80, 15, 4, ALL), Round(80, 12, 2, ALL, likely=True)), 12, 120)
+LEADERS, IN_FULL = 80, 24
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
