@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,9 +17,9 @@ from paper_circuit import DAMPED, impedance
 import motoremi as me
 from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
-from motoremi.diagnosis.explore import Budget, Key, best_of, explore, explore_again, key_of
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
-from motoremi.fitting.race import Round, Rounds, race
+from motoremi.fitting.race import Raced, Round, Rounds, race
 
 BUDGET = Budget()
 
@@ -45,7 +46,6 @@ class MadeBoard:
     overlooked: frozenset[frozenset[str]] = frozenset()
     otherwise: float = -100.0
     calls: list[str] = field(default_factory=list)
-    errors: Mapping[str, float] = field(default_factory=dict)
 
     def model(self, added: Iterable[str], first_look: bool = False) -> Made:
         key = tuple(added)
@@ -53,9 +53,10 @@ class MadeBoard:
         score = self.otherwise if first_look and members in self.overlooked else self.scores.get(members, self.otherwise)
         return Made(key, score - (len(key) if members not in self.scores else 0), members in self.finished)
 
-    def added(self, model: Made, progress: object) -> list[Made]:
-        self.calls.append(f"add {''.join(model.added)}")
-        return [self.model((*model.added, name), first_look=True) for name in self.names if name not in model.added]
+    def sets(self, size: int, found: Mapping[Key, Made], progress: object) -> list[Made]:
+        self.calls.append(f"sets of {size}")
+        assert all(len(key) < size for key in found)
+        return [self.model(names, first_look=True) for names in combinations(self.names, size)]
 
     def swapped(self, model: Made, effect: str) -> list[Made]:
         self.calls.append(f"swap {effect} of {''.join(model.added)}")
@@ -65,22 +66,6 @@ class MadeBoard:
     def dropped(self, model: Made, effect: str) -> Made:
         self.calls.append(f"drop {effect} of {''.join(model.added)}")
         return self.model(name for name in model.added if name != effect)
-
-    def twins(self, one: Made, other: Made) -> bool:
-        return abs(one.score - other.score) < BUDGET.gain
-
-    def alike(self, one: Made, other: Made) -> bool:
-        return len(set(one.added) ^ set(other.added)) <= 2
-
-    def error(self, model: Made) -> float:
-        return self.errors.get("".join(model.added), 1.0)
-
-    def sought_anew(self, model: Made) -> list[Made]:
-        self.calls.append(f"anew {''.join(sorted(model.added))}")
-        return [self.model(model.added)]
-
-    def explored_again(self, *found: Made) -> dict[Key, Made]:
-        return explore_again(self, {key_of(model): model for model in found}, BUDGET)
 
     def explored(self, budget: Budget = BUDGET) -> dict[Key, Made]:
         return explore(self, self.model(()), budget)
@@ -94,27 +79,12 @@ def board(scores: Mapping[str, float], finished: tuple[str, ...] = (), overlooke
     )
 
 
-def test_a_pair_is_found_though_neither_is_the_best_alone():
-    made = board({"": 0, "a": 50, "b": 40, "c": 30, "d": 20, "e": 10, "f": 5, "de": 200, "ab": 60}, finished=("de",))
+def test_a_pair_is_found_though_neither_effect_does_anything_alone():
+    made = board({"": 0, "a": 50, "b": 40, "de": 200, "ab": 60}, finished=("de",))
     found = made.explored()
     assert key_of(best_of(found.values())) == ("d", "e")
-    # From the fourth best single effect, no further down.
-    assert [call for call in made.calls if call.startswith("add")] == ["add ", "add a", "add b", "add c", "add d"]
-    narrow = board({"": 0, "a": 50, "b": 40, "c": 30, "d": 20, "e": 10, "f": 5, "de": 200, "ab": 60})
-    assert key_of(best_of(narrow.explored(Budget(beam=1, swaps=(0, 0))).values())) == ("a", "b")
-
-
-def test_what_gains_little_beside_the_best_is_not_added_to():
-    made = board({"": 0, "a": 1000, "b": 900, "c": 250, "d": 20, "ab": 1100, "ac": 1050})
-    made.explored()
-    assert [call for call in made.calls if call.startswith("add")][:3] == ["add ", "add a", "add b"]
-    assert "add c" not in made.calls
-
-
-def test_of_twins_only_the_better_is_added_to():
-    made = board({"": 0, "a": 50, "b": 48, "c": 40, "ab": 60})
-    made.explored()
-    assert [call for call in made.calls if call.startswith("add")] == ["add ", "add a", "add c"]
+    assert found[("d",)].score < 0 > found[("e",)].score
+    assert [call for call in made.calls if call.startswith("sets")] == ["sets of 1", "sets of 2"]
 
 
 def test_where_a_further_effect_gains_nothing_none_is_swapped():
@@ -270,8 +240,10 @@ def told(solutions):
 @pytest.mark.slow
 def test_a_race_is_the_same_each_time_and_in_another_process(trails):
     with ProcessPoolExecutor(1) as pool:
-        together, again = (race(trails, SHORT_RACE, each=pool.map) for _ in range(2))
-    alone = race(trails, SHORT_RACE)
+        together, again = (race(trails, SHORT_RACE, each=pool.map).solutions for _ in range(2))
+    alone, reached = race(trails, SHORT_RACE)
+    # Also of those that were left out: pairs begin from there.
+    assert reached.keys() == trails.keys()
     assert told(together) == told(again) == told(alone)
     assert list(together) == list(alone)
     assert len(alone) == 2
@@ -282,7 +254,7 @@ def test_a_race_is_the_same_each_time_and_in_another_process(trails):
 
 @pytest.mark.slow
 def test_what_is_kept_arrives_whatever_its_standing(trails):
-    found = race(trails, SHORT_RACE, kept=("terminal-capacitance", "no-such-model"))
+    found = race(trails, SHORT_RACE, kept=("terminal-capacitance", "no-such-model")).solutions
     assert "terminal-capacitance" in found
     assert "core-loss" in found
     begun = []
@@ -292,7 +264,7 @@ def test_what_is_kept_arrives_whatever_its_standing(trails):
 
 
 def test_no_models_no_race():
-    assert race({}, SHORT_RACE) == {}
+    assert race({}, SHORT_RACE) == ({}, {})
 
 
 def test_a_further_effect_needs_odds_of_twenty_to_one():
@@ -311,7 +283,7 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
     def raced(trails, *_):
         """A false valley leads on few points."""
         first, second, *_others = trails
-        return {first: SimpleNamespace(rough=False, log_evidence=0.0), second: SimpleNamespace(rough=False, log_evidence=-200.0)}
+        return Raced({first: SimpleNamespace(rough=False, log_evidence=0.0), second: SimpleNamespace(rough=False, log_evidence=-200.0)}, {})
 
     def fitted(job):
         trail, solution, before = job
@@ -325,49 +297,6 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
     monkeypatch.setattr(motor_board, "on_all_points", fitted)
     monkeypatch.setattr(motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False))
     board = motor_board.MotorBoard(base)
-    found = board.added(SimpleNamespace(added=(), fit=base), None)
+    found = board.sets(1, {(): SimpleNamespace(added=(), fit=base)}, None)
     assert asked == [0.0, -200.0]
     assert max(one.fit.log_evidence for one in found) > base.log_evidence
-
-
-def test_a_second_search_adds_to_twins():
-    # The first search named "ac", since it added to "a" only; what "b" does beside "c" was not seen.
-    made = board({"": 0, "a": 50, "b": 49, "ac": 90, "bc": 110}, finished=("ac", "bc"))
-    found = made.explored_again(*(made.model(added) for added in ("", "a", "b", "ac")))
-    assert key_of(best_of(found.values())) == ("b", "c")
-    # Two that leave nothing need no other single effect.
-    assert "add " not in made.calls
-    assert [call for call in made.calls if call.startswith("add")] == ["add a", "add b"]
-
-
-def test_a_second_search_tries_single_effects_again_where_something_is_left():
-    made = board({"": 0, "a": 50, "b": 60, "bc": 110})
-    found = made.explored_again(*(made.model(added) for added in ("", "a")))
-    assert key_of(best_of(found.values())) == ("b", "c")
-    assert made.calls[0] == "add "
-
-
-def test_look_alikes_of_the_best_are_sought_anew():
-    # Beside "a" the search saw "c" in a wrong valley: from its own start values it is better than "b".
-    made = board({"": 0, "a": 50, "ab": 90, "ac": 110}, finished=("ab",))
-    poor = dataclasses.replace(made.model("ac"), score=20.0)
-    overlooked = dataclasses.replace(made, overlooked=frozenset({frozenset("ac")}))
-    overlooked.swapped = lambda model, effect: []
-    found = overlooked.explored_again(made.model(""), made.model("a"), made.model("ab"), poor)
-    assert key_of(best_of(found.values())) == ("a", "c")
-    assert {"anew ab", "anew ac"} <= set(overlooked.calls)
-
-
-def test_a_second_search_never_loses_what_the_first_found():
-    made = board({"": 0, "a": 50, "b": 40}, overlooked=("ab",))
-    kept = Made(("a", "b"), 500.0, done=True)
-    found = made.explored_again(made.model(""), made.model("a"), kept)
-    assert found[("a", "b")] is kept
-    assert best_of(found.values()) is kept
-
-
-def test_a_second_search_adds_to_the_single_effect_that_comes_closest_however_unlikely_it_is():
-    made = board({"": 0, "a": 50, "b": -30, "bc": 110})
-    made.errors = {"b": 0.3}
-    found = made.explored_again(*(made.model(added) for added in ("", "a")))
-    assert key_of(best_of(found.values())) == ("b", "c")

@@ -14,7 +14,7 @@ from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.diagnosis.candidates import possible_effects
 from motoremi.fitting.fit import fit, trail_to
 from motoremi.fitting.problem import Problem
-from motoremi.fitting.race import LOOK, Best, race
+from motoremi.fitting.race import SINGLES, Best, race
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import rough
 from motoremi.model.motor import dc_motor
@@ -60,7 +60,7 @@ def test_where_the_analyser_sees_nothing_a_point_counts_less() -> None:
 @pytest.mark.slow
 def test_a_loss_of_the_winding_arrives_behind_the_fixture() -> None:
     trails = {name: trail_to(base(), name) for name in possible_effects(base())}
-    solutions = race(trails, LOOK)
+    solutions = race(trails, SINGLES).solutions
     behind = Best().behind(solutions)
     assert min((name for name in solutions if not solutions[name].rough), key=lambda name: behind[name]) in (
         "proximity-effect",

@@ -30,6 +30,8 @@ MOST_NAMES = 2
 SLIGHT_SHARE = 0.25
 # What is left of what was left before, for a named effect to be most of the truth.
 MOSTLY = 0.25
+# No analyser that works errs by a hundred times its specification, which is three standard deviations: then the circuit is what is wrong.
+NO_ANALYSER_SIGMA = 300.0
 # How often each kind of answer is true, beyond what the posterior knows. Estimates from the boards of docs/explanation/how_often_right.md:
 # `adequate` was true 190 times of 190, `unexplained` 47 of 50, with a serious finding each time that it was not. Boards of other seeds confirm or
 # deny them.
@@ -157,6 +159,8 @@ def _agrees(key: list[str], places: list[set[str]]) -> bool:
 
 def stands(base: Fit, best: Fit) -> Standing:
     """Whether a model leaves so little that it can be called the motor's."""
+    if best.analyser_sigma > NO_ANALYSER_SIGMA:
+        return "not"
     left = best.unexplained_percent["value"]
     # Where only an analyser far beyond its specification is asked for, that is what is wrong, and the findings say so.
     # An effect that only reaches a stated accuracy may be of another law: it describes most. The base that does needs none.

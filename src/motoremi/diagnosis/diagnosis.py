@@ -22,7 +22,9 @@ from motoremi.diagnosis.findings import (
     of_the_declaration,
     of_the_labels,
     of_the_noise,
+    of_the_resistance,
     of_the_sweeps,
+    shows_nothing,
     the_same_twice,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
@@ -58,6 +60,8 @@ IMITATED: Mapping[str, str] = {
     "dielectric-relaxation@Ca": "a winding with a tap or with unlike sections",
     "dielectric-relaxation@Cf": "a layer whose resistance is distributed (a semiconducting or damp coat)",
 }
+# Serious findings that say why no model stands.
+ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
 # How often points that stand out are looked for, each time without those found before.
 LOOKS = 3
 # Sets of effects that are listed.
@@ -322,7 +326,12 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
 
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
     judgement = declared.judgement
-    found = of_the_noise(judgement.base) + of_the_analyser(judgement.model.fit, judgement.stands) + of_the_sweeps(left)
+    found = (
+        of_the_noise(judgement.base)
+        + of_the_resistance(fit.measurement)
+        + of_the_analyser(judgement.model.fit, judgement.stands)
+        + of_the_sweeps(left)
+    )
     found += of_the_labels(fit.measurement) + of_the_amount(fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
@@ -388,9 +397,12 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
     serious = {finding.id for finding in findings if finding.serious}
     if not judgement.stands:
         about_data = left is not None and left.about_the_data
-        return "data" if about_data or serious & {"sweeps-disagree", "interference", "drift", "correlated-noise"} else "unexplained"
+        return "data" if about_data or serious & ABOUT_THE_DATA else "unexplained"
     if not named:
-        return "instrument" if judgement.model.fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate else "adequate"
+        fit = judgement.model.fit
+        strained = fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate
+        # Nor does a circuit describe anything of which only the analyser's errors are seen.
+        return "instrument" if strained or "negative-resistance" in serious or shows_nothing(fit) else "adequate"
     groups = [{find_effect(name).effect.group for name in (effect, *judgement.families[effect])} for effect in named]
     if all(group == {"instrument"} for group in groups):
         return "instrument"
@@ -429,10 +441,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         left = closest.fit.unexplained_percent
         missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %)"
         if judgement.described and judgement.distributed:
-            return [
-                f"{missing}; two relaxations along the path to the frame describe it, {' and '.join(judgement.best.added)}, and so would one "
-                "layer whose resistance is distributed (a semiconducting or damp coat), which the catalogue does not hold",
-            ]
+            pair, imitated = judgement.best.added, IMITATED.get(judgement.best.added[0], IMITATED["dielectric-relaxation@Cf"])
+            return [f"{missing}; two relaxations describe it, {' and '.join(pair)}, and so would {imitated}, which the catalogue does not hold"]
         if judgement.described and judgement.best.unusual:
             return [
                 f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with values that few motors have "
@@ -478,7 +488,11 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     rest = f"to {left:.2g} %, beyond noise and analyser" if left else "down to noise and analyser"
     floor = f"noise and analyser would leave {base.floor_percent:.2g} %"
     said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, {floor})"]
-    if verdict == "instrument":
+    if shows_nothing(base):
+        return [
+            f"the analyser's own errors may be as large as what was measured (error {base.rms_error_percent:.2g} %): this says nothing of a motor"
+        ]
+    if verdict == "instrument" and base.analyser_sigma > BEYOND_SIGMA:
         said.append(f"but only if the analyser errs by {base.analyser_sigma / 3:.2g} times its specification")
     if judgement.accurate:
         said.append(f"that is within the accuracy of {base.measurement.accuracy_percent:g} % that was stated for these data")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
-from motoremi.data.analyser import Analyser
+from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
@@ -19,6 +19,10 @@ from motoremi.quantities import show
 COULD_PASS = 3.0
 # Standard deviations by which the fixture differs from none.
 SEEN = 4.0
+# Standard deviations of noise and analyser by which a resistance is negative, and the share of the points at which it must be.
+NEGATIVE, OFTEN = 3.0, 0.02
+# What an analyser of which nothing is declared may err by in phase (0.6 degrees).
+UNDECLARED = 0.01
 # Fewer points than these a sweep cannot carry seven elements and a doubt.
 FEW_POINTS = 30
 
@@ -122,13 +126,39 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
     }
     seen = {name: entry for name, entry in fixture.items() if abs(entry[0]) > SEEN * entry[1] and abs(entry[0]) > 0.05}
     if fixture and (seen or not stands):
-        parts = ", ".join(f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in (seen or fixture).items())
+        parts = ", ".join(f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in seen.items())
         found.append(
             Finding(
                 "not-compensated",
-                f"the fixture behind the plane of calibration was not compensated; as far as these data tell it is {parts}",
+                "the fixture behind the plane of calibration was not compensated; "
+                + (f"as far as these data tell it is {parts}" if seen else "these data do not tell what it is"),
                 "calibrate at the motor's terminals: open, short and load on the fixture itself",
                 True,
+            )
+        )
+    return found
+
+
+def of_the_resistance(measurement: Measurement) -> list[Finding]:
+    """A resistance below zero, beyond noise and analyser: no passive motor has one."""
+    found, analyser = [], measurement.analyser
+    least = UNDECLARED if analyser.ideal or analyser.name == DEFAULT_ANALYSER else 0.0
+    for sweep, floor in zip(measurement.sweeps, measurement.floors, strict=True):
+        resistance = sweep.mean_ohm.real
+        negative = resistance < -NEGATIVE * np.maximum(floor, least) * np.abs(sweep.mean_ohm)
+        if np.mean(negative) <= OFTEN:
+            continue
+        at, worst = sweep.frequency_hz[negative], int(np.argmin(np.where(negative, resistance, 0.0)))
+        found.append(
+            Finding(
+                "negative-resistance",
+                f"the resistance is negative at {int(negative.sum())} of {negative.size} points of the {sweep.termination} sweep "
+                f"({show(float(resistance[worst]), 'Ohm')} at {show(float(sweep.frequency_hz[worst]), 'Hz')}), beyond noise and analyser: "
+                "nothing passive gives power back",
+                "repeat open, short and load calibration at the place where the motor is connected, and measure again",
+                True,
+                sweep.termination,
+                (float(at[0]), float(at[-1])),
             )
         )
     return found
@@ -189,6 +219,9 @@ def of_the_amount(fit: Fit) -> list[Finding]:
         if count < FEW_POINTS:
             why = f"the {sweep.termination} sweep has {count} points: too few to tell most effects apart"
             found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
+    if shows_nothing(fit):
+        why = "these sweeps determine no element of the circuit: the analyser may err by more than there is to see"
+        found.append(Finding("too-little", why, "compensate at the motor's terminals, and check that the motor is connected", True))
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"
         why = f"there is no {missing}-circuit sweep: an effect cannot be located"
@@ -196,6 +229,11 @@ def of_the_amount(fit: Fit) -> list[Finding]:
             why += ", and winding's and frame's resonances may change places with the same curve"
         found.append(Finding("too-little", why, f"measure the {missing} sweep too", False))
     return found
+
+
+def shows_nothing(fit: Fit) -> bool:
+    """Whether no parameter of the circuit is determined by the sweeps."""
+    return not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
 
 
 def _span(frequency_hz: FloatArray) -> tuple[float, float]:

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import MOST_NAMES
 from motoremi.diagnosis.findings import Finding
-from motoremi.diagnosis.judgement import RELAXING, Judgement, decided
+from motoremi.diagnosis.judgement import Judgement, decided, distributed
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
-from motoremi.investigation.rivals import Key, Rivals, rivals_of, update
+from motoremi.investigation.rivals import Rivals, rivals_of, update
 
 # An explanation at which an investigation stops stands alone.
 STANDS = ODDS / (1 + ODDS)
@@ -25,12 +25,8 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
 
     Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
     """
-    credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not _distributed(key)}
+    credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
     return update(rivals_of(credible, OUTSIDE[judgement.standing]), measurement or judgement.base.measurement)
-
-
-def _distributed(key: Key) -> bool:
-    return len(key) == MOST_NAMES and set(key) <= RELAXING
 
 
 def informed(judgement: Judgement, rivals: Rivals) -> Judgement:

@@ -16,7 +16,8 @@ from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE,
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import BEYOND_SIGMA, Fit
+from motoremi.fitting.search import PLAIN
 from motoremi.model.effects import find_effect
 from motoremi.workers import Map
 
@@ -35,8 +36,9 @@ CLEAR_GAIN = 60.0
 ENOUGH_GAIN = 25.0
 # Circuits that err less than so many times as much are about as good.
 ALIKE = 2.0
-# A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough.
-RELAXING = frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film"})
+# A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough: along the path to
+# the frame, or across a winding whose sections are unlike.
+RELAXING = (frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film"}), frozenset({"dielectric-relaxation@Ca"}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +111,20 @@ class Judgement:
         """Whether it leaves so little that it can be called the motor's."""
         standing = stands(self.base, self.model.fit)
         bends = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
-        if bends and self._as_close(*self.model.added) and not any(self.belief.families.values()):
-            # With values that few motors have a law only bends to the curve, as others do; one with a family is told with it.
+        # With values that few motors have a law only bends to the curve, if others come as close or much is left; one with a family is told
+        # with it.
+        poorly = bends and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
+        if (poorly and not any(self.belief.families.values())) or self._only_strains:
             return "not"
         if len(self.model.added) < MOST_NAMES:
             return standing
         return standing if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
+
+    @property
+    def _only_strains(self) -> bool:
+        """Whether the likeliest circuit errs more than the base, and an analyser far beyond its specification takes that up."""
+        fit = self.model.fit
+        return fit.analyser_sigma > BEYOND_SIGMA and fit.rms_error_percent > self.base.rms_error_percent
 
     @property
     def leaves_something(self) -> bool:
@@ -135,8 +145,8 @@ class Judgement:
 
     @property
     def distributed(self) -> bool:
-        """Whether the likeliest model is of two relaxations along the path to the frame: so is any one layer whose resistance is distributed."""
-        return len(self.best.added) == MOST_NAMES and set(self.best.added) <= RELAXING
+        """Whether the likeliest model is of two relaxations at one place: so is any one part whose resistance is distributed."""
+        return distributed(self.best.added)
 
     @property
     def described(self) -> bool:
@@ -259,6 +269,11 @@ class Judgement:
             left.remove(name)
             path.append(self.found[tuple(sorted(taken))].fit)
         return (*path, last.fit) if last.added else (self.base,)
+
+
+def distributed(key: Key) -> bool:
+    """Whether a set is of two relaxations at one place."""
+    return len(key) == MOST_NAMES and any(set(key) <= at_one_place for at_one_place in RELAXING)
 
 
 def accurate(base: Fit) -> bool:

@@ -45,6 +45,9 @@ FARTHEST = 20.0
 NARROWEST = 0.5
 # Resonances narrower than this are looked at again without the point at their top.
 SUSPECT = 1.5
+# Where a causal model leaves less than this share of what the closest circuit leaves, physics is most of what is missing, whatever the small rest
+# is: a single sweep's noise is only guessed from its scatter.
+SMALL_REST = 0.5
 # Width in points of the window in which a remainder is located, and the multiple of the noise's variance that it must exceed there:
 # the mean over 9 complex points scatters by a third, and noise alone exceeds this in about one of 1000 sweeps of 400 points.
 WINDOW = 9
@@ -172,8 +175,9 @@ class CausalCheck:
 
     def _disproves(self, termination: str) -> bool:
         model = self.models[termination]
-        better = model.noise_multiple < self.reached.get(termination, np.inf)
-        return not model.describes_the_data and (model.only_outliers or (better and not model.wants_poles))
+        reached = self.reached.get(termination)
+        in_question = reached is None or SMALL_REST * reached < model.noise_multiple < reached
+        return not model.describes_the_data and (model.only_outliers or (in_question and not model.wants_poles))
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -218,6 +222,11 @@ def _trouble(model: CausalModel) -> str:
 
 
 def _nothing_shown(model: CausalModel, reached: float | None) -> str:
+    if reached is not None and model.noise_multiple <= SMALL_REST * reached:
+        return (
+            f"a causal model of the {model.termination} sweep leaves {model.noise_multiple:.2g} times the noise (error "
+            f"{model.rms_error_percent:.2g} %), the closest circuit {reached:.3g} times: physics is most of what is missing"
+        )
     ended = f"the search for a causal model of the {model.termination} sweep ended at {model.noise_multiple:.2g} times the noise"
     where = (
         f", where a circuit reaches {reached:.2g} times"

@@ -83,10 +83,13 @@ EFFECTS = (
         parameters=(
             Parameter("slots_f", "F", 5e-12, 1e-6, "winding to core, from a fractional to some hundred kW; as the line's far end is shorted"),
             Parameter("path_ohm", "Ohm", 0.1, 20e3, "through laminations to the frame"),
-            Parameter("iron_hz", "Hz", 300.0, 10e6, "sheets of 0.35 to 0.65 mm, to solid or finely divided iron"),
+            # Iron and cages are the same in a sweep of lower frequencies, for which the ranges are wider.
+            Parameter("iron_hz", "Hz", 300.0, 10e6, "sheets of 0.35 to 0.65 mm, to solid or finely divided iron", usual=(300.0, 10e6)),
             Parameter("exponent", "", 0.3, 1.0, "0.5 is diffusion, 1 one time constant"),
             Parameter("cage_share", "", 1e-3, 0.95, "share of La that the rotor's conductors screen"),
-            Parameter("cage_hz", "Hz", 5.0, 20e3, "resistance of a cage over its inductance; an armature's shorted coils lie higher"),
+            Parameter(
+                "cage_hz", "Hz", 5.0, 20e3, "resistance of a cage over its inductance; an armature's shorted coils lie higher", usual=(5.0, 20e3)
+            ),
         ),
         limit="slots_f, cage_share -> 0, iron_hz -> infinity",
         limit_values={"slots_f": 1e-24, "path_ohm": 1.0, "iron_hz": 1e24, "exponent": 1.0, "cage_share": 0.0, "cage_hz": 300.0},
