@@ -53,6 +53,15 @@ def table(*titles: str) -> Table:
         ("ESR/mOhm", "series_resistance", 1e-3),
         ("D()-data", "dissipation_factor", 1.0),
         ("S11(REAL)", "s11_real", 1.0),
+        ("Trace |Z| (Ohm)", "magnitude", 1.0),
+        ("Trace θ (deg)", "phase", 1.0),
+        ("Trace Phase (deg)", "phase", 1.0),
+        ("Trace Rs (Ω)", "series_resistance", 1.0),
+        ("Trace 1: Impedance: Magnitude (Ω)", "magnitude", 1.0),
+        ("Trace 2: Impedance: Phase (°)", "phase", 1.0),
+        ("Frequenz (Hz)", "frequency", 1.0),
+        ("Trace 1: Impedanz: Betrag (kΩ)", "magnitude", 1e3),
+        ("Trace 2: Impedanz: Phase (°)", "phase", 1.0),
         ("Level dB(µV)", "level", 1.0),
         ("Level (dBm)", "level_dbm", 1.0),
         ("QuasiPeak (dBµV)", "level quasi-peak", 1.0),
@@ -66,7 +75,19 @@ def test_usual_spellings(title: str, meaning: str, factor: float) -> None:
 
 @pytest.mark.parametrize(
     "title",
-    ["R", "R (MOHM)", "R_dc [Ohm]", "R min (Ohm)", "1/Z [S]", "R(Ohm)-mem", "Level (dBµV/m)", "Z (mS)", "f0 [Hz]", "R" + "(" * 100_000 + "Ohm"],
+    [
+        "R",
+        "R (MOHM)",
+        "R_dc [Ohm]",
+        "R min (Ohm)",
+        "1/Z [S]",
+        "R(Ohm)-mem",
+        "Level (dBµV/m)",
+        "Z (mS)",
+        "f0 [Hz]",
+        "Trace 1 (Memory): R (Ohm)",
+        "R" + "(" * 100_000 + "Ohm",
+    ],
 )
 def test_doubtful_titles_are_not_taken(title: str) -> None:
     assert find_columns(table(title)) == {}
@@ -75,9 +96,14 @@ def test_doubtful_titles_are_not_taken(title: str) -> None:
 @pytest.mark.parametrize(
     ("titles", "says"),
     [
-        (("f", "R[furlong]"), "the unit 'furlong' of column 'R[furlong]' is not known: use uOhm, mOhm, Ohm, kOhm or MOhm"),
+        (("f [Hz]", "R[furlong]"), "the unit 'furlong' of column 'R[furlong]' is not known: use uOhm, mOhm, Ohm, kOhm or MOhm"),
         (("f [Hz]", "R (MOHM)"), "the unit 'MOHM' of column 'R (MOHM)' may be milli or mega: write mOhm or MOhm"),
         (("f [Hz]", "phase"), "the column 'phase' has no unit: add deg or rad"),
+        (
+            ("f", "Z", "ESR"),
+            "the column 'f' has no unit: add Hz, kHz, MHz or GHz; the columns 'Z', 'ESR' have no unit: add uOhm, mOhm, Ohm, kOhm or MOhm",
+        ),
+        (("S11_short", "S11 (dB)"), ""),
         (("level",), "the column 'level' has no unit: add dBuV or dBm"),
         (("f [Hz]", "R of the lead", "R(Ohm)-mem", "level_db", "remark"), ""),
     ],

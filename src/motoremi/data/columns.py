@@ -23,6 +23,8 @@ _BRACKETS = re.compile(r"[\s()\[\]{}<>]+")
 # An E4990A marks its data traces with `-data`, and the memory traces that it keeps for comparison with `-mem`.
 _TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
 _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
+# WaveForms and Bode Analyzer Suite begin titles with `Trace` and its number.
+_TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+)?\s*(?::|\s)\s*", re.IGNORECASE)
 _MINUS = re.compile(r"^[-−–]\s*")
 _LONGEST_TITLE = 80
 _NAME_SPELLINGS = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "∠": "phase ", "’": "'", "′": "'", "″": "''"})
@@ -109,11 +111,11 @@ _MAGNITUDE = ("abs", "mag", "magnitude", "modulus")
 _PHASE = ("phase", "theta", "arg", "angle", "phi")
 _LEVEL = ("level", "amplitude", "power")
 _QUANTITIES = (
-    _Quantity("frequency", _HERTZ, ("frequency", "freq", "f")),
+    _Quantity("frequency", _HERTZ, ("frequency", "freq", "f", "frequenz")),
     _Quantity("resistance", _OHM, ("resistance", "r", *_REAL, "z'", *_part("z", *_REAL))),
     _Quantity("reactance", _OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part("z", *_IMAGINARY))),
-    _Quantity("magnitude", _OHM, ("impedance", "z", "|z|", "magnitude", "impedance_magnitude", *_part("z", *_MAGNITUDE))),
-    _Quantity("phase", _ANGLE, (*_PHASE, "phase_angle", "impedance_phase", *_part("z", *_PHASE))),
+    _Quantity("magnitude", _OHM, ("impedance", "z", "|z|", "magnitude", "impedance_magnitude", "impedanz_betrag", *_part("z", *_MAGNITUDE))),
+    _Quantity("phase", _ANGLE, (*_PHASE, "phase_angle", "impedance_phase", "impedanz_phase", *_part("z", *_PHASE))),
     _Quantity("conductance", _SIEMENS, ("conductance", "g", "gp", *_part("y", *_REAL))),
     _Quantity("susceptance", _SIEMENS, ("susceptance", "b", "bp", *_part("y", *_IMAGINARY))),
     _Quantity("admittance", _SIEMENS, ("admittance", "y", "|y|", "admittance_magnitude", *_part("y", *_MAGNITUDE))),
@@ -126,6 +128,7 @@ _QUANTITIES = (
     _Quantity("parallel_resistance", _OHM, ("rp", "parallel_resistance")),
     _Quantity("dissipation_factor", _NUMBER, ("d", "dissipation_factor", "tan_delta")),
     _Quantity("quality_factor", _NUMBER, ("q", "quality_factor")),
+    _Quantity("s11", _NUMBER, ("s11",)),
     _Quantity("s11_real", _NUMBER, _part("s11", *_REAL)),
     _Quantity("s11_imag", _NUMBER, _part("s11", *_IMAGINARY)),
     _Quantity("level", _DBUV, _LEVEL),
@@ -140,13 +143,20 @@ _QUANTITIES = (
     _Quantity("sigma_relative", _NUMBER, ("sigma_relative",)),
     _Quantity("overload", _NUMBER, ("overload",)),
 )
+# Names of quantities that a column of complex numbers may hold, and the titles of their parts.
+_PARTS = {
+    **dict.fromkeys(("z", "impedance"), ("Re(Z)", "Im(Z)")),
+    **dict.fromkeys(("y", "admittance"), ("Re(Y)", "Im(Y)")),
+    "s11": ("S11_real", "S11_imag"),
+}
 _BY_NAME = {name: [one for one in _QUANTITIES if name in one.names] for quantity in _QUANTITIES for name in quantity.names}
 
 
 @dataclass(frozen=True)
 class _Title:
-    """A title with a known name: the quantities it may stand for, its unit as written, and the sign (1 or -1)."""
+    """A title with a known name, the quantities it may stand for, its unit as written, and the sign (1 or -1)."""
 
+    name: str
     quantities: list[_Quantity]
     unit: str
     sign: float
@@ -173,14 +183,14 @@ def _title(title: str) -> _Title | None:
     """A title split into name and unit; None if it begins with no known name or is that of a memory trace."""
     if len(title) > _LONGEST_TITLE or _MEMORY.search(title):
         return None
-    whole = _TRACE_MARK.sub("", title.strip())
+    whole = _TRACE_NUMBER.sub("", _TRACE_MARK.sub("", title.strip()))
     text = _MINUS.sub("", whole)
     cuts = [len(text), *(mark.start() for mark in reversed(list(_SEPARATORS.finditer(text))))]
     for cut in cuts:
-        quantities = _BY_NAME.get(_normal(text[:cut]))
-        if quantities:
+        name = _normal(text[:cut])
+        if quantities := _BY_NAME.get(name):
             unit = re.sub(r"^in\s+", "", text[cut:].strip(" \t()[]{}<>/-_.,:;="))
-            return _Title(quantities, unit, 1.0 if text == whole else -1.0)
+            return _Title(name, quantities, unit, 1.0 if text == whole else -1.0)
     return None
 
 
@@ -206,27 +216,56 @@ def find_columns(table: Table) -> dict[str, Column]:
     return found
 
 
+def meanings_of(title: str) -> tuple[str, ...]:
+    """What a column may hold by its name, whatever its unit; empty if the name is not known."""
+    known = _title(title)
+    return tuple(quantity.meaning for quantity in known.quantities) if known else ()
+
+
+def complex_titles(title: str) -> tuple[str, str] | None:
+    """Titles for the real and the imaginary part of a column of complex numbers, with its unit; None if its name is not known."""
+    known = _title(title)
+    if known is None or known.name not in _PARTS or (known.unit and known.quantities[0].units is _NUMBER):
+        return None
+    minus = "-" if known.sign < 0 else ""
+    real, imaginary = _PARTS[known.name]
+    return f"{minus}{real} {known.unit}".strip(), f"{minus}{imaginary} {known.unit}".strip()
+
+
 def unit_trouble(table: Table) -> str:
-    """Why a column with a known name cannot be used, in words; empty if there is no such column.
+    """Why columns with a known name cannot be used, in words; empty if there is no such column.
 
-    An ambiguous unit is reported first, then an unknown one, then a missing one. Decibels are left to `has_decibels`.
+    All are named: ambiguous units first, then unknown ones, then missing ones. Decibels are left to `has_decibels`.
     """
-    troubles = sorted(_unit_troubles(table))
-    return troubles[0][1] if troubles else ""
+    unitless: dict[str, list[str]] = {}
+    for title, known in _without_unit(table):
+        if not known.unit:
+            unitless.setdefault(known.units_shown, []).append(repr(clean_text(title, 40)))
+    missing = [
+        f"the column{'s' if len(titles) > 1 else ''} {', '.join(titles)} {'have' if len(titles) > 1 else 'has'} no unit: add {units}"
+        for units, titles in unitless.items()
+    ]
+    return "; ".join([*(text for _, text in sorted(_unusable_units(table))), *missing])
 
 
-def _unit_troubles(table: Table) -> Iterator[tuple[int, str]]:
+def _without_unit(table: Table) -> Iterator[tuple[str, _Title]]:
+    """The titles with a known name and without a known unit."""
     for title in table.columns:
         known = _title(title)
         # Of several words behind the name, as in `R of the lead`, none is meant as its unit.
         if known is None or known.interpreted() or re.search(r"[\s_]", known.unit) or known.unit.lower().startswith("db"):
             continue
+        # A quantity without unit, such as S11, has none that could be wrong: the word belongs to the name.
+        if any(quantity.units is not _NUMBER for quantity in known.quantities):
+            yield title, known
+
+
+def _unusable_units(table: Table) -> Iterator[tuple[int, str]]:
+    for title, known in _without_unit(table):
         shown, unit = clean_text(title, 40), clean_text(known.unit, 40)
-        if not unit:
-            yield 2, f"the column {shown!r} has no unit: add {known.units_shown}"
-        elif any(quantity.units.is_ambiguous(known.unit) for quantity in known.quantities):
+        if any(quantity.units.is_ambiguous(known.unit) for quantity in known.quantities):
             yield 0, f"the unit {unit!r} of column {shown!r} may be milli or mega: write mOhm or MOhm"
-        else:
+        elif unit:
             yield 1, f"the unit {unit!r} of column {shown!r} is not known: use {known.units_shown}"
 
 

@@ -7,7 +7,10 @@ import re
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_DIGITS = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NUMBER = re.compile(rf"[+-]?{_DIGITS}")
+# As Python and Matlab write them: `(1.5-2j)`, `1.5 - 2i`, `1.5-2*i`, and `2j` for a real part of 0.
+_COMPLEX = re.compile(rf"(?:([+-]?{_DIGITS})\s*(?=[+-]))?([+-]?)\s*({_DIGITS})\s*\*?\s*[ij]")
 _NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.IGNORECASE)
 # SCPI writes 9.91E37 for "not a number" and 9.9E37 for infinity.
 _SCPI_MARK = 9e37
@@ -43,6 +46,15 @@ def parse_number(cell: str, where: str) -> float:
     if _NOT_A_NUMBER.fullmatch(text):
         raise BadInput(f"{where}: {clean_text(text, 40)} is not a finite number; remove the row")
     raise BadInput(f"{where}: {clean_text(text, 40)!r} is not a number; write plain numbers such as 1.5e5")
+
+
+def complex_parts(cell: str) -> tuple[str, str] | None:
+    """Real and imaginary part of a complex number, as text; None for another cell."""
+    text = cell.strip()
+    if text.startswith("(") and text.endswith(")"):
+        text = text[1:-1].strip()
+    match = _COMPLEX.fullmatch(text)
+    return (match[1] or "0", match[2] + match[3]) if match else None
 
 
 def looks_cut(cell: str, others: list[str]) -> bool:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from motoremi.arrays import JsonDict
+from motoremi.data.layout import COMMENT, Names, cells_of, column_names, decimal_comma_hint, split_head
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
 from motoremi.data.plain import from_json
 from motoremi.data.text import clean_text, clean_value
@@ -58,47 +58,44 @@ class Table:
             parse_number(cells[column], f"{self.name}, line {line}, column {title!r}") for cells, line in zip(self.rows, self.lines, strict=True)
         ]
 
+    def only(self, rows: Sequence[int]) -> Table:
+        """The table with these of its rows."""
+        return replace(self, rows=[self.rows[row] for row in rows], lines=[self.lines[row] for row in rows])
+
 
 def parse_table(text: str, name: str) -> Table:
     """Split a text table.
 
-    The delimiter is a semicolon, a tab or a comma: the first of these, in this order, that the header row contains. With semicolon
-    and tab the decimal sign may be a comma.
+    The column names are the line above the first row of numbers, or the last comment above it. The columns are separated by a semicolon, a
+    tab or a comma, the first of these, in this order, that the names contain, or by blanks. With all but the comma the decimal sign may be
+    a comma.
 
     Raises
     ------
     BadInput
-        If there is no header row, a row is shorter or longer than it, or the end of the file is missing.
+        If there are no column names, a row is shorter or longer than they, or the end of the file is missing.
     """
+    all_lines = split_lines(text)
+    head = split_head(all_lines)
     header: JsonDict = {}
-    titles: list[str] | None = None
-    delimiter = ","
-    last_comment = ""
+    for comment in head.comments:
+        read_key_value(comment.text, header)
+    if head.names is None and not head.rows:
+        raise BadInput(f"{name}: holds comments only; a row with column names and rows of numbers are needed")
+    if not head.rows:
+        raise BadInput(f"{name}: holds a row of column names but no numbers")
+    names = column_names(head, f"{name}, line {head.rows[0].number}")
     rows: list[list[str]] = []
     lines: list[int] = []
-    all_lines = split_lines(text)
-    for number, raw in enumerate(all_lines, start=1):
-        line = raw.strip(" \f")
-        if not line.strip("\t;,"):
+    for line in head.rows:
+        if line.text.startswith(COMMENT):
+            read_key_value(line.text, header)
             continue
-        if line.startswith("#"):
-            last_comment = line.lstrip("# ")
-            read_key_value(line, header)
-            continue
-        if titles is None:
-            delimiter = _delimiter(line)
-            titles = _titles(line, delimiter, last_comment, f"{name}, line {number}")
-            if not looks_numeric(_cells(line, delimiter)[0]):
-                continue
-        rows.append(_row(line, delimiter, titles, f"{name}, line {number}"))
-        lines.append(number)
-    if titles is None:
-        raise BadInput(f"{name}: holds comments only; a row with column names and rows of numbers are needed")
-    if not rows:
-        raise BadInput(f"{name}: holds a row of column names but no numbers")
-    if delimiter != ",":
+        rows.append(_row(line.text, names, f"{name}, line {line.number}"))
+        lines.append(line.number)
+    if names.separator != ",":
         _use_decimal_points(rows, lines, name)
-    table = Table(name, header, tuple(titles), rows, lines)
+    table = Table(name, header, names.titles, rows, lines)
     _check_end(table, complete=not all_lines[-1].strip())
     return table
 
@@ -126,43 +123,14 @@ def _json_or_text(text: str) -> object:
         return text
 
 
-def _delimiter(line: str) -> str:
-    return next((mark for mark in (";", "\t") if mark in line), ",")
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
-    except csv.Error:
-        # This happens only for a quoted cell beyond 128 kB, which is refused as a number later.
-        return [line]
-
-
-def _titles(line: str, delimiter: str, last_comment: str, where: str) -> list[str]:
-    titles = _cells(line, delimiter)
-    if looks_numeric(titles[0]):
-        # Some tools write the row of column names as a comment.
-        titles = _cells(last_comment, delimiter)
-        if len(titles) < 2:
-            raise BadInput(
-                f"{where}: numbers where the column names are needed; put a line such as 'frequency_hz,resistance_ohm,reactance_ohm' above them"
-            )
-    while titles and not titles[-1]:
-        titles.pop()
-    return titles
-
-
-def _row(line: str, delimiter: str, titles: Sequence[str], where: str) -> list[str]:
-    cells = _cells(line, delimiter)
-    while len(cells) > len(titles) and not cells[-1]:
+def _row(line: str, names: Names, where: str) -> list[str]:
+    cells, expected = cells_of(line, names.separator), len(names.titles)
+    while len(cells) > expected and not cells[-1]:
         cells.pop()
-    if len(cells) < len(titles):
-        raise BadInput(f"{where}: {len(cells)} values for {len(titles)} columns; the row or the file is cut off")
-    if len(cells) > len(titles):
-        hint = "; decimal commas need ';' between the columns" if delimiter == "," else ""
-        raise BadInput(f"{where}: {len(cells)} values for {len(titles)} columns{hint}")
+    if len(cells) < expected:
+        raise BadInput(f"{where}: {len(cells)} values for {expected} columns; the row or the file is cut off")
+    if len(cells) > expected:
+        raise BadInput(f"{where}: {len(cells)} values for {expected} columns{decimal_comma_hint(cells, names.separator, expected)}")
     return cells
 
 
