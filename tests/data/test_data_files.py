@@ -226,7 +226,7 @@ def test_header_text_cannot_command_a_terminal(tmp_path: Path) -> None:
         ([HEAD, *rows(8), "800000.0,1.0,1"], ["line 10", "occurs twice"]),
         ([HEAD, *rows(7)], ["at least 8 points, got 7"]),
         ([HEAD, *rows(8), "900000.0,0,0"], ["not measured"]),
-        ([HEAD, "0,1,1", *rows(8)], ["above 0 Hz"]),
+        ([HEAD, "0,1,1", "0,1,1", *rows(8)], ["above 0 Hz"]),
         ([HEAD, "-5,1,1", *rows(8)], ["above 0 Hz"]),
         ([HEAD, *rows(8), "1,5,2,5,3,5"], ["line 10", "6 values for 3", "';'"]),
         ([HEAD.replace(",", ";"), *rows(8, ";"), "900000,0;1;1"], ["decimal comma", "decimal point"]),

@@ -119,6 +119,19 @@ def test_touchstone_that_is_refused(tmp_path: Path, text: str, says: str) -> Non
         read_impedance(write(tmp_path, text), "open")
 
 
+@pytest.mark.parametrize("comment", ["Params: S21", "S12", "Freq ReS21 ImS21", "Frequency (Hz)  |S21| (dB)", "Meas Type = S21"])
+def test_a_transmission_in_a_file_of_one_port_is_refused(tmp_path: Path, comment: str) -> None:
+    text = touchstone(reflection(OPEN), comments=f"! {comment}\n")
+    with pytest.raises(BadInput, match=r"names a transmission, .* save S11, or both ports") as caught:
+        read_impedance(write(tmp_path, text), "open")
+    assert comment in str(caught.value)
+
+
+@pytest.mark.parametrize("comment", ["Params: S11", "Params: S11 S21", "S21 not measured", "Sample: S2100", "measured after S21 of the cable"])
+def test_other_comments_of_a_file_of_one_port(tmp_path: Path, comment: str) -> None:
+    assert len(read_impedance(write(tmp_path, touchstone(reflection(OPEN), comments=f"! {comment}\n")), "open")) == 16
+
+
 # Two ports with the motor between them
 
 
@@ -171,7 +184,14 @@ def test_two_ports_of_version_2(tmp_path: Path) -> None:
         (two_ports(0 * OPEN), "series-through", "S21 at 150000 Hz gives no finite impedance"),
         (two_ports(0 * OPEN + 1), "shunt-through", "S21 at 150000 Hz gives no finite impedance"),
         (two_ports(through_series(OPEN)) + "4e7 1 0\n", "series-through", "3 values where 9"),
-        (two_ports(through_series(OPEN)) + "1e6 1 0 0 1\n", "series-through", "noise parameters"),
+        (two_ports(through_series(OPEN)) + "1e6 1 0 0 1\n", "series-through", "line 19: noise parameters"),
+        (two_ports(through_series(OPEN)) + "4e7 1 0 0 1\n", "series-through", "line 19: 5 values where 9 .* cut off"),
+        (
+            # Rows of two ports at frequencies that begin anew were taken for noise parameters and left out.
+            two_ports(through_series(OPEN)) + "15e6 0 0 1 0 0 0 0 0\n",
+            "series-through",
+            "line 19: frequencies must increase, but 15000000 Hz follows 30000000 Hz; sort the rows",
+        ),
     ],
 )
 def test_two_ports_that_are_refused(tmp_path: Path, text: str, fixture: str | None, says: str) -> None:
@@ -271,6 +291,143 @@ def test_usual_headers_and_units(tmp_path: Path, titles: str, columns: tuple[np.
     body = rows(*columns, delimiter=";")
     text = titles + "\n" + (body.replace(".", ",") if comma else body)
     np.testing.assert_allclose(read_impedance(write(tmp_path, text), "open").impedance_ohm, OPEN, rtol=1e-7)
+
+
+BARE = "frequency_hz{0}resistance_ohm{0}reactance_ohm\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "delimiter"),
+    [
+        (BARE.format(" "), " "),
+        (BARE.format("  "), "\t "),
+        (BARE.format(", "), "   "),
+        ("Frequency (Hz)  R (Ohm)  X (Ohm)\n", "  "),
+        ("Frequency in Hz   Re Z [Ohm]   Im Z [Ohm]\n", " "),
+        ("% made by hand\n% Frequency (Hz), R (Ohm), X (Ohm)\n", ", "),
+        ("****\n* made by hand\n* f_hz R_ohm X_ohm\n****\n", "  "),
+        ("; made by hand\nf_hz,R_ohm,X_ohm\n", ","),
+        ("! made by hand\nf_hz;R_ohm;X_ohm\n", ";"),
+        ("Machine A\nStart Frequency,+1.0E+08\nFormat,Smith,R+jX\n\n\nTrace Data\nf_hz,R_ohm,X_ohm\n", ","),
+        ("motor A\n2024-02-03\n401 points\nf_hz\tR_ohm\tX_ohm\n", "\t"),
+    ],
+)
+def test_text_above_the_numbers_and_blanks_between_them(tmp_path: Path, head: str, delimiter: str) -> None:
+    sweep = read_impedance(write(tmp_path, head + rows(FREQUENCY, OPEN.real, OPEN.imag, delimiter=delimiter)), "open")
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-9)
+    np.testing.assert_allclose(sweep.frequency_hz, FREQUENCY, rtol=1e-9)
+
+
+def test_decimal_commas_between_blanks(tmp_path: Path) -> None:
+    text = BARE.format(" ") + rows(FREQUENCY, OPEN.real, OPEN.imag, delimiter="  ").replace(".", ",")
+    np.testing.assert_allclose(read_impedance(write(tmp_path, text), "open").impedance_ohm, OPEN, rtol=1e-9)
+
+
+NO_NAMES = r"put a line such as 'frequency_hz,resistance_ohm,reactance_ohm' above the numbers"
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "says"),
+    [
+        (
+            "Meas Type,S11\nTrace Data\nFrequency,Formatted Data\n",
+            "1e5,1,2,3,F",
+            rf"line 4: no row .* line 3 \(Frequency, .*\) has 2 .* for 5 values; {NO_NAMES}",
+        ),
+        ("Meas Type,S11\nTrace Data\nFrequency,Formatted Data\n", "1e5,-8.7", "'Frequency' has no unit.*no two of them give an impedance"),
+        (
+            "* INFO: A\n* Data: Impedance (ohms), Phase (degrees)\n****\n",
+            "  1e5  +1  +2",
+            rf"line 4: no row .* line 2 .* has 2 of them for 3 values; {NO_NAMES}",
+        ),
+        ("% made by hand\n", "1e5,1,2", "no row of column names with units; found made, by, hand, .* frequency_hz with resistance_ohm"),
+        ("% made by a hand\n", "1e5,1,2", rf"line 2: no row .* line 1 .* has 4 of them for 3 values; {NO_NAMES}"),
+        ("% hand\n", "1e5,1,2", rf"line 2: numbers where the column names are needed; {NO_NAMES}"),
+        ("% Frequency (Hz), A Magnitude (dBm), A Phase (deg)\n", "1e5, 1, 2", "another decibel unit"),
+        ("frequency_hz,resistance_ohm,reactance_ohm\n", "1,5,2,5,3,5", "6 values for 3 columns; decimal commas need ';'"),
+        ("frequency_hz resistance_ohm reactance_ohm\n", "*1e5 1 2", "line 2.*is not a number"),
+    ],
+)
+def test_text_above_the_numbers_that_does_not_name_them(tmp_path: Path, head: str, row: str, says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        read_impedance(write(tmp_path, head + f"{row}\n" * 10), "open")
+
+
+def test_a_mark_of_a_comment_among_the_rows_is_refused(tmp_path: Path) -> None:
+    text = BARE.format(",") + rows(FREQUENCY, OPEN.real, OPEN.imag, delimiter=",")
+    for mark in "*%!":
+        with pytest.raises(BadInput, match=r"line 18.*is not a number"):
+            read_impedance(write(tmp_path, text + f"{mark}4e7,1,2\n"), "open")
+        with pytest.raises(BadInput, match=r"line 2.*is not a number"):
+            read_impedance(write(tmp_path, text.replace("\n", f"\n{mark}1e5,1,2\n", 1)), "open")
+    assert len(read_impedance(write(tmp_path, text.replace("\n", "\n! sorted\n#1e5,1,2\n", 1)), "open")) == 16
+
+
+def test_a_first_row_that_is_cut_off_is_told(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"line 2: 2 values for 3 columns; the row or the file is cut off"):
+        read_impedance(write(tmp_path, BARE.format(",") + "1e5,1\n"), "open")
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "#Impedance Analyzer\n#Resistor: 100 Ohm\n\nFrequency (Hz),Trace θ (deg),Trace |Z| (Ohm),Trace Rs (Ohm),Trace Xs (Ohm)\n",
+        "Frequency (Hz);Trace 2: Impedance: Phase (°);Trace 1: Impedance: Magnitude (Ω)\n",
+        "Frequenz (Hz);Trace 2: Impedanz: Phase (°);Trace 1: Impedanz: Betrag (Ω)\n",
+    ],
+)
+def test_titles_that_begin_with_trace(tmp_path: Path, head: str) -> None:
+    columns = [FREQUENCY, np.angle(OPEN, deg=True), np.abs(OPEN)]
+    german = "Frequenz" in head
+    body = (
+        rows(*columns, delimiter=";").replace(".", ",")
+        if german
+        else rows(*columns, delimiter=";")
+        if ";" in head
+        else rows(*columns, OPEN.real, OPEN.imag, delimiter=",")
+    )
+    sweep = read_impedance(write(tmp_path, head + body), "open")
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-9)
+    assert sweep.metadata["read_as"] == "|Z| and phase"
+
+
+def complex_table(titles: str, spelling: str, *columns: np.ndarray) -> str:
+    cells = [[spelling.format(value.real, value.imag) for value in row] for row in zip(*columns, strict=True)]
+    return titles + "\n" + "".join(", ".join([repr(float(f)), *row]) + "\n" for f, row in zip(FREQUENCY, cells, strict=True))
+
+
+@pytest.mark.parametrize("spelling", ["({:.12e}{:+.12e}j)", "{:.12e}{:+.12e}i", "{:.12e} {:+.12e}*i"])
+def test_columns_of_complex_numbers(tmp_path: Path, spelling: str) -> None:
+    for titles, columns, read_as in (
+        ("#f_hz, S11, Z_kohm", (reflection(OPEN), OPEN / 1e3), "R and X"),
+        ("f_hz, Y (mS), other", (1e3 / OPEN, OPEN), "G and B"),
+        ("f_hz, S11, Z", (reflection(OPEN), OPEN), "S11 in 50 Ohm"),
+    ):
+        sweep = read_impedance(write(tmp_path, complex_table(titles, spelling, *columns)), "open")
+        np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-8)
+        assert sweep.metadata["read_as"] == read_as
+
+
+def test_columns_of_complex_numbers_that_are_refused(tmp_path: Path) -> None:
+    text = complex_table("#f, S11_short, Zin, Z", "({:.6e}{:+.6e}j)", OPEN, OPEN, OPEN)
+    with pytest.raises(BadInput) as caught:
+        read_impedance(write(tmp_path, text), "open")
+    for part in ("'f' has no unit", "'Z' has no unit", "'S11_short', 'Zin' hold complex numbers of no known name: write 'Z (Ohm)'"):
+        assert part in str(caught.value)
+    assert "no two" not in str(caught.value)
+    whole = complex_table("f_hz, Z (Ohm)", "({:.6e}{:+.6e}j)", OPEN)
+    with pytest.raises(BadInput, match=r"line 18, column 'Z .Ohm.': '5' is not a complex number"):
+        read_impedance(write(tmp_path, whole + "4e7, 5\n"), "open")
+    with pytest.raises(BadInput, match=r"'\(1\+2' is not a complex number"):
+        read_impedance(write(tmp_path, whole + "4e7, (1+2\n"), "open")
+
+
+def test_all_that_is_missing_is_told_at_once(tmp_path: Path) -> None:
+    text = "Frequency,Impedance,ESR\n" + rows(FREQUENCY, np.abs(OPEN), OPEN.real, delimiter=",")
+    with pytest.raises(BadInput) as caught:
+        read_impedance(write(tmp_path, text), "open")
+    for part in ("'Frequency' has no unit: add Hz", "'Impedance', 'ESR' have no unit: add uOhm", "no two of them give an impedance", "phase_deg"):
+        assert part in str(caught.value)
 
 
 # Receiver
@@ -427,6 +584,8 @@ READERS: dict[str, tuple[str, Callable[[Path], list[tuple[float, complex]]]]] = 
     "e4990a": (e4990a("Frequency(Hz), R(Ohm)-data, X(Ohm)-data", OPEN.real, OPEN.imag), sweep_table),
     "dat": (dat([("MAX PEAK", "dBuV", LEVEL), ("AVERAGE", "dBuV", LEVEL - 9)], GRID), spectra_table),
     "tinysa": ("".join(f"{f:.1f},{x:.6f}\n" for f, x in zip(GRID, LEVEL - 130, strict=True)), spectra_table),
+    "blanks": ("% by hand\nMachine A\n" + BARE.format(" ") + rows(FREQUENCY, OPEN.real, OPEN.imag), sweep_table),
+    "complex": (complex_table("# f_hz, Z (Ohm)", "({:.6e}{:+.6e}j)", OPEN), sweep_table),
     "csv": ("Frequency (Hz),Peak (dBuV),Average (dBuV)\n" + rows(GRID, LEVEL, LEVEL - 9, delimiter=","), spectra_table),
 }
 

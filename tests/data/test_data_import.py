@@ -93,10 +93,10 @@ def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Pa
     open_ = table(tmp_path / "open.csv", *twice(20, 0.0, 1.0003))
     files = ("--short", short, "--open", open_)
     told = imported(tmp_path, *files, "--band", "150kHz:30MHz", "--accuracy", "2 %").splitlines()
-    end = "8 of 31 points outside 150 kHz - 30 MHz left out; accuracy stated: 2 %"
+    part, end = "points outside 150 kHz - 30 MHz left out", "accuracy stated: 2 %"
     assert told[0].startswith("short short.csv (csv, R and X): 23 points, ")
-    assert told[0].endswith(f"Ohm; {end}")
-    assert told[1].endswith(f"Ohm; 10 MHz occurs twice, values up to 0.03 % apart: averaged; {end}")
+    assert told[0].endswith(f"Ohm; 8 of 31 {part}; {end}")
+    assert told[1].endswith(f"Ohm; 8 of 32 {part}; 10 MHz occurs twice, values up to 0.03 % apart: averaged; {end}")
     for sweep in load(tmp_path / "s").sweeps:
         assert sweep.metadata["accuracy_percent"] == 2.0
         assert (sweep.frequency_hz >= 150e3).all()
@@ -104,6 +104,64 @@ def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Pa
     again = json.loads(imported(tmp_path / "again", *files, "--band", "100k:100M", "--json"))
     assert "changes" not in again["sweeps"][0]
     assert again["sweeps"][0]["points"] == 31
+
+
+def two_ports(path: Path, frequency: np.ndarray, through: np.ndarray, end: str = "") -> Path:
+    lines = [f"{f!r} 0 0 {x.real!r} {x.imag!r} 0 0 0 0\n" for f, x in zip(frequency.tolist(), through.tolist(), strict=True)]
+    path.write_text("# HZ S RI R 50\n" + "".join(lines) + end)
+    return path
+
+
+@pytest.mark.parametrize("write", [table, touchstone])
+def test_a_row_at_0_hz_is_left_out(tmp_path: Path, write) -> None:
+    path = write(tmp_path / "file", np.concatenate([[0.0], FREQUENCY]), np.concatenate([[10], IMPEDANCE]))
+    sweep = read_impedance(path, "short")
+    np.testing.assert_array_equal(sweep.frequency_hz, FREQUENCY)
+    np.testing.assert_allclose(sweep.impedance_ohm, IMPEDANCE, rtol=1e-9)
+    assert sweep.metadata["changes"] == ["the row at 0 Hz is left out"]
+    assert imported(tmp_path, "--short", path).splitlines()[0].endswith("; the row at 0 Hz is left out")
+
+
+@pytest.mark.parametrize("fixture", ["series-through", "shunt-through"])
+def test_two_ports_from_0_hz_on(tmp_path: Path, fixture: str) -> None:
+    through = 100 / (100 + IMPEDANCE) if fixture == "series-through" else IMPEDANCE / (IMPEDANCE + 25)
+    # At 0 Hz a part across the line may pass all, which no impedance does.
+    path = two_ports(tmp_path / "file", np.concatenate([[0.0], FREQUENCY]), np.concatenate([[1], through]))
+    sweep = read_impedance(path, "short", fixture)
+    np.testing.assert_allclose(sweep.impedance_ohm, IMPEDANCE, rtol=1e-9)
+    assert sweep.metadata["changes"] == ["the row at 0 Hz is left out"]
+
+
+def test_the_band_comes_before_the_checks_of_values(tmp_path: Path) -> None:
+    frequency, impedance = np.concatenate([[-5.0, 0.0], FREQUENCY]), np.concatenate([[1, 1], IMPEDANCE])
+    path = table(tmp_path / "file", frequency, impedance)
+    with pytest.raises(BadInput, match="above 0 Hz"):
+        imported(tmp_path, "--short", path)
+    told = imported(tmp_path, "--short", path, "--band", "100k:100M")
+    assert "31 points, 100 kHz - 100 MHz" in told
+    assert "2 of 33 points outside 100 kHz - 100 MHz left out" in told
+    assert "0 Hz is" not in told
+    path.write_text(path.read_text().replace(repr(float(IMPEDANCE[-1].imag)), "nan"))
+    assert "nan" in path.read_text()
+    assert "27 points" in imported(tmp_path / "again", "--short", path, "--band", "100k:50M")
+
+
+def test_a_reflection_above_1_is_told(tmp_path: Path) -> None:
+    negative = IMPEDANCE.copy()
+    negative[:1] = -0.5 + 3j  # 1 of 31
+    told = imported(tmp_path, "--short", touchstone(tmp_path / "file", FREQUENCY, negative))
+    size = abs((negative[0] - 50) / (negative[0] + 50))
+    warning = f"|S11| reaches {size:.3g} at 1 of 31 points: a passive part never reflects more than it receives; calibrate again"
+    assert f"; warning: {warning}" in told.splitlines()[0]
+    assert load(tmp_path / "s").sweeps[0].metadata["warnings"] == [warning]
+    s = (negative - 50) / (negative + 50)
+    lines = [f"{f!r},{x.real!r},{x.imag!r}\n" for f, x in zip(FREQUENCY.tolist(), s.tolist(), strict=True)]
+    (tmp_path / "s11.csv").write_text("frequency_hz,S11_real,S11_imag\n" + "".join(lines))
+    assert read_impedance(tmp_path / "s11.csv", "short").metadata["warnings"] == [warning]
+    assert "warnings" not in read_impedance(touchstone(tmp_path / "file", FREQUENCY, IMPEDANCE), "short").metadata
+    many, few = np.geomspace(1e5, 1e8, 100), np.full(100, 10 + 5j)
+    few[0] = -0.5  # 1 % of the points, no more
+    assert "warnings" not in read_impedance(touchstone(tmp_path / "file", many, few), "short").metadata
 
 
 @pytest.mark.parametrize("head", ["# accuracy_percent: 2\n", "# accuracy_percent: 2 %\n"])
@@ -152,9 +210,7 @@ def test_band_without_a_sweep_is_refused(tmp_path: Path) -> None:
 
 
 def test_fixture_of_two_ports(tmp_path: Path, short: Path) -> None:
-    through = 100 / (100 + IMPEDANCE)
-    lines = [f"{f!r} 0 0 {x.real!r} {x.imag!r} 0 0 0 0\n" for f, x in zip(FREQUENCY.tolist(), through.tolist(), strict=True)]
-    (tmp_path / "open.s2p").write_text("# HZ S RI R 50\n" + "".join(lines))
+    two_ports(tmp_path / "open.s2p", FREQUENCY, 100 / (100 + IMPEDANCE))
     told = imported(tmp_path, "--short", short, "--open", tmp_path / "open.s2p", "--fixture", "series-through")
     assert "open.s2p (touchstone, S21 of a series-through fixture, Z = 2 Z0 (1 - S21)/S21, Z0 = 50 Ohm): 31 points" in told
     np.testing.assert_allclose(load(tmp_path / "s").sweeps[1].impedance_ohm, IMPEDANCE, rtol=1e-9)

@@ -41,6 +41,8 @@ def test_names_and_units_are_those_of_files():
     sweep = me.ImpedanceSweep.from_frame("short", table.set_index("remark").reset_index())
     np.testing.assert_allclose(sweep.frequency_hz, FREQUENCY, rtol=1e-14)
     np.testing.assert_allclose(sweep.impedance_ohm, IMPEDANCE, rtol=1e-12)
+    whole = me.ImpedanceSweep.from_frame("short", pd.DataFrame({"f (Hz)": FREQUENCY, "Z (Ohm)": IMPEDANCE}))
+    np.testing.assert_array_equal(whole.impedance_ohm, IMPEDANCE)
 
 
 @pytest.mark.parametrize(

@@ -82,15 +82,17 @@ def import_(
     from motoremi.data.conditions import parse_condition, parse_value
     from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
+    from motoremi.quantities import parse_band
     from motoremi.workflow_import import ImportOptions, addition, prepared
 
     values = [parse_value(text) for text in value or []]
+    span = parse_band(band) if band else None
     if append:
         beside = {"--spectrum": spectrum, "--corrections": corrections, "--limit": limit}
         for name in (name for name, given in beside.items() if given):
             raise BadInput(f"{name} is for a new session: leave it out with --append")
         under = parse_condition(condition) if condition else None
-        added = addition(out, _sweeps(short or [], open_ or [], fixture), values, under, ImportOptions(analyser, band, accuracy))
+        added = addition(out, _sweeps(short or [], open_ or [], fixture, span), values, under, ImportOptions(analyser, band, accuracy))
         added.store(out)
         _show_addition(out, added, as_json)
         return
@@ -99,7 +101,7 @@ def import_(
     files = [*(short or []), *(open_ or []), *(spectrum or [])]
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
-    read = _sweeps(short or [], open_ or [], fixture)
+    read = _sweeps(short or [], open_ or [], fixture, span)
     spectra = [item for path in spectrum or [] for item in read_spectra(path)]
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
@@ -171,8 +173,8 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
     say(f"next: motoremi diagnose {session}")
 
 
-def _sweeps(short: list[Path], open_: list[Path], fixture: str | None) -> list[ImpedanceSweep]:
-    """The sweeps of all files.
+def _sweeps(short: list[Path], open_: list[Path], fixture: str | None, band: tuple[float, float] | None) -> list[ImpedanceSweep]:
+    """The sweeps of all files, within a band in hertz if one is named.
 
     Raises
     ------
@@ -181,21 +183,26 @@ def _sweeps(short: list[Path], open_: list[Path], fixture: str | None) -> list[I
     """
     from motoremi.data.files import read_impedance
 
-    sweeps = [read_impedance(path, "short", fixture) for path in short] + [read_impedance(path, "open", fixture) for path in open_]
+    files = [(path, "short") for path in short] + [(path, "open") for path in open_]
+    sweeps = [read_impedance(path, termination, fixture, band) for path, termination in files]
     if fixture is not None and not any(sweep.metadata["read_as"].startswith("S21") for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
     return sweeps
 
 
 def _read(metadata: Mapping[str, Any]) -> JsonDict:
-    """File, format and quantities, changes on import, and stated accuracy."""
-    return {key: metadata[key] for key in ("source", "format", "read_as", "changes", "accuracy_percent") if key in metadata}
+    """File, format and quantities, changes on import, what is doubtful, and stated accuracy."""
+    return {key: metadata[key] for key in ("source", "format", "read_as", "changes", "warnings", "accuracy_percent") if key in metadata}
 
 
 def _changes(metadata: Mapping[str, Any]) -> list[str]:
-    """Changes on import and the stated accuracy, in words."""
+    """Changes on import, what is doubtful, and the stated accuracy, in words."""
     percent = metadata.get("accuracy_percent")
-    return [*metadata.get("changes", []), *([] if percent is None else [f"accuracy stated: {percent:g} %"])]
+    return [
+        *metadata.get("changes", []),
+        *(f"warning: {one}" for one in metadata.get("warnings", [])),
+        *([] if percent is None else [f"accuracy stated: {percent:g} %"]),
+    ]
 
 
 def _origin(metadata: Mapping[str, Any]) -> str:

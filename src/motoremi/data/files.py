@@ -13,12 +13,14 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
-from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, unit_trouble
+from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble
+from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
-from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, column_values, find_pair, impedance_of
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTION, column_values, find_pair, impedance_of, reflection_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
-from motoremi.data.repeated import Rows, merge_duplicates
+from motoremi.data.repeated import merge_duplicates
+from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, used_rows
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
 from motoremi.data.table import Table, parse_table
@@ -40,7 +42,7 @@ class WrongKind(BadInput):
 _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.second)}
 
 
-def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str | None = None) -> ImpedanceSweep:
+def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str | None = None, band: Band | None = None) -> ImpedanceSweep:
     """Read one impedance sweep.
 
     Parameters
@@ -53,12 +55,15 @@ def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str 
         Connection of the motor.
     fixture : {"series-through", "shunt-through"}, optional
         For Touchstone of two ports: whether the motor was connected in series between the ports, or across the line.
+    band : (float, float), optional
+        Both ends in hertz, included; rows outside are left out before the values of the others are checked.
 
     Returns
     -------
     ImpedanceSweep
-        With `source`, `format`, `read_as` and the header of the file in its metadata. Two rows of one frequency that agree within 3 %
-        are averaged; the metadata `changes` record it.
+        With `source`, `format`, `read_as` and the header of the file in its metadata. A first row at 0 Hz is left out, and two rows of one
+        frequency that agree within 3 % are averaged; the metadata `changes` record it. If a reflection is above 1 at more than 1 % of the
+        points, the metadata `warnings` say so.
 
     Raises
     ------
@@ -66,18 +71,17 @@ def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str 
         One line with file, line number and what to do, if any number is in doubt.
     """
     name, text = _read_text(path)
-    return parse_impedance(text, name, termination, fixture)
+    return parse_impedance(text, name, termination, fixture, band)
 
 
-def parse_impedance(text: str, name: str, termination: str, fixture: str | None = None) -> ImpedanceSweep:
+def parse_impedance(text: str, name: str, termination: str, fixture: str | None = None, band: Band | None = None) -> ImpedanceSweep:
     """One impedance sweep from the text of a file; see `read_impedance`."""
-    rows, header, kind = _impedance_rows(text, name, termination, fixture)
-    merged, change = merge_duplicates(rows)
+    rows, header, kind = _impedance_rows(text, name, termination, fixture, band)
+    merged = merge_duplicates(rows)
     if "accuracy_percent" in header:
         header["accuracy_percent"] = _of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
     condition = _condition(header, name)
-    sweep = _of_file(name, lambda: _sweep(termination, merged, _origin(header, name, kind))).under(condition)
-    return sweep.with_change(change) if change else sweep
+    return _of_file(name, lambda: _sweep(termination, merged, _origin(header, name, kind))).under(condition)
 
 
 def _condition(header: JsonDict, name: str) -> Condition | None:
@@ -87,21 +91,21 @@ def _condition(header: JsonDict, name: str) -> Condition | None:
     return _of_file(name, lambda: parse_condition(written[0])) if written else None
 
 
-def _impedance_rows(text: str, name: str, termination: str, fixture: str | None) -> tuple[Rows, JsonDict, str]:
+def _impedance_rows(text: str, name: str, termination: str, fixture: str | None, band: Band | None) -> tuple[Rows, JsonDict, str]:
     """The rows of a file, its header with `read_as`, and the name of its format."""
     if is_agilent_ascii(text):
         frequency, impedance, header = parse_agilent_ascii(text, name)
-        return Rows(frequency, impedance, None, lambda row: name), header, "4294a-ascii"
+        used, changes = used_rows(frequency, band, name)
+        return Rows(frequency[used], impedance[used], None, lambda row: name, changes), header, "4294a-ascii"
     if is_touchstone(text):
-        frequency, impedance, header = parse_touchstone(text, name, fixture)
-        return Rows(frequency, impedance, None, lambda row: name), header, "touchstone"
+        return *parse_touchstone(text, name, fixture, band), "touchstone"
     if is_analyser_csv(text):
         plain, known = plain_table(text, name)
-        rows, header, title = _rows_of_table(parse_table(plain, name), termination)
+        rows, header, title = _rows_of_table(parse_table(plain, name), termination, band)
         return rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv"
     if is_receiver_dat(text):
         raise WrongKind(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
-    rows, header, title = _rows_of_table(parse_table(text, name), termination)
+    rows, header, title = _rows_of_table(parse_table(text, name), termination, band)
     return rows, {**header, "read_as": title}, "csv"
 
 
@@ -168,14 +172,17 @@ def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSwee
     return _of_file(name, lambda: _sweep(termination, rows, header))
 
 
-def _rows_of_table(table: Table, termination: str) -> tuple[Rows, JsonDict, str]:
+def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> tuple[Rows, JsonDict, str]:
     """The rows, the header, and the pair of quantities in the columns."""
-    name = table.name
+    name = given.name
+    table = with_parts(given)
     found = find_columns(table)
     pair = find_pair(found)
-    if pair is None:
-        raise _wrong_columns(table, found, IMPEDANCE_COLUMNS, "an impedance sweep")
-    frequency = _frequency(table, found, IMPEDANCE_COLUMNS, "an impedance sweep")
+    if pair is None or "frequency" not in found:
+        raise _wrong_columns(given, found, IMPEDANCE_COLUMNS, "an impedance sweep")
+    frequency = _frequency(table, found["frequency"])
+    used, changes = used_rows(frequency, band, name)
+    frequency, table = frequency[used], table.only(used.tolist())
     header = dict(table.header)
     header.pop("points", None)
     written = header.get("termination")
@@ -184,7 +191,9 @@ def _rows_of_table(table: Table, termination: str) -> tuple[Rows, JsonDict, str]
             raise BadInput(f"{name}: its header says it is the {written} sweep, but it was given as the {termination} sweep")
         del header["termination"]
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
-    return Rows(frequency, impedance_of(table, found, pair, frequency), sigma, table.where), header, pair.title
+    impedance = impedance_of(table, found, pair, frequency)
+    warnings = reflection_warnings(reflection_of(table, found)) if pair.title == REFLECTION.title else ()
+    return Rows(frequency, impedance, sigma, table.where, changes, warnings), header, pair.title
 
 
 def parse_spectrum_csv(text: str, name: str) -> Spectrum:
@@ -210,7 +219,9 @@ def _spectra_of_table(table: Table) -> list[Spectrum]:
         raise _wrong_columns(table, found, SPECTRUM_COLUMNS, "an emission spectrum")
     if general is not None and named:
         raise BadInput(f"{name}: a column of levels without detector stands beside others; keep one kind ({columns_found(table)})")
-    frequency = _frequency(table, found, SPECTRUM_COLUMNS, "an emission spectrum")
+    if "frequency" not in found:
+        raise _wrong_columns(table, found, SPECTRUM_COLUMNS, "an emission spectrum")
+    frequency = _frequency(table, found["frequency"])
     for row in np.flatnonzero(np.diff(frequency) == 0)[:1]:
         raise BadInput(f"{table.where(int(row) + 1)}: the frequency {frequency[row]:g} Hz occurs twice; keep one row for each frequency")
     header = dict(table.header)
@@ -244,13 +255,14 @@ def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def _origin(metadata: Mapping[str, Any], name: str, file_format: str) -> dict[str, Any]:
-    # Entries of the file's own header with the names source, format or changes are kept under another key.
-    kept = {f"header_{key}" if key in ("source", "format", "changes") else key: value for key, value in metadata.items()}
+    # Entries of the file's own header with these names are kept under another key.
+    kept = {f"header_{key}" if key in ("source", "format", "changes", "warnings") else key: value for key, value in metadata.items()}
     return {**kept, "source": file_name(name), "format": file_format}
 
 
 def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
-    return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, metadata)
+    noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", rows.warnings)) if texts}
+    return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, {**metadata, **noted})
 
 
 def _of_file(name: str, make: Callable[[], Made]) -> Made:
@@ -267,24 +279,27 @@ def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: st
         return WrongKind(f"{table.name}: is an emission spectrum ({have}), but {what} is needed here")
     if needed == SPECTRUM_COLUMNS and _IMPEDANCE_MEANINGS & set(found):
         return WrongKind(f"{table.name}: is an impedance sweep ({have}), but {what} is needed here")
-    trouble = unit_trouble(table)
-    if trouble:
-        return BadInput(f"{table.name}: {trouble}; {have}, but {what} needs the columns {needed}")
-    if has_decibels(table):
+    troubles = [trouble for trouble in (unit_trouble(table), complex_trouble(table)) if trouble]
+    if not troubles and has_decibels(table):
         wanted = "dBuV (in 50 Ohm: dBm + 107)" if needed == SPECTRUM_COLUMNS else "ohm"
         return BadInput(f"{table.name}: {have}, in another decibel unit; convert to {wanted}: needed are {needed}")
-    return BadInput(f"{table.name}: {have}, but {what} needs the columns {needed}")
+    # What is missing apart from units is told at once.
+    hopeless = needed != SPECTRUM_COLUMNS and troubles and find_pair(_possible_meanings(table)) is None
+    why = f"no two of them give an impedance: needed are the columns {needed}" if hopeless else f"{what} needs the columns {needed}"
+    if not any(meanings_of(title) for title in table.columns):
+        troubles.insert(0, "there is no row of column names with units")
+    return BadInput(f"{table.name}: {'; '.join([*troubles, have])}, but {why}")
 
 
-def _frequency(table: Table, found: dict[str, Column], needed: str, what: str) -> FloatArray:
-    if "frequency" not in found:
-        raise _wrong_columns(table, found, needed, what)
-    frequency = column_values(table, found["frequency"])
-    steps = np.diff(frequency)
-    for row in np.flatnonzero(steps < 0)[:1]:
-        raise BadInput(
-            f"{table.where(int(row) + 1)}: frequencies must increase, but {frequency[row + 1]:g} Hz follows {frequency[row]:g} Hz; sort the rows"
-        )
+def _possible_meanings(table: Table) -> set[str]:
+    """What the columns may hold by their names, whatever their units."""
+    return {meaning for title in with_parts(table).columns for meaning in meanings_of(title)}
+
+
+def _frequency(table: Table, column: Column) -> FloatArray:
+    frequency = column_values(table, column)
+    for row in np.flatnonzero(np.diff(frequency) < 0)[:1]:
+        check_order(frequency[row + 1], frequency[row], table.where(int(row) + 1))
     return frequency
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import columns_found, find_columns, unit_trouble
+from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, column_values, find_pair, impedance_of
 from motoremi.data.table import Table
 from motoremi.errors import BadInput
@@ -22,12 +23,13 @@ def impedance_in(frame: pd.DataFrame) -> tuple[FloatArray, ComplexArray, FloatAr
     BadInput
         If a column is missing, has no or an unknown unit or stands there twice, or a cell is no finite number.
     """
-    table = _table(frame)
+    given = _table(frame)
+    table = with_parts(given)
     found = find_columns(table)
     pair = find_pair(found)
     if pair is None or "frequency" not in found:
-        trouble = unit_trouble(table)
-        raise BadInput(f"frame: {f'{trouble}; ' if trouble else ''}found {columns_found(table)}, but a sweep needs the columns {IMPEDANCE_COLUMNS}")
+        trouble = "".join(f"{one}; " for one in (unit_trouble(given), complex_trouble(given)) if one)
+        raise BadInput(f"frame: {trouble}found {columns_found(given)}, but a sweep needs the columns {IMPEDANCE_COLUMNS}")
     frequency = column_values(table, found["frequency"])
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
     return frequency, impedance_of(table, found, pair, frequency), sigma

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -56,6 +56,7 @@ def _parallel(w: FloatArray, susceptance: FloatArray, loss: FloatArray) -> Compl
     return 1 / _rectangular(w, loss * np.abs(susceptance), susceptance)
 
 
+REFLECTION = Pair("s11_real", "s11_imag", "S11 in 50 Ohm", _reflection)
 # In order of preference if a file holds several.
 PAIRS = (
     Pair("resistance", "reactance", "R and X", _rectangular),
@@ -76,12 +77,12 @@ PAIRS = (
     Pair("parallel_inductance", "dissipation_factor", "Lp and D", lambda w, inductance, d: _parallel(w, -1 / (w * inductance), d)),
     Pair("parallel_capacitance", "quality_factor", "Cp and Q", lambda w, c, q: _parallel(w, w * c, 1 / q)),
     Pair("parallel_capacitance", "dissipation_factor", "Cp and D", lambda w, c, d: _parallel(w, w * c, d)),
-    Pair("s11_real", "s11_imag", "S11 in 50 Ohm", _reflection),
+    REFLECTION,
 )
 
 
-def find_pair(found: dict[str, Column]) -> Pair | None:
-    """The preferred pair of columns in a table, or None."""
+def find_pair(found: Collection[str]) -> Pair | None:
+    """The preferred pair among the meanings of columns, or None."""
     return next((pair for pair in PAIRS if {pair.first, pair.second} <= set(found)), None)
 
 
@@ -104,6 +105,12 @@ def impedance_of(table: Table, found: dict[str, Column], pair: Pair, frequency_h
     for row in np.flatnonzero(~np.isfinite(impedance))[:1]:
         raise BadInput(f"{table.where(int(row))}: {pair.title} of {first[row]:g} and {second[row]:g} give no finite impedance")
     return impedance
+
+
+def reflection_of(table: Table, found: dict[str, Column]) -> ComplexArray:
+    """Reflection coefficient of each row of a table with the pair `REFLECTION`."""
+    real, imaginary = (column_values(table, found[part]) for part in (REFLECTION.first, REFLECTION.second))
+    return real + 1j * imaginary
 
 
 def column_values(table: Table, column: Column) -> FloatArray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.arrays import BoolArray, FloatArray
+from motoremi.data.rows import Rows
 from motoremi.errors import BadInput
 
 # Largest relative difference of two readings at one frequency that are averaged.
@@ -18,27 +18,8 @@ _SAME = 1e-6
 _SAME_OF_STEP = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """The rows of a file, before a sweep is made of them.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n,)
-    impedance_ohm : ndarray, shape (n,)
-    sigma_relative : ndarray, shape (n,), or None
-    where : callable
-        Number of a row -> file and line, for messages.
-    """
-
-    frequency_hz: FloatArray
-    impedance_ohm: ComplexArray
-    sigma_relative: FloatArray | None
-    where: Callable[[int], str]
-
-
-def merge_duplicates(rows: Rows) -> tuple[Rows, str]:
-    """One row for each frequency, and a description of what was averaged; empty if nothing was.
+def merge_duplicates(rows: Rows) -> Rows:
+    """One row for each frequency; its `changes` say what was averaged.
 
     Raises
     ------
@@ -48,7 +29,7 @@ def merge_duplicates(rows: Rows) -> tuple[Rows, str]:
     pairs = _same_as_next(rows.frequency_hz)
     firsts = np.flatnonzero(pairs)
     if firsts.size == 0:
-        return rows, ""
+        return rows
     differences = _differences(rows, firsts)
     frequency, impedance = rows.frequency_hz.copy(), rows.impedance_ohm.copy()
     sigma = None if rows.sigma_relative is None else rows.sigma_relative.copy()
@@ -57,8 +38,14 @@ def merge_duplicates(rows: Rows) -> tuple[Rows, str]:
     if sigma is not None:
         sigma[firsts] = np.maximum(sigma[firsts], sigma[firsts + 1])
     kept = np.flatnonzero(~np.concatenate([[False], pairs]))
-    merged = Rows(frequency[kept], impedance[kept], None if sigma is None else sigma[kept], lambda row: rows.where(int(kept[row])))
-    return merged, _description(frequency[firsts], differences)
+    return replace(
+        rows,
+        frequency_hz=frequency[kept],
+        impedance_ohm=impedance[kept],
+        sigma_relative=None if sigma is None else sigma[kept],
+        where=lambda row: rows.where(int(kept[row])),
+        changes=(*rows.changes, _description(frequency[firsts], differences)),
+    )
 
 
 def _same_as_next(frequency: FloatArray) -> BoolArray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.frame import impedance_in
 from motoremi.data.text import clean_text
@@ -139,17 +139,12 @@ class ImpedanceSweep:
         BadInput
             If fewer than `MINIMUM_POINTS` remain.
         """
-        # An end that was converted from kHz or MHz may differ in its last digit.
-        inside = (self.frequency_hz >= low_hz * (1 - 1e-9)) & (self.frequency_hz <= high_hz * (1 + 1e-9))
-        count = int(inside.sum())
-        band = show_band(low_hz, high_hz)
-        if count < MINIMUM_POINTS:
-            raise BadInput(f"{count} of {len(self)} points ({show_band(*self.span_hz)}) are within {band}; at least {MINIMUM_POINTS} are needed")
-        if count == len(self):
+        inside, change = inside_band(self.frequency_hz, low_hz, high_hz)
+        if not change:
             return self
         sigma = None if self.sigma_relative is None else self.sigma_relative[inside]
         part = ImpedanceSweep(self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata, self.condition)
-        return part.with_change(f"{len(self) - count} of {len(self)} points outside {band} left out")
+        return part.with_change(change)
 
     @classmethod
     def from_frame(
@@ -210,6 +205,23 @@ def checked_accuracy(percent: object) -> float:
     if not 0 < value < 100:
         raise BadInput(f"the accuracy {clean_text(str(percent), 40)!r} cannot be used: give percent of |Z|, above 0 and below 100")
     return value
+
+
+def inside_band(frequency_hz: FloatArray, low_hz: float, high_hz: float) -> tuple[BoolArray, str]:
+    """The points of a band, both ends included, shape (n,), and what is left out in words; empty if nothing is.
+
+    Raises
+    ------
+    BadInput
+        If fewer than `MINIMUM_POINTS` are inside.
+    """
+    # An end that was converted from kHz or MHz may differ in its last digit.
+    inside: BoolArray = (frequency_hz >= low_hz * (1 - 1e-9)) & (frequency_hz <= high_hz * (1 + 1e-9))
+    count, points, band = int(inside.sum()), frequency_hz.size, show_band(low_hz, high_hz)
+    if count < MINIMUM_POINTS:
+        span = f" ({show_band(float(frequency_hz[0]), float(frequency_hz[-1]))})" if points else ""
+        raise BadInput(f"{count} of {points} points{span} are within {band}; at least {MINIMUM_POINTS} are needed")
+    return inside, "" if count == points else f"{points - count} of {points} points outside {band} left out"
 
 
 def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:

@@ -90,7 +90,7 @@ class Dropped:
             return {**data, "kind": CORRECTIONS if self.tables is not None else ""}
         ones = [found.sweep] if found.sweep is not None else list(found.spectra)
         first = ones[0].metadata
-        notes = [found.doubt, *(str(change) for change in first.get("changes", []))]
+        notes = [found.doubt, *(str(note) for key in ("changes", "warnings") for note in first.get(key, []))]
         notes += [f"{text} is assumed" for key, text in _ASSUMED.items() if any(one.metadata.get(key) for one in ones)]
         return {
             **data,

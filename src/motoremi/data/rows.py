@@ -1,0 +1,92 @@
+"""Which rows of a file are used: all but one at 0 Hz, and those of a band if one is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.sweep import inside_band
+from motoremi.errors import BadInput
+
+# Both ends of a band in hertz.
+Band: TypeAlias = tuple[float, float]
+# A reflection coefficient beyond the first number is no noise. A sweep says so if more than the second share of its points has one.
+_REFLECTS_TOO_MUCH, _OF_POINTS = 1.005, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of a file, before a sweep is made of them.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+    impedance_ohm : ndarray, shape (n,)
+    sigma_relative : ndarray, shape (n,), or None
+    where : callable
+        Number of a row -> file and line, for messages.
+    changes : tuple of str
+        What was left out or averaged, in words.
+    warnings : tuple of str
+        What is doubtful about the values, in words.
+    """
+
+    frequency_hz: FloatArray
+    impedance_ohm: ComplexArray
+    sigma_relative: FloatArray | None
+    where: Callable[[int], str]
+    changes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def used_rows(frequency_hz: FloatArray, band: Band | None, name: str) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """Numbers of the rows that are used, and what is left out in words.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+        Of all rows.
+    band : (float, float), optional
+        Both ends in hertz.
+    name : str
+        Of the file, for messages.
+
+    Raises
+    ------
+    BadInput
+        If too few rows are within the band.
+    """
+    rows = np.arange(frequency_hz.size)
+    changes = []
+    if band is not None:
+        try:
+            inside, change = inside_band(frequency_hz, *band)
+        except BadInput as error:
+            raise BadInput(f"{name}: {error}") from error
+        rows, changes = rows[inside], [change] if change else []
+    if rows.size and frequency_hz[rows[0]] == 0:
+        rows = rows[1:]
+        changes.append("the row at 0 Hz is left out")
+    return rows, tuple(changes)
+
+
+def check_order(frequency_hz: float, before_hz: float, where: str) -> None:
+    """Raise `BadInput` if the frequency of a row is lower than that of the row before it."""
+    if frequency_hz < before_hz:
+        raise BadInput(f"{where}: frequencies must increase, but {frequency_hz:.12g} Hz follows {before_hz:.12g} Hz; sort the rows")
+
+
+def reflection_warnings(s11: ComplexArray) -> tuple[str, ...]:
+    """A sentence if a reflection coefficient, shape (n,), is above 1 at more than a few points."""
+    size = np.abs(s11)
+    beyond = int(np.sum(size > _REFLECTS_TOO_MUCH))
+    if beyond <= _OF_POINTS * size.size:
+        return ()
+    return (
+        f"|S11| reaches {size.max():.3g} at {beyond} of {size.size} points: a passive part never reflects more than it receives; calibrate again",
+    )
