@@ -180,6 +180,23 @@ class Judgement:
         return under if under.stands and not self.distributed and set(under.named) & set(self.best.added) else None
 
     @property
+    def of_closest(self) -> Judgement | None:
+        """The judgement among the single effects that come closest, where the likeliest does not; None where none of those stands.
+
+        Where no model stands, the laws are not quite the motor's. The likeliest may then only let the analyser take up more, and what
+        removes most of the circuit's own error, with values that motors have, tells more.
+        """
+        singles = {key: one for key, one in self.found.items() if len(key) == 1}
+        close = {key: one for key, one in singles.items() if one.plausible and not one.unusual}
+        if not close or self.distributed:
+            return None
+        least = min(one.fit.rms_error_percent for one in close.values())
+        close = {key: one for key, one in close.items() if one.fit.rms_error_percent <= ALIKE * least}
+        closest = self.among({key: one for key, one in self.found.items() if not key or key in close})
+        likeliest = best_of(singles.values())
+        return closest if likeliest not in close.values() and closest.named and closest.stands else None
+
+    @property
     def of_singles_as_good(self) -> Judgement | None:
         """The same where the likeliest is a pair that leaves something too, and is not much likelier than that one effect; None elsewhere."""
         if len(self.named) < MOST_NAMES or not self.leaves_something:
@@ -331,7 +348,7 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     if (single := judgement.of_singles_as_good) is not None:
         return single
     # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
-    return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement
+    return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement.of_closest or judgement
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
