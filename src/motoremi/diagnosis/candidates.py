@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect, identifiers
+from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 from motoremi.quantities import show
 
@@ -73,15 +74,8 @@ class Candidate:
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Parameters of the effects whose laws bend (three parameters or more) that lie beyond where most motors have them."""
-        labels = own_labels(self.fit, self.added)
-        own = [p for p in self.fit.motor.parameters if p.name.rpartition(".")[0] in labels]
-        counts = Counter(p.name.rpartition(".")[0] for p in own)
-        return tuple(
-            p.name
-            for p in own
-            if p.usual is not None and counts[p.name.rpartition(".")[0]] >= BENDING and not p.usual[0] <= self.fit.parameters[p.name] <= p.usual[1]
-        )
+        """Parameters of the effects whose laws bend that lie beyond where most motors have them."""
+        return unusual_values(self.fit.motor, own_labels(self.fit, self.added), self.fit.parameters)
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
@@ -102,6 +96,14 @@ class Candidate:
     def describe(self) -> str:
         """Its parameters in a line of text."""
         return ", ".join(f"{name} = {show(entry['value'], entry['unit'])}" for name, entry in self.parameters().items())
+
+
+def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float]) -> tuple[str, ...]:
+    """Parameters of effects whose laws bend (three parameters or more) that lie beyond where most motors have them."""
+    own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels]
+    counts = Counter(p.name.rpartition(".")[0] for p in own)
+    bending = [p for p in own if p.usual is not None and counts[p.name.rpartition(".")[0]] >= BENDING]
+    return tuple(p.name for p in bending if p.usual is not None and not p.usual[0] <= values[p.name] <= p.usual[1])
 
 
 def candidate(fit: Fit, base: Fit) -> Candidate:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, Analyser
-from motoremi.diagnosis.judgement import GLANCE, Judgement, accurate, judge
+from motoremi.diagnosis.judgement import ALIKE, GLANCE, Judgement, accurate, judge
 from motoremi.fitting.result import BEYOND_SIGMA, SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -68,8 +68,10 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # One effect at most: beside two the wide errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE, each)
         odds = other.best.score - first.best.score
-        # One that needs more than the other's specification says nothing of which one it was.
-        if odds > TAKEN and other.stands and other.model.fit.analyser_sigma <= SPECIFIED_SIGMA:
+        # One that needs more than the other's specification says nothing of which one it was, nor does a circuit that errs far more than the first.
+        closest = (first.model if first.stands else first.found[()]).fit.rms_error_percent
+        within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and other.model.fit.rms_error_percent <= ALIKE * closest
+        if odds > TAKEN and other.stands and within:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
 

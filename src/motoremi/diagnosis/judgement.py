@@ -24,8 +24,8 @@ from motoremi.workers import Map
 BUDGET = Budget()
 # A search for one effect.
 GLANCE = Budget(swaps=(0,))
-# Single effects that are refitted on all points where none of them is enough: what the decision may fall back on.
-SHOWN = 4
+# Sets of one size that are refitted on all points beside the likeliest where none is enough: what the decision may fall back on.
+FURTHER = 4
 # What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
 # no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
 # a part of the motor of their size.
@@ -175,9 +175,13 @@ class Judgement:
 
     @property
     def of_singles(self) -> Judgement | None:
-        """The judgement without larger sets, where one effect of the likeliest set describes most by itself; None elsewhere."""
+        """The judgement without larger sets, where one effect describes most by itself; None elsewhere.
+
+        It is one of the likeliest set, or its circuit errs no more than that set's, which only lets the analyser take up more.
+        """
         under = self.among({key: one for key, one in self.found.items() if len(key) <= 1})
-        return under if under.stands and not self.distributed and set(under.named) & set(self.best.added) else None
+        closer = under.model.fit.rms_error_percent <= self.best.fit.rms_error_percent
+        return under if under.stands and not self.distributed and under.named and (closer or set(under.named) & set(self.best.added)) else None
 
     @property
     def of_closest(self) -> Judgement | None:
@@ -330,7 +334,7 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
     """Search what is missing from a fit, and decide."""
     # Of a circuit that is good enough, effects are shown and none is named.
     spent = GLANCE if accurate(base) else budget
-    board = MotorBoard(base, each, SHOWN if spent.most_effects > 1 else 1)
+    board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
     return decided(base, explore(board, board.start(), spent, progress))
 
 

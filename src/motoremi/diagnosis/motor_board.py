@@ -8,11 +8,27 @@ from math import inf
 from typing import TypeVar
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in
+from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in, unusual_values
 from motoremi.diagnosis.explore import Key
 from motoremi.fitting.beside import Pairs
 from motoremi.fitting.fit import on_all_points, task_without, trail_to
-from motoremi.fitting.race import BEHIND, GLANCE, IN_FULL, LEADERS, LOOK_ALIKE, LOOK_NEAR, PAIRS, SINGLES, Best, Standing, Trail, race, raced_alone
+from motoremi.fitting.race import (
+    ALIKE_ARRIVING,
+    ARRIVING,
+    BEHIND,
+    GLANCE,
+    IN_FULL,
+    LEADERS,
+    LOOK_ALIKE,
+    LOOK_NEAR,
+    PAIRS,
+    SINGLES,
+    Best,
+    Standing,
+    Trail,
+    race,
+    raced_alone,
+)
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution
 from motoremi.model.effects import find_effect
@@ -30,12 +46,12 @@ class MotorBoard:
     base : Fit
     each : callable
         As the built-in `map`: by it models are worked on.
-    singles : int
-        How many single effects at least are refitted on all points where none of them ends the search, however far behind the best.
+    further : int
+        Of the sets of one size, how many that are not near the best are refitted on all points where none leaves nothing.
     """
 
-    def __init__(self, base: Fit, each: Map = map, singles: int = 1) -> None:
-        self._base, self._each, self._singles = base, each, singles
+    def __init__(self, base: Fit, each: Map = map, further: int = 0) -> None:
+        self._base, self._each, self._next = base, each, further
         # Of all races, which have their points in common, by number of effects.
         self._best: dict[int, Best] = {}
         self._alone: Mapping[str, Trail] = {}
@@ -46,37 +62,48 @@ class MotorBoard:
         return candidate(self._base, self._base)
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
-        """All single effects, or all pairs of them; those that stay near the best.
-
-        One effect more is never less likely than none more: where the leaders are, on few points those in false valleys looked better than
-        the others, and all that arrived are refitted.
-        """
-        trails, rounds = (self._single_trails(), SINGLES) if size == 1 else (self._pair_trails(found, progress), PAIRS)
-        raced = race(trails, rounds, (), part(progress, 0.0 if size == 1 else 0.5, 1.0), self._each)
+        """All single effects, or all pairs of them; those that stay near the best, and the next with values that motors have."""
+        if size == 1:
+            self._alone = {name: trail_to(self._base, name) for name in possible_effects(self._base)}
+            trails: Mapping[Key, Trail] = {(name,): trail for name, trail in self._alone.items()}
+            raced = race(trails, SINGLES, (), progress, self._each)
+            self._reached = {key[-1]: standing for key, standing in raced.reached.items()}
+        else:
+            trails = self._leading_pairs(found, part(progress, 0.0, 0.9))
+            raced = race(trails, ARRIVING, (), part(progress, 0.9, 1.0), self._each)
         leading = self._near_best(size, raced.solutions)
         near = self._refitted(trails, leading)
         others = {key: solution for key, solution in raced.solutions.items() if key not in leading}
+        # One effect more is never less likely than none more: those in false valleys then looked better on few points.
         if max((one.fit.log_evidence for one in near), default=-inf) < max(one.fit.log_evidence for one in found.values()):
             return near + self._refitted(trails, others)
-        if size == 1:
-            self._reached = {key[-1]: standing for key, standing in raced.reached.items()}
-            if not any(one.done for one in near):
-                near += self._refitted(trails, dict(list(others.items())[: max(self._singles - len(near), 0)]))
-        return near
+        if any(one.done for one in near):
+            return near
+        # Where something is left, laws are not quite the motor's, and the decision asks which values motors have.
+        usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
+        return near + self._refitted(trails, {key: others[key] for key in usual[: self._next]})
 
-    def _single_trails(self) -> Mapping[Key, Trail]:
-        self._alone = {name: trail_to(self._base, name) for name in possible_effects(self._base)}
-        return {(name,): trail for name, trail in self._alone.items()}
+    def _unusual(self, trail: Trail, solution: Solution) -> bool:
+        motor = trail.task.motor
+        of_base = {parameter.name for parameter in self._base.motor.parameters}
+        labels = {parameter.name.rpartition(".")[0] for parameter in motor.parameters if parameter.name not in of_base}
+        return bool(unusual_values(motor, labels, solution.values))
 
-    def _pair_trails(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
-        """The pairs that lead at a glance."""
+    def _leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
+        """Pairs of effects from where they have got to: those that lead all others, not too many with one effect in common."""
         fitted = {key[0]: one.fit for key, one in found.items() if len(key) == 1}
         pairs = Pairs(self._base, self._alone, self._reached, fitted, self._each)
         trails = pairs.at_a_glance()
         reached = race(trails, GLANCE, (), part(progress, 0.0, 0.5), self._each).reached
         leaders = sorted(reached, key=lambda pair: reached[pair].best)[:LEADERS]
-        others = {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in leaders[IN_FULL:]}
-        return {**pairs.in_full({pair: reached[pair] for pair in leaders[:IN_FULL]}), **others}
+        trails = {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in leaders}
+        trails |= pairs.in_full({pair: reached[pair] for pair in leaders[:IN_FULL]})
+        reached = race(trails, PAIRS, (), part(progress, 0.5, 1.0), self._each).reached
+        chosen: list[Key] = []
+        for pair in sorted(reached, key=lambda pair: reached[pair].best):
+            if all(sum(effect in other for other in chosen) < ALIKE_ARRIVING for effect in pair):
+                chosen.append(pair)
+        return {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in chosen[: ARRIVING.arriving]}
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
         """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""

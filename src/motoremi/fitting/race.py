@@ -70,8 +70,11 @@ SINGLES = Rounds((Round(40, 2, ALL, ALL), Round(40, 8, 8, ALL), Round(40, 15, 4,
 GLANCE = Rounds((Round(40, 4, ALL, ALL), Round(40, 12, 3, 150)), 0, 80)
 # The leaders, of which `IN_FULL` start anew from all their start values: beside a winding with sharp resonances few starts are in the right
 # valley. Many pairs with one true effect are as good on few points of equal weight; the likelihood then tells them apart.
-PAIRS = Rounds((Round(80, 6, ALL, ALL), Round(80, 15, 4, ALL), Round(80, 12, 2, ALL, likely=True)), 12, 120)
+PAIRS = Rounds((Round(80, 6, ALL, ALL), Round(80, 15, 4, ALL), Round(80, 12, 2, ALL, likely=True)), 0, 80)
 LEADERS, IN_FULL = 80, 24
+# Where they arrive: so many of them, and of those with one and the same effect at most so many: beside an effect that describes most by itself,
+# every other one would do.
+ARRIVING, ALIKE_ARRIVING = Rounds((), 14, 120), 6
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
