@@ -9,8 +9,8 @@ import numpy as np
 VERDICTS = {"adequate", "missing-effect", "family", "instrument", "data", "unexplained"}
 FIGURES = {"effects", "chi2_reduced", "rms_error_percent", "rms_error_db", "corrected_error_percent", "analyser_sigma"}
 FINDINGS = {
-    "interference", "drift", "correlated-noise", "sweeps-disagree", "beyond-specification", "not-compensated", "range-step", "too-little", "negative-resistance",
-    "not-as-declared", "not-as-asked",
+    "interference", "drift", "correlated-noise", "sweeps-disagree", "beyond-specification", "not-compensated", "range-step", "too-little",
+    "not-as-declared", "not-as-asked", "negative-resistance",
 }  # fmt: skip
 
 

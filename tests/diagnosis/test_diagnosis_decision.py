@@ -9,9 +9,9 @@ import pytest
 
 import motoremi as me
 from motoremi.blind.cases import draw
-from motoremi.diagnosis.belief import believe
+from motoremi.diagnosis.belief import believe, stands
 from motoremi.diagnosis.candidates import Candidate
-from motoremi.diagnosis.judgement import Judgement, decided, judge
+from motoremi.diagnosis.judgement import Judgement, decided, distributed, judge
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.model.motor import dc_motor
@@ -91,6 +91,72 @@ def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best)
     }
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
     assert judgement.best.added == best
+
+
+def bead(closest_is_usual: bool = True) -> Judgement:
+    """Of ferrite, on a network analyser far beyond its specification: the likeliest effect errs three times as much as a relaxing core."""
+    unusual = () if closest_is_usual else ("permeability-relaxation.exponent",)
+    found = of(
+        model((), 0.0, 81.0, 80.0),
+        model(("proximity-effect",), 584.0, 29.0, 28.8),
+        model(("permeability-relaxation",), 568.0, 8.4, 8.2, unusual),
+        model(("field-coupling", "proximity-effect"), 807.0, 12.0, 11.0),
+    )
+    for one in found.values():
+        one.plausible = True
+    return Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+
+
+def test_where_nothing_stands_what_removes_most_of_the_circuits_error_is_named():
+    assert not bead().stands
+    closest = bead().of_closest
+    assert closest is not None
+    assert closest.named == ("permeability-relaxation",)
+    assert closest.standing == "mostly"
+    assert bead(closest_is_usual=False).of_closest is None
+
+
+def test_one_effect_that_errs_less_than_the_likeliest_two_is_named():
+    """Two others let the analyser take up more: the pair has the higher evidence and twice the error."""
+    found = of(
+        model((), 0.0, 60.0, 59.0),
+        model(("permeability-relaxation",), 869.0, 7.8, 4.3),
+        model(("core-loss", "eddy-laminations"), 892.0, 15.9, 15.0),
+    )
+    for one in found.values():
+        one.plausible = True
+    assert decided(found[()].fit, found).named == ("permeability-relaxation",)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("error_percent", "sigma", "stands"), [(100.0, 24.0, False), (100.0, 2.0, True), (20.0, 24.0, True)])
+def test_a_larger_error_that_a_strained_analyser_takes_up_is_not_believed(error_percent, sigma, stands):
+    named = model(("eddy-laminations",), 500.0, error_percent, 3.0)
+    named.fit.analyser_sigma = sigma
+    found = of(model((), 0.0, 80.0, 79.0), named)
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.stands == stands
+
+
+def test_a_law_with_unusual_values_that_leaves_a_per_cent_only_bends():
+    """A cell of salt water as the winding of a machine."""
+    for left_percent, standing in ((8.6, "not"), (0.9, "mostly")):
+        found = of(model((), 0.0, 51.0, 50.0), model(("machine-winding",), 900.0, 8.7, left_percent, ("machine-winding.iron_hz",)))
+        assert Judgement(found[()].fit, found, believe(found)).standing == standing  # type: ignore[arg-type]
+
+
+def test_no_analyser_errs_by_hundreds_of_times_its_specification():
+    fit = left(0.0, 30.0, 310.0)
+    fit.marginal.nothing_left = 1.0
+    assert stands(fit, fit) == "not"  # type: ignore[arg-type]
+    fit.analyser_sigma = 290.0
+    assert stands(fit, fit) == "explained"  # type: ignore[arg-type]
+
+
+def test_two_relaxations_at_one_place_are_one_part_of_distributed_resistance():
+    assert distributed(("dielectric-relaxation@Ca", "dielectric-relaxation@Ca"))
+    assert distributed(("bearing-film", "dielectric-relaxation@Cf"))
+    assert not distributed(("dielectric-relaxation@Ca", "dielectric-relaxation@Cf"))
+    assert not distributed(("dielectric-relaxation@Ca",))
 
 
 @pytest.fixture(scope="module")

@@ -68,9 +68,9 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # One effect at most: beside two the wide errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE, each)
         odds = other.best.score - first.best.score
-        # One that needs more than the other's specification says nothing of which one it was, nor does a circuit that errs far more than the first.
-        closest = (first.model if first.stands else first.found[()]).fit.rms_error_percent
-        within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and other.model.fit.rms_error_percent <= ALIKE * closest
+        # One that needs more than the other's specification says nothing of which one it was, nor does a circuit that errs far more.
+        as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent
+        within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and as_close
         if odds > TAKEN and other.stands and within:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)

@@ -23,6 +23,8 @@ SEEN = 4.0
 NEGATIVE, OFTEN = 3.0, 0.02
 # What an analyser of which nothing is declared may err by in phase (0.6 degrees).
 UNDECLARED = 0.01
+# A circuit that misses half of the points by more than this describes nothing.
+MISSED = 0.5
 # Fewer points than these a sweep cannot carry seven elements and a doubt.
 FEW_POINTS = 30
 
@@ -220,7 +222,7 @@ def of_the_amount(fit: Fit) -> list[Finding]:
             why = f"the {sweep.termination} sweep has {count} points: too few to tell most effects apart"
             found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
     if shows_nothing(fit):
-        why = "these sweeps determine no element of the circuit: the analyser may err by more than there is to see"
+        why = "these sweeps show no circuit: the analyser may err by as much as there is to see"
         found.append(Finding("too-little", why, "compensate at the motor's terminals, and check that the motor is connected", True))
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"
@@ -232,8 +234,9 @@ def of_the_amount(fit: Fit) -> list[Finding]:
 
 
 def shows_nothing(fit: Fit) -> bool:
-    """Whether no parameter of the circuit is determined by the sweeps."""
-    return not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
+    """Whether no parameter of the circuit is determined by the sweeps, or the circuit misses most points by far."""
+    undetermined = not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
+    return undetermined or float(np.median(np.abs(np.concatenate(list(fit.errors().values()))))) > MISSED
 
 
 def _span(frequency_hz: FloatArray) -> tuple[float, float]:

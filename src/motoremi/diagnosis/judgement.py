@@ -187,12 +187,12 @@ class Judgement:
     def of_closest(self) -> Judgement | None:
         """The judgement among the single effects that come closest, where the likeliest does not; None where none of those stands.
 
-        Where no model stands, the laws are not quite the motor's. The likeliest may then only let the analyser take up more, and what
-        removes most of the circuit's own error, with values that motors have, tells more.
+        Where every model leaves more than a per cent, the laws are not quite the motor's. The likeliest may then only let the analyser take up
+        more, and what removes most of the circuit's own error, with values that motors have, tells more.
         """
         singles = {key: one for key, one in self.found.items() if len(key) == 1}
         close = {key: one for key, one in singles.items() if one.plausible and not one.unusual}
-        if not close or self.distributed:
+        if not close or self.distributed or self.best.fit.unexplained_percent["value"] < 100 * PLAIN:
             return None
         least = min(one.fit.rms_error_percent for one in close.values())
         close = {key: one for key, one in close.items() if one.fit.rms_error_percent <= ALIKE * least}

@@ -1,0 +1,55 @@
+"""What the data show by themselves: a resistance below zero, sweeps that determine nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from paper_circuit import DAMPED, impedance
+
+import motoremi as me
+from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_resistance
+
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
+
+
+def swept(turned: np.ndarray | float, analyser: str) -> Measurement:
+    """The open-circuit sweep of a motor, its phase turned by so many radians."""
+    z = impedance(DAMPED, "open", FREQUENCY_HZ)
+    noise = np.random.default_rng(1).standard_normal((2, FREQUENCY_HZ.size)).T @ [1, 1j]
+    return Measurement.of([me.ImpedanceSweep("open", FREQUENCY_HZ, z * np.exp(1j * turned) * (1 + 1e-4 * noise))], analyser)
+
+
+def test_a_negative_resistance_is_told_with_its_place():
+    measurement = swept(np.where((FREQUENCY_HZ > 1e6) & (FREQUENCY_HZ < 3e6), np.pi, 0.0), "4294a")
+    (finding,) = of_the_resistance(measurement)
+    assert (finding.id, finding.sweep, finding.serious) == ("negative-resistance", "open", True)
+    assert finding.band_hz == pytest.approx((1e6, 3e6), rel=0.03)
+    assert "nothing passive" in finding.why
+
+
+@pytest.mark.parametrize("analyser", ["4294a", "nanovna", "unknown"])
+def test_a_motor_has_none(analyser):
+    assert of_the_resistance(swept(0.0, analyser)) == []
+
+
+def test_a_phase_that_any_analyser_may_err_by_is_not_blamed_where_none_is_declared():
+    """Of a capacitor of 300 pF with little loss, whose phase errs by two thirds of what is allowed, and by three times that."""
+    z = 1 / (2j * np.pi * FREQUENCY_HZ * 300e-12)
+    for share, count in ((2 / 3, 0), (3.0, 1)):
+        turned = z * np.exp(-1j * share * NEGATIVE * UNDECLARED)
+        assert np.mean(turned.real < 0) > OFTEN
+        assert len(of_the_resistance(Measurement.of([me.ImpedanceSweep("short", FREQUENCY_HZ, turned)], "unknown"))) == count
+
+
+@pytest.mark.slow
+def test_where_only_the_analyser_is_seen_no_motor_is_called_adequate():
+    """Nothing connected to a network analyser: a tenth of a picofarad, far less than the stray capacitance of its own connector."""
+    frequency = np.geomspace(1e6, 30e6, 101)
+    noise = np.random.default_rng(2).standard_normal((2, 101)).T @ [1, 1j]
+    reflection = 1 / (2j * np.pi * frequency * 1e-13)
+    seen = (reflection - 50) / (reflection + 50) + 2e-4 * noise
+    found = me.diagnose(me.fit(me.dc_motor(), [me.ImpedanceSweep("short", frequency, 50 * (1 + seen) / (1 - seen))], analyser="nanovna"))
+    assert found.verdict in ("instrument", "data")
+    assert "too-little" in {finding.id for finding in found.findings if finding.serious}
+    assert not found.effects
