@@ -51,7 +51,7 @@ class MotorBoard:
     """
 
     def __init__(self, base: Fit, each: Map = map, further: int = 0) -> None:
-        self._base, self._each, self._next = base, each, further
+        self._base, self._each, self._further = base, each, further
         # Of all races, which have their points in common, by number of effects.
         self._best: dict[int, Best] = {}
         self._alone: Mapping[str, Trail] = {}
@@ -81,7 +81,7 @@ class MotorBoard:
             return near
         # Where something is left, laws are not quite the motor's, and the decision asks which values motors have.
         usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
-        return near + self._refitted(trails, {key: others[key] for key in usual[: self._next]})
+        return near + self._refitted(trails, {key: others[key] for key in usual[: self._further]})
 
     def _unusual(self, trail: Trail, solution: Solution) -> bool:
         motor = trail.task.motor
