@@ -34,6 +34,8 @@ CLEAR_GAIN = 60.0
 # Enough for an effect that leaves nothing, with values that motors have. The best effect that no motor hid gained at most 6 in 45 sets of sweeps
 # of healthy motors outside the protocol (seed 881177), and another one's for the drift of a motor's capacitance 21.
 ENOUGH_GAIN = 25.0
+# What is small beside more than this, which a working analyser errs by at no impedance that it is made for, is not small.
+MOST_ERRING_PERCENT = 10.0
 # Circuits that err less than so many times as much are about as good.
 ALIKE = 2.0
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough: along the path to
@@ -138,7 +140,7 @@ class Judgement:
         # The errors of an analyser that nobody named are known by their size alone: what is small beside them may be theirs. Not so what is
         # small beside the scatter of a sweep of few points only.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
-        slight = fit.rms_error_percent <= SLIGHT_SHARE * analyser_percent
+        slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
         allowed = slight if fit.measurement.analyser.name == DEFAULT_ANALYSER else fit.within_specification
         enough = allowed or not self.leaves_something
         return enough and not self.model.unusual and not self.distributed
