@@ -75,12 +75,12 @@ class Candidate:
     @cached_property
     def unusual(self) -> tuple[str, ...]:
         """Parameters of the effects whose laws bend that lie beyond where most motors have them."""
-        return unusual_values(self.fit.motor, own_labels(self.fit, self.added), self.fit.parameters)
+        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters)
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
         found = {}
-        labels = own_labels(self.fit, self.added)
+        labels = own_labels(self.fit.effects, self.added)
         for parameter in self.fit.motor.parameters:
             label = parameter.name.rpartition(".")[0]
             if label in labels:
@@ -126,7 +126,7 @@ def prior_of_size(size: int, possible: int) -> float:
 
 def prior_of_values(fit: Fit, added: Sequence[str]) -> float:
     """What is known of the values of effects and elements beyond their ranges, as a change of the log evidence."""
-    labels = own_labels(fit, added)
+    labels = own_labels(fit.effects, added)
     gained = 0.0
     variances = np.diag(fit.covariance)
     for index, parameter in enumerate(fit.problem.unknowns):
@@ -172,7 +172,7 @@ def _usual_size(fit: Fit, index: int, parameter: Parameter, variances: FloatArra
 
 def at_bounds(fit: Fit, added: Sequence[str]) -> tuple[str, ...]:
     """Parameters of effects that the data, not just the prior, push against a bound."""
-    labels = own_labels(fit, added)
+    labels = own_labels(fit.effects, added)
     problem, u = fit.problem, fit.unknowns
     gradient = fit.linearised.gradient
     pushed = []
@@ -187,10 +187,10 @@ def at_bounds(fit: Fit, added: Sequence[str]) -> tuple[str, ...]:
     return tuple(pushed)
 
 
-def own_labels(fit: Fit, added: Sequence[str]) -> set[str]:
+def own_labels(effects: Sequence[str], added: Sequence[str]) -> set[str]:
     """Prefixes of the parameters of the effects that were added last."""
     labels = set()
-    before = list(fit.effects[: len(fit.effects) - len(added)])
+    before = list(effects[: len(effects) - len(added)])
     for name in added:
         before.append(name)
         count = before.count(name)

@@ -484,14 +484,14 @@ def _modes_hint(closest: Candidate) -> list[str]:
 
 def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     base = judgement.base
-    left = base.unexplained_percent["value"]
-    rest = f"to {left:.2g} %, beyond noise and analyser" if left else "down to noise and analyser"
-    floor = f"noise and analyser would leave {base.floor_percent:.2g} %"
-    said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, {floor})"]
     if shows_nothing(base):
         return [
             f"the analyser's own errors may be as large as what was measured (error {base.rms_error_percent:.2g} %): this says nothing of a motor"
         ]
+    left = base.unexplained_percent["value"]
+    rest = f"to {left:.2g} %, beyond noise and analyser" if left else "down to noise and analyser"
+    floor = f"noise and analyser would leave {base.floor_percent:.2g} %"
+    said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, {floor})"]
     if verdict == "instrument" and base.analyser_sigma > BEYOND_SIGMA:
         said.append(f"but only if the analyser errs by {base.analyser_sigma / 3:.2g} times its specification")
     if judgement.accurate:

@@ -34,7 +34,7 @@ CLEAR_GAIN = 60.0
 # Enough for an effect that leaves nothing, with values that motors have. The best effect that no motor hid gained at most 6 in 45 sets of sweeps
 # of healthy motors outside the protocol (seed 881177), and another one's for the drift of a motor's capacitance 21.
 ENOUGH_GAIN = 25.0
-# What is small beside more than this, which a working analyser errs by at no impedance that it is made for, is not small.
+# An error is small beside the analyser's only as far as that is below this: no working analyser errs by more at impedances that it is made for.
 MOST_ERRING_PERCENT = 10.0
 # Circuits that err less than so many times as much are about as good.
 ALIKE = 2.0

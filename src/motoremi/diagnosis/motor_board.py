@@ -8,7 +8,7 @@ from math import inf
 from typing import TypeVar
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.candidates import Candidate, candidate, possible_effects, seen_in, unusual_values
+from motoremi.diagnosis.candidates import Candidate, candidate, own_labels, possible_effects, seen_in, unusual_values
 from motoremi.diagnosis.explore import Key
 from motoremi.fitting.beside import Pairs
 from motoremi.fitting.fit import on_all_points, task_without, trail_to
@@ -85,8 +85,7 @@ class MotorBoard:
 
     def _unusual(self, trail: Trail, solution: Solution) -> bool:
         motor = trail.task.motor
-        of_base = {parameter.name for parameter in self._base.motor.parameters}
-        labels = {parameter.name.rpartition(".")[0] for parameter in motor.parameters if parameter.name not in of_base}
+        labels = own_labels(motor.effects, motor.effects[len(self._base.effects) :])
         return bool(unusual_values(motor, labels, solution.values))
 
     def _leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
