@@ -21,7 +21,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.investigation.question import next_question
-from motoremi.investigation.rivals import Lessons
+from motoremi.investigation.rivals import OUTSIDE, Lessons
 from motoremi.workflow_assess import searched, with_lessons
 
 ODDS, BUDGET_MINUTES = 20.0, 240.0
@@ -90,6 +90,8 @@ class Run:
     stop : str
     answer : Answer
         The final answer.
+    outside : float
+        Probability, at the end, of what the catalogue does not hold.
     made, found, alarms : tuple of str
         Measurements with a mistake of the operator, those of them that were noticed, and correct ones that were taken for mistakes.
     seconds, search_seconds : tuple of float
@@ -101,6 +103,7 @@ class Run:
     minutes: float
     stop: str
     answer: Answer
+    outside: float = 0.0
     made: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
     alarms: tuple[str, ...] = ()
@@ -141,13 +144,17 @@ class PlayedRun:
 
     @property
     def settled(self) -> bool:
-        """Named, or proven inseparable: a family counts only if no measurement of the menu could distinguish its members."""
-        return self.outcome == "right" or (self.outcome == "family" and self.run.stop == "inseparable")
+        """Named, or proven inseparable: a family counts only if no measurement of the menu could distinguish its members.
+
+        So does an answer to what the catalogue does not hold that states it as one of the explanations that no measurement distinguishes.
+        """
+        unknown = any(name.startswith("outside-") for name in self.case.hidden) and self.run.outside > 1 / (1 + ODDS)
+        return self.outcome == "right" or (self.run.stop == "inseparable" and (unknown or self.outcome == "family"))
 
     @property
     def wrong(self) -> bool:
         """Whether the final answer is wrong."""
-        return self.outcome in ("wrong", "false alarm", "crashed")
+        return self.outcome in ("wrong", "false alarm", "crashed") and not self.settled
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
@@ -218,7 +225,8 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         now = standing(tuple(done), asked)
     found = tuple(name for name in made if name in noticed)
     alarms = tuple(sorted(noticed - set(made)))
-    return Run(policy, tuple(order), minutes, stop, now.conclude(), tuple(made), found, alarms, tuple(seconds), tuple(searches))
+    outside = now.probabilities.get(OUTSIDE, 0.0)
+    return Run(policy, tuple(order), minutes, stop, now.conclude(), outside, tuple(made), found, alarms, tuple(seconds), tuple(searches))
 
 
 def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:

@@ -55,11 +55,6 @@ Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument
 
 # More names than these tell nobody anything; what the others would add is taken off the confidence.
 LARGEST_FAMILY = 6
-# What the catalogue does not hold and has nearly the same impedance, of effects whose law takes many shapes.
-IMITATED: Mapping[str, str] = {
-    "dielectric-relaxation@Ca": "a winding with a tap or with unlike sections",
-    "dielectric-relaxation@Cf": "a layer whose resistance is distributed (a semiconducting or damp coat)",
-}
 # Serious findings that say why no model stands.
 ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
 # How often points that stand out are looked for, each time without those found before.
@@ -416,7 +411,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
     if named and judgement.model.unusual and judgement.model.fit.marginal.nothing_left < 0.5:
         kinds.append("unusual values")
-    if len(named) == 1 and named[0] in IMITATED:
+    if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
@@ -441,8 +436,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         left = closest.fit.unexplained_percent
         missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %)"
         if judgement.described and judgement.distributed:
-            pair, imitated = judgement.best.added, IMITATED.get(judgement.best.added[0], IMITATED["dielectric-relaxation@Cf"])
-            return [f"{missing}; two relaxations describe it, {' and '.join(pair)}, and so would {imitated}, which the catalogue does not hold"]
+            pair = judgement.best.added
+            imitation = next(text for name in (*pair, "dielectric-relaxation@Cf") if (text := find_effect(name).imitated_by))
+            return [f"{missing}; two relaxations describe it, {' and '.join(pair)}, and so would {imitation}, which the catalogue does not hold"]
         if judgement.described and judgement.best.unusual:
             return [
                 f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with values that few motors have "
@@ -465,10 +461,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     ]
     if verdict == "instrument":
         said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
-    if len(named) == 1 and named[0] in IMITATED:
-        said.append(
-            f"{IMITATED[named[0]]}, which the catalogue does not hold, has nearly the same impedance: these sweeps do not tell it from {named[0]}"
-        )
+    if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
+        said.append(f"{imitation}, which the catalogue does not hold, has nearly the same impedance: these sweeps do not tell it from {named[0]}")
     said += [f"these sweeps cannot tell {', '.join(family[:-1])} and {family[-1]} apart" for family in families]
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
+from scipy.special import logsumexp
+
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.belief import MOST_NAMES
+from motoremi.diagnosis.belief import MOST_NAMES, RELIABLE
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import Judgement, decided, distributed
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
@@ -26,21 +28,31 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
     Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
     """
     credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
-    return update(rivals_of(credible, OUTSIDE[judgement.standing]), measurement or judgement.base.measurement)
+    if judgement.aside:
+        # Whether the analyser errs more than it should or a further effect is missing, the reference sweeps do not tell: one is as likely as the other.
+        best = max(score for _, score in credible.values())
+        together = float(logsumexp([one.score for one in judgement.aside.values()]))
+        credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
+    start = rivals_of(credible, OUTSIDE[judgement.standing], 1 - RELIABLE["imitated"])
+    return update(start, measurement or judgement.base.measurement)
 
 
 def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     """The judgement with scores that know what was learnt; the same where nothing was."""
     if not rivals.taught:
         return judgement
-    inside = [one for one in rivals.members if not one.outside]
-    best = max(judgement.found[one.key].score for one in inside)
-    changes = {one.key: one.log_weight - (judgement.found[one.key].score - best) for one in inside}
+    weighed = {one.key: one.log_weight for one in rivals.members if not one.outside}
+    own = [key for key in weighed if key in judgement.found]
+    best = max(judgement.found[key].score for key in own)
     # What was too unlikely to be weighed keeps its distance from the one that gained most.
-    most = max(changes.values())
-    found = {key: dataclasses.replace(one, score=one.score + changes.get(key, most)) for key, one in judgement.found.items()}
+    most = max(weighed[key] + best - judgement.found[key].score for key in own)
+    found = {
+        key: dataclasses.replace(one, score=best + weighed[key] if key in weighed else one.score + most) for key, one in judgement.found.items()
+    }
     proven = rivals.probabilities[rivals.likeliest.key] >= STANDS
-    return dataclasses.replace(decided(judgement.base, found, STANDS), proven=proven)
+    if proven:
+        found |= {key: dataclasses.replace(one, score=best + weighed[key]) for key, one in judgement.aside.items() if key in weighed}
+    return decided(judgement.base, found, STANDS, proven)
 
 
 def departs(rivals: Rivals) -> bool:

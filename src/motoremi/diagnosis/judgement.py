@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 
@@ -57,6 +57,9 @@ class Judgement:
         Whether the base is to stand without what could be added, since no such model stands and the base errs within the specification.
     proven : bool
         Whether measurements beside the sweeps speak for the likeliest model: it is then named, however little the sweeps alone show of it.
+    aside : dict
+        Likelier models with one more effect that are not believed, since all that it does is to bring the analyser back towards its
+        specification: an investigation weighs them as well.
     """
 
     base: Fit
@@ -64,12 +67,13 @@ class Judgement:
     belief: Belief
     none_named: bool = False
     proven: bool = False
+    aside: Mapping[Key, Candidate] = field(default_factory=dict)
 
     @cached_property
     def best(self) -> Candidate:
         """The likeliest model of as many effects as are needed, without those that only take strain off the analyser, and that by no clear odds."""
         best = self.found[tuple(sorted(self.belief.named))] if self.belief.named else best_of(self.found.values())
-        while len(best.added) > 1:
+        while len(best.added) > 1 and not self.proven:
             fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
             under = max(fewer, key=lambda one: one.score, default=None)
             if under is None or _leaves_less(under, best) or _comes_closer(under, best) or _relieves(under, best):
@@ -340,13 +344,15 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
     return decided(base, explore(board, board.start(), spent, progress))
 
 
-def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER) -> Judgement:
-    """What the models that were found let one believe of a fit; `together` as in `belief.believe`."""
-    judgement = _with_usual_values(Judgement(base, found, believe(found, together)), together)
+def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:
+    """What the models that were found let one believe of a fit; `together` as in `belief.believe`, `proven` as in `Judgement`."""
+    judgement = _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
     needed = len(judgement.best.added)
     if needed < len(judgement.belief.named):
         # What the larger set has more only strains the analyser: the likeliest of those without it may be another.
-        judgement = judgement.among({key: one for key, one in judgement.found.items() if len(key) <= needed})
+        fewer = judgement.among({key: one for key, one in judgement.found.items() if len(key) <= needed})
+        larger = {key: one for key, one in judgement.found.items() if len(key) > needed and one.leaves_nothing}
+        judgement = dataclasses.replace(fewer, aside={key: one for key, one in larger.items() if one.score > fewer.best.score})
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
     if (enough := judgement.of_accurate) is not None:

@@ -210,7 +210,8 @@ def next_question(
     possible = [option for option in MENU if option.name not in left_out and option.kind != "reference"]
     standing = _asked_about(rivals)
     labels = rivals.by_label
-    best, share = max(labels.items(), key=lambda pair: pair[1])
+    best = max(rivals.members, key=lambda one: one.log_weight)
+    share = rivals.probabilities[best.key]
     stands = share >= odds / (1 + odds)
     # Where one stands, what is left to measure is only listed.
     points = POINTS_LISTED if stands else POINTS_AHEAD
@@ -224,10 +225,12 @@ def next_question(
         first = Worth(option, _bits(weight for _, weight in standing) / 2, _minutes(option, sweep_minutes))
         return Question((first, *ranked), None, f"{option.action}: {because}", labels)
     if stands:
-        if best == "nothing missing":
+        if not best.key:
             return Question(tuple(ranked), "nothing-missing", "nothing is missing that these data could show", labels)
-        return Question(tuple(ranked), "one-stands", f"{best} stands, with a probability of {share:.2g}", labels)
-    if best == OUTSIDE and share >= NONE_DESCRIBES - 1e-9 and not rivals.taught and measurement.analyser.fixture is None:
+        if best.imitated_by:
+            return Question(tuple(ranked), "inseparable", _imitated(best), labels)
+        return Question(tuple(ranked), "one-stands", f"{best.label} stands, with a probability of {share:.2g}", labels)
+    if best.outside and share >= NONE_DESCRIBES - 1e-9 and not rivals.taught and measurement.analyser.fixture is None:
         return Question(tuple(ranked), "one-stands", _UNKNOWN, labels)
     if not ranked or max(one.bits for one in ranked) < LITTLE_BITS:
         ranked = _with_pairs(ranked, standing, measurement, sweep_minutes)
@@ -438,6 +441,13 @@ def _why(asked: Worth, labels: Mapping[str, float]) -> str:
     then = f", and then {asked.then}" if asked.then else ""
     taught = f"{asked.bits:.2g} of {_bits(labels.values()):.2g} bits in {asked.minutes:.3g} minutes"
     return f"{asked.option.action}{then}: that is expected to teach {taught}, telling {told}"
+
+
+def _imitated(best: Rival) -> str:
+    return (
+        f"nothing on the menu tells {best.label} from {best.imitated_by}, which the catalogue does not hold: it has nearly the same impedance, and "
+        "whatever changes one changes the other alike; no other effect of the catalogue is left"
+    )
 
 
 def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], needed_bits: float) -> str:

@@ -26,6 +26,7 @@ from motoremi.investigation.mistakes import WRONG, Mistake, as_before, mistakes
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
 from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, mixed, weigh
+from motoremi.model.effects import find_effect
 
 Key = tuple[str, ...]
 # Name of the rival that the catalogue does not hold.
@@ -74,6 +75,11 @@ class Rival:
         """As it is told."""
         return " + ".join(self.key) or "nothing missing"
 
+    @property
+    def imitated_by(self) -> str:
+        """What the catalogue does not hold and no measurement of the menu tells from it, if it is of one effect; empty if nothing is known."""
+        return find_effect(self.key[0]).imitated_by if len(self.key) == 1 and not self.outside else ""
+
 
 @dataclass(frozen=True)
 class Taught:
@@ -115,10 +121,13 @@ class Rivals:
     members : tuple of Rival
     taught : tuple of Taught
         What was learnt since the reference sweeps.
+    imitated_share : float
+        Of the probability of one effect that is imitated (`Effect.imitated`), the share of what imitates it.
     """
 
     members: tuple[Rival, ...]
     taught: tuple[Taught, ...] = ()
+    imitated_share: float = 0.0
 
     @cached_property
     def probabilities(self) -> dict[Key, float]:
@@ -129,9 +138,12 @@ class Rivals:
 
     @property
     def by_label(self) -> dict[str, float]:
-        """The same for people, the likeliest first."""
-        pairs = [(one.label, self.probabilities[one.key]) for one in self.members]
-        return dict(sorted(pairs, key=lambda pair: -pair[1]))
+        """The same for people, the likeliest first; what imitates an explanation is among what the catalogue does not hold."""
+        imitated = {one.key: self.imitated_share if one.imitated_by else 0.0 for one in self.members}
+        own = {one.label: self.probabilities[one.key] * (1 - imitated[one.key]) for one in self.members}
+        if any(imitated.values()):
+            own[OUTSIDE] = self.outside + sum(self.probabilities[key] * share for key, share in imitated.items())
+        return dict(sorted(own.items(), key=lambda pair: -pair[1]))
 
     @property
     def likeliest(self) -> Rival:
@@ -149,7 +161,7 @@ class Rivals:
         return self.probabilities.get((OUTSIDE,), 0.0)
 
 
-def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float) -> Rivals:
+def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float, imitated_share: float = 0.0) -> Rivals:
     """Explanations from fits with their log scores.
 
     Parameters
@@ -158,6 +170,8 @@ def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float) -> Rivals:
         Effects that were added -> fit and log of evidence times prior.
     outside : float
         Probability that the catalogue does not hold the explanation, above 0 and below 1.
+    imitated_share : float
+        As of `Rivals`.
     """
     best = max(score for _, score in fits.values())
     near = sorted((key for key, (_, score) in fits.items() if score >= best - BEHIND), key=lambda key: -fits[key][1])[:MOST_RIVALS]
@@ -165,7 +179,7 @@ def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float) -> Rivals:
     inside = float(logsumexp([one.log_weight for one in members]))
     leading = members[0]
     members.append(Rival((OUTSIDE,), leading.fit, inside + float(np.log(outside / (1 - outside))), leading.known))
-    return Rivals(tuple(members))
+    return Rivals(tuple(members), imitated_share=imitated_share)
 
 
 def update(rivals: Rivals, measurement: Measurement) -> Rivals:
@@ -339,7 +353,8 @@ OUTSIDE_VALUE = {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 def _with(rivals: Rivals, members: Sequence[Rival], name: str, told: tuple[Mistake, ...]) -> Rivals:
     leading = Rivals(tuple(members)).likeliest
     # What the catalogue does not hold is predicted as the one that leads now.
-    after = Rivals(tuple(dataclasses.replace(one, fit=leading.fit, known=leading.known) if one.outside else one for one in members))
+    known = tuple(dataclasses.replace(one, fit=leading.fit, known=leading.known) if one.outside else one for one in members)
+    after = dataclasses.replace(rivals, members=known)
     bits = sum(p * np.log2(p / max(rivals.probabilities[key], 1e-300)) for key, p in after.probabilities.items() if p > 0)
     taught = Taught(name, float(max(bits, 0.0)), after.by_label, told)
-    return Rivals(after.members, (*rivals.taught, taught))
+    return dataclasses.replace(after, taught=(*rivals.taught, taught))

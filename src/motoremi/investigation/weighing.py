@@ -255,26 +255,31 @@ class _System:
         self._moving = np.arange(len(self._rows)) < self._own
         self._moving[:k] &= prediction.moving
 
+    def _scales(self, at: Scale) -> FloatArray:
+        """The unit of each unknown in the normal equations: a width for what nobody can predict, and the size of what no model describes."""
+        size, *widths = at
+        return np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unpredicted]
+
     def _normal(self, at: Scale) -> tuple[FloatArray, FloatArray]:
-        """Matrix, priors included, and right-hand side of the normal equations."""
+        """Matrix, priors included, and right-hand side of the normal equations, for unknowns in the units of `_scales`."""
         if at not in self._equations:
-            size, *widths = at
-            factor = np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unpredicted]
-            self._equations[at] = self._gram * factor * factor[:, None] + self._prior, self._pull * factor
+            scales = self._scales(at)
+            self._equations[at] = self._gram * scales * scales[:, None] + self._prior, self._pull * scales
         return self._equations[at]
 
     def damped(self, at: Scale, damping: float) -> FloatArray:
         """The best of the model's unknowns, less their centre, and of eta, if the prediction were linear and a step cost something."""
         matrix, pull = self._normal(at)
+        scales = self._scales(at)
         held = np.where(self._moving, damping * np.diag(matrix), 0.0)
-        solution, _ = _solved(matrix + np.diag(held), pull + held * self._away)
-        return solution[: self._own]
+        solution, _ = _solved(matrix + np.diag(held), pull + held * self._away / scales)
+        return (solution * scales)[: self._own]
 
     def cost(self, at: Scale) -> float:
         """Minus twice the log of likelihood times prior at this very point, all in which the prediction is linear at its best."""
         matrix, pull = self._normal(at)
         moving, still = np.flatnonzero(self._moving), np.flatnonzero(~self._moving)
-        away = self._away[moving]
+        away = (self._away / self._scales(at))[moving]
         left = pull[still] - matrix[np.ix_(still, moving)] @ away
         squares = self._squares - 2 * float(away @ pull[moving]) + float(away @ matrix[np.ix_(moving, moving)] @ away)
         taken = float(left @ np.linalg.solve(matrix[np.ix_(still, still)], left)) if left.size else 0.0

@@ -73,6 +73,9 @@ class Effect:
         Parameters that this effect can mask: if the data do not determine them, they are held at the low end of their range.
     excludes : tuple of str
         Effects that cannot be combined with it.
+    imitated : mapping
+        Place -> what the catalogue does not hold and has nearly the same impedance, for a law that takes many shapes; it also responds alike to
+        every measurement of the menu.
     kin : str
         Finer grouping than `group`, for tables. Which effects the *data* cannot distinguish is computed and does not depend on it.
     """
@@ -102,6 +105,7 @@ class Effect:
     of_ranges: bool = False
     tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     hides: tuple[str, ...] = ()
+    imitated: Mapping[str, str] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
 
     @property
@@ -134,6 +138,11 @@ class AddedEffect:
     identifier: str
     place: str
     held: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def imitated_by(self) -> str:
+        """What the catalogue does not hold and has nearly the same impedance; empty if nothing is known that does."""
+        return self.effect.imitated.get(self.place, "")
 
     def added_to(self, motor: Motor) -> Motor:
         """The motor with this effect.

@@ -62,6 +62,10 @@ EFFECTS = (
         repeatable=True,
         responds={"second-temperature": {"corner_hz": 3.0}},
         seen_as=("capacitance-relaxation",),
+        imitated={
+            "Ca": "a winding with a tap or with unlike sections",
+            "Cf": "a layer whose resistance is distributed (a semiconducting or damp coat)",
+        },
     ),
     Effect(
         name="insulation-leakage",

@@ -90,7 +90,13 @@ EFFECTS = (
         deciding="a sweep from 40 Hz (region of f^2), rotor removed, DC resistance at two temperatures",
         source="Dowell, Proc. IEE 113 (1966) 1387 (textbook form, porosity 0.8 assumed: unconfirmed for a given motor)",
         change=scale("Ra", materials.dowell_factor),
-        starts=({"height_m": 0.2e-3, "layers": 4.0}, {"height_m": 0.08e-3, "layers": 8.0}, {"height_m": 0.05e-3, "layers": 3.0}),
+        # Over a band in which thick wire is far above its corner, what looks like Ra is its resistance times some thirty.
+        starts=(
+            {"height_m": 0.2e-3, "layers": 4.0},
+            {"height_m": 0.08e-3, "layers": 8.0},
+            {"height_m": 0.05e-3, "layers": 3.0},
+            {"height_m": 0.5e-3, "layers": 5.0, Scale("Ra"): 0.03},
+        ),
         copper={"height_m": -0.5},
         seen_as=("conductor-layers",),
     ),
