@@ -11,10 +11,11 @@ from motoremi.blind.investigation import BUDGET_MINUTES, play, summary
 from motoremi.blind.investigation_table import markdown
 from motoremi.blind.policies import EXPERT, FIXED, POLICIES, PRODUCT, Offer, Standing
 from motoremi.blind.scoring import Answer
-from motoremi.blind.sealed import OUTSIDE, STARTS, Asked, Evidence, Sealed, draw_sealed, draw_sealed_many
+from motoremi.blind.sealed import OUTSIDE, STARTS, Asked, Evidence, HandheldAnalyser, Sealed, draw_sealed, draw_sealed_many
 from motoremi.data.conditions import CONDITIONS, VALUES, condition
 from motoremi.errors import BadInput
 from motoremi.investigation.menu import MENU
+from motoremi.investigation.rivals import OUTSIDE as OUTSIDE_THE_CATALOGUE
 
 OFFERS = (
     Offer(Asked("dc-bias", condition("dc-bias", 1.0)), 20.0, 0.9),
@@ -76,6 +77,29 @@ def test_what_one_policy_measured_is_judged_once() -> None:
 
 
 @pytest.mark.slow
+def test_repeats_of_a_handheld_analyser_have_noise_of_their_own_and_errors_in_common() -> None:
+    frequency, true = np.geomspace(150e3, 30e6, 201), np.full(201, 50.0 + 0j)
+    analyser = HandheldAnalyser(3, compensated=True)
+    first, second = (analyser.measure("short", frequency, true) for _ in range(2))
+    noise, error = np.std(first - second), np.abs(np.mean(first / true - 1))
+    assert noise > 0
+    assert np.abs(np.mean(second / true - 1)) == pytest.approx(error, rel=0.1)
+    # The same request of an analyser that measured nothing before gives the same sweep.
+    assert np.array_equal(HandheldAnalyser(3, compensated=True).measure("short", frequency, true), first)
+
+
+def test_what_the_catalogue_does_not_hold_is_settled_if_it_is_stated_as_inseparable() -> None:
+    def relaxation(outside: float, stop: str) -> Standing:
+        probabilities = {"dielectric-relaxation@Cf": 1 - outside, OUTSIDE_THE_CATALOGUE: outside}
+        return Standing(probabilities, (), lambda: Answer("missing-effect", ("dielectric-relaxation@Cf",), (), 0.6), stop, (), 0.1)
+
+    unknown = sealed(hidden=("outside-charge-diffusion",))
+    for outside, stop, settled in ((0.4, "inseparable", True), (0.4, "one-stands", False), (0.03, "inseparable", False)):
+        run = play(unknown, lambda evidence, outside=outside, stop=stop: relaxation(outside, stop), (PRODUCT,))[0]
+        assert (run.settled, run.wrong) == (settled, not settled)
+        assert not run.hit
+
+
 def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
     def family(stop: str) -> Standing:
         answer = Answer("family", ("skin-effect",), (("skin-effect", "eddy-laminations"),), 0.9)

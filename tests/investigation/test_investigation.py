@@ -200,6 +200,18 @@ def test_a_question_names_what_to_do_and_stops_with_a_reason() -> None:
     assert next_question(rivals_of({(): (base(), 0.0)}, 0.01), measurement).stop == "nothing-missing"
 
 
+def test_what_the_catalogue_does_not_hold_and_nothing_tells_apart_is_named_as_inseparable() -> None:
+    relaxing = ("dielectric-relaxation@Cf",)
+    alone = rivals_of({relaxing: (base(), 0.0)}, 0.01, imitated_share=0.4)
+    question = next_question(alone, base().measurement)
+    assert question.stop == "inseparable"
+    assert "a layer whose resistance is distributed" in question.why
+    assert question.standing == pytest.approx({relaxing[0]: 0.99 * 0.6, OUTSIDE: 0.01 + 0.99 * 0.4})
+    # A relaxation of Cr has no imitation, nor has a pair.
+    for key in (("dielectric-relaxation@Cr",), ("core-loss", *relaxing)):
+        assert next_question(rivals_of({key: (base(), 0.0)}, 0.01, imitated_share=0.4), base().measurement).stop == "one-stands"
+
+
 def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() -> None:
     found = base()
     question = next_question(rivals_of({("core-loss",): (found, 0.0)}, 0.9), found.measurement)
@@ -358,6 +370,38 @@ def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it(
         members = tuple(replace(one, log_weight=one.log_weight + gained) if one.key == leak else one for one in before.members)
         assert informed(judgement, replace(before, members=members, taught=(Taught("shaft-turned", 1.0, {}),))).named == named
     assert judgement.named == ()
+
+
+def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_and_named_once_it_is_proven() -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import decided
+    from motoremi.investigation.rivals import Taught
+
+    # An analyser of 30 times its specification takes up what a small lead does.
+    leak, pair = ("insulation-leakage@Cf",), ("insulation-leakage@Cf", "lead-inductance")
+    strained = fit(
+        dc_motor(),
+        Measurement.of(
+            sweeps({leak[0]: {"resistance_ohm": 5e3}, "lead-inductance": {"inductance_h": 5e-9, "resistance_ohm": 0.01}}), analyser="4294a"
+        ),
+    )
+    single = strained.add(*leak)
+    both = single.add("lead-inductance")
+    assert both.marginal.nothing_left >= 0.5
+    found = {
+        (): Candidate((), strained, 0.0, ()),
+        leak: Candidate(leak, single, 200.0, ()),
+        pair: Candidate(pair, both, 230.0, ()),
+    }
+    judgement = decided(strained, found)
+    assert judgement.named == leak
+    assert set(judgement.aside) == {pair}
+    before = rivals_in(judgement)
+    assert before.probabilities[leak] == pytest.approx(before.probabilities[pair])
+    for gained, named in ((1.0, leak), (6.0, pair), (-6.0, leak)):
+        members = tuple(replace(one, log_weight=one.log_weight + gained) if one.key == pair else one for one in before.members)
+        after = informed(judgement, replace(before, members=members, taught=(Taught("shaft-turned", 1.0, {}),)))
+        assert set(after.named) == set(named)
 
 
 @pytest.mark.slow

@@ -117,8 +117,14 @@ class HandheldAnalyser:
                 uniform(rng, *_FIXTURE["capacitance_f"]),
             )
         rng = self._rng("errors")
-        noise = self._rng(f"noise {self.purpose} {termination} {connection}")
+        name = f"noise {self.purpose} {termination} {connection}"
+        noise = self._noise.setdefault(name, self._rng(name))
         return ReflectionAnalyser(rng, 10 ** (uniform(rng, *_ERROR_TERMS_DB) / 20), noise).measure(frequency_hz, seen)
+
+    @cached_property
+    def _noise(self) -> dict[str, np.random.Generator]:
+        """The random stream of each connection's noise: a repeat continues it."""
+        return {}
 
     def without(self, faults: Sequence[str], *, compensated: bool = False) -> HandheldAnalyser:
         """The analyser after compensation, if it was done; it has no other faults."""

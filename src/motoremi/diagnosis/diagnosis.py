@@ -14,7 +14,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
-from motoremi.diagnosis.explore import Key
+from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
     Finding,
     of_the_amount,
@@ -463,6 +463,13 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
         said.append(f"{imitation}, which the catalogue does not hold, has nearly the same impedance: these sweeps do not tell it from {named[0]}")
+    if judgement.aside:
+        further = best_of(judgement.aside.values())
+        also = [name for name in further.added if name not in named]
+        said.append(
+            f"with {' and '.join(also)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its specification, without it "
+            f"by {best.analyser_sigma / 3:.2g} times: these sweeps do not show whether that is missing too"
+        )
     said += [f"these sweeps cannot tell {', '.join(family[:-1])} and {family[-1]} apart" for family in families]
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")

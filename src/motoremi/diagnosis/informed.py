@@ -29,7 +29,7 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
     """
     credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
     if judgement.aside:
-        # Whether the analyser errs more than it should or a further effect is missing, the reference sweeps do not tell: one is as likely as the other.
+        # The reference sweeps do not show whether the analyser errs more than it should or a further effect is missing: both are equally likely.
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
