@@ -19,6 +19,7 @@ from starlette.testclient import TestClient
 
 from motoremi.data.session import SessionWriter
 from motoremi.data.spectrum import Spectrum
+from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.routes import Workbench, make_app
 from motoremi.workbench.server import Server
@@ -77,6 +78,13 @@ def _make_fitted_session(folder: Path) -> None:
     desk = Desk(make_session(folder))
     desk.fit()
     desk.diagnose()
+
+
+def measuring_only(name: str) -> Procedure:
+    """A ready procedure without the steps that analyse, for runs of which only the measuring is looked at."""
+    source = load_procedure(name).source
+    steps = [step for step in source["steps"] if step["do"] not in ("fit", "compare", "diagnose", "report")]
+    return parse_procedure({**source, "steps": steps}, name)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,8 +16,9 @@ import numpy as np
 import pytest
 from conftest import simulated_sweeps
 from laboratory_cases import PROFILE, profile
+from made_once import made_once
 from places import ROOT
-from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, served, until
+from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, measuring_only, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.text import clean_value
@@ -48,6 +50,12 @@ def at(fitted):
         return answer.json()
 
     return ask
+
+
+@pytest.fixture
+def measuring(monkeypatch):
+    """Runs end with their last sweep: what becomes of the analysing steps is seen in `test_a_run_is_a_session`."""
+    monkeypatch.setattr("motoremi.workbench.bench_view.load_procedure", measuring_only)
 
 
 def test_curves_are_the_models(at, fitted):
@@ -310,6 +318,10 @@ def test_a_session_without_sweeps_says_so(tmp_path):
         assert answer.json()["error"]
 
 
+def _session_with_a_fit(folder: Path) -> None:
+    Desk(make_session(folder)).fit()
+
+
 @pytest.mark.parametrize(
     ("name", "payload"),
     [
@@ -322,8 +334,8 @@ def test_a_session_without_sweeps_says_so(tmp_path):
     ],
 )  # fmt: skip
 def test_analyses_of_others_are_told_not_obeyed(tmp_path, name, payload):
-    folder = make_session(tmp_path / "s")
-    Desk(folder).fit()
+    folder = tmp_path / "s"
+    shutil.copytree(made_once("session-with-a-fit", _session_with_a_fit), folder)
     with reopen(folder) as writer:
         writer.save_analysis(name, payload)
         writer.close("done")
@@ -374,8 +386,11 @@ def test_a_run_is_a_session(tmp_path):
     trace = client.get(f"/api/run/trace/{sweep['seq']}").json()
     assert len(trace["real"]) == sweep["points"]
     assert "error" in client.get("/api/run/trace/0").json()
-    # What the motor hides is not told.
-    assert "eddy-laminations" not in json.dumps(load(workbench.shelf.desk(identifier).path).start)
+    # What the motor hides is not told before the diagnosis, which is the run's last step but one.
+    session = load(workbench.shelf.desk(identifier).path)
+    assert "eddy-laminations" not in json.dumps(session.start)
+    assert session.analysis("diagnosis")["effects"] == ["eddy-laminations"]
+    assert (session.path / "report" / "report.html").is_file()
 
 
 def test_what_answers(tmp_path):
@@ -432,7 +447,7 @@ def test_a_page_that_comes_late_catches_up_and_going_stops_nothing(tmp_path):
     assert seen == clean_value(list(documents[1:]))
 
 
-def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path):
+def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path, measuring):
     workbench = bench_of(tmp_path)
     client = client_of(workbench)
     identifier = client.post("/api/run", json={**RUN, "ask": True}).json()["session"]
@@ -459,7 +474,7 @@ def test_stop_makes_safe_keeps_the_data_and_the_run_can_go_on(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [7, 8])
-def test_a_run_that_hides_something_can_go_on(tmp_path, seed):
+def test_a_run_that_hides_something_can_go_on(tmp_path, measuring, seed):
     """What it hides was drawn and nobody is told; a page opened anew does not even know which motor it was."""
     workbench = bench_of(tmp_path)
     client = client_of(workbench)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from workbench_tools import bench_of, client_of, until
+from workbench_tools import bench_of, client_of, measuring_only, until
 
 from motoremi.data.session import load
 from motoremi.errors import BadInput
@@ -234,7 +234,8 @@ def test_a_long_session_is_sent_short(tmp_path):
         assert "low below high" in client.get(f"{base}/curves?{wrong}").json()["error"]
 
 
-def test_a_run_tells_elapsed_and_remaining_time(tmp_path):
+def test_a_run_tells_elapsed_and_remaining_time(tmp_path, monkeypatch):
+    monkeypatch.setattr("motoremi.workbench.bench_view.load_procedure", measuring_only)
     workbench = bench_of(tmp_path)
     client = client_of(workbench)
     asked = {"procedure": "impedance_only", "bench": "simulated", "seed": 7, "hides": "nothing"}
