@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from conftest import FREQUENCY_HZ, simulated_sweeps
@@ -21,6 +23,7 @@ pytestmark = pytest.mark.slow
 S = 2j * np.pi * FREQUENCY_HZ
 
 
+@cache
 def needed(effect: str, element: str, seed: int) -> tuple[me.Inspection, dict[str, float], dict[str, float]]:
     sweeps, motor = simulated_sweeps(seed, (effect,))
     truth = motor.truth()
