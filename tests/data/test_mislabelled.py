@@ -38,6 +38,7 @@ def test_a_repeat_that_is_the_other_termination_is_left_out_whenever_it_was_take
     assert measured_twice(measurement.sweeps) is None
 
 
+@pytest.mark.slow
 def test_what_was_left_out_is_a_finding_and_changes_no_verdict():
     found = diagnose(fit(dc_motor(), [SHORT, taken("open", "open", 3), taken("short", "open", 2)]))
 

@@ -74,6 +74,7 @@ def short_only(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_what_cannot_be_measured_here_is_left_out(tmp_path):
     page = Page(make_fitted_session(tmp_path / "s"))
     every = page.get("/next")
@@ -85,6 +86,7 @@ def test_what_cannot_be_measured_here_is_left_out(tmp_path):
     assert "unknown measurement" in page.get("/next?without=rubbish")["error"]
 
 
+@pytest.mark.slow
 def test_a_value_is_added_and_the_session_diagnosed_anew(tmp_path):
     page = Page(make_fitted_session(tmp_path / "s"))
     assert "in Ohm, the unit of dc-resistance" in page.post("/answer", value="dc-resistance=2m")["error"]
@@ -97,6 +99,7 @@ def test_a_value_is_added_and_the_session_diagnosed_anew(tmp_path):
     assert "dc-resistance" not in [one["id"] for one in (told["asked"], *told["alternatives"]) if one]
 
 
+@pytest.mark.slow
 def test_the_missing_sweep_is_asked_for_and_brought_as_a_file(short_only):
     page = Page(short_only)
     assert page.get("/next")["asked"]["id"] == "open-sweep"
@@ -118,6 +121,7 @@ def test_the_missing_sweep_is_asked_for_and_brought_as_a_file(short_only):
     assert page.get("/next")["newer"]
 
 
+@pytest.mark.slow
 def test_what_was_brought_is_kept_where_its_diagnosis_is_cancelled(tmp_path, monkeypatch):
     def cancelled(store, progress):
         raise Cancelled("cancelled")
@@ -140,6 +144,7 @@ def test_an_undiagnosed_session_says_what_to_do_first(tmp_path):
     assert "no bench file was named" in page.post("/investigate", bench="real")["error"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "says"),
     [({"budget": "3 apples"}, "as a time"), ({"budget": "0s"}, "no time at all"), ({"without": ["x"]}, "unknown"), ({"without": 3}, "list")],
@@ -148,6 +153,7 @@ def test_a_plan_that_cannot_be_read_is_refused(tmp_path, body, says):
     assert says in Page(make_fitted_session(tmp_path / "s")).post("/investigate", bench="simulated", **body)["error"]
 
 
+@pytest.mark.slow
 def test_one_measurement_on_the_simulated_bench_then_the_rest(tmp_path):
     folder = tmp_path / "s"
     measured_once(folder, 5, ("bearing-film",))
@@ -210,6 +216,7 @@ def test_a_budget_is_a_time():
     assert plan_of({"one": True}).most == 1
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_a_session_of_one_sweep_is_led_to_its_answer_by_clicks(short_only):
     workbench = bench_of(short_only.parent, short_only)
