@@ -19,7 +19,6 @@ MOTORS = 400
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 101)
 
 
-@pytest.fixture(scope="module")
 def pulls() -> dict[str, list[float]]:
     """(fitted - true) / standard deviation, of every parameter that the data determine."""
     found: dict[str, list[float]] = {name: [] for name in RANGES}
@@ -39,9 +38,10 @@ def pulls() -> dict[str, list[float]]:
     return found
 
 
-@pytest.mark.parametrize("name", RANGES)
-def test_95_percent_interval_holds_the_truth_95_percent_of_the_time(pulls, name):
-    values = np.abs(pulls[name])
-    assert len(values) > 0.8 * MOTORS
+def test_95_percent_interval_holds_the_truth_95_percent_of_the_time():
+    """Of each element; in one test, since the workers of a test run would each fit all motors for theirs."""
+    found = pulls()
+    assert {name: len(values) for name, values in found.items() if len(values) <= 0.8 * MOTORS} == {}
     # 400 motors: binomial standard deviation 1.1 %, so 2.5 % is 2.3 of them.
-    assert abs(np.mean(values < 1.96) - 0.95) <= 0.025
+    held = {name: float(np.mean(np.abs(values) < 1.96)) for name, values in found.items()}
+    assert {name: share for name, share in held.items() if abs(share - 0.95) > 0.025} == {}
