@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 from workbench_browser import PATIENCE_MS, VIEWS, Watched, keep, needs_chromium
-from workbench_tools import ATTACKS, bench_of, make_session, served, until
+from workbench_tools import ATTACKS, bench_of, make_session, measuring_only, served, until
 
 from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
@@ -349,7 +349,8 @@ def test_hostile_names_are_text(browser, tmp_path):
         watched.close()
 
 
-def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path):
+def test_a_hostile_motor_in_a_run_of_this_page(browser, tmp_path, monkeypatch):
+    monkeypatch.setattr("motoremi.workbench.bench_view.load_procedure", measuring_only)
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
