@@ -167,8 +167,14 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     assert any("no open sweep" in caveat for caveat in found["caveats"])
 
 
-def test_demo_tells_the_whole_story(tmp_path):
-    done = motoremi_process("demo", "--effect", "dielectric-loss@Cf", "--seed", "5", "--out", tmp_path / "d", "--json")
+@pytest.fixture
+def few_source_effects(monkeypatch):
+    """The spectra of a demo are diagnosed too: what all effects take is no matter of the demo, and the tutorial's seeks them all."""
+    monkeypatch.setattr("motoremi.emission.board.EFFECTS", EFFECTS[:2])
+
+
+def test_demo_tells_the_whole_story(tmp_path, few_source_effects):
+    done = motoremi("demo", "--effect", "dielectric-loss@Cf", "--seed", "5", "--out", tmp_path / "d", "--json")
     assert done.returncode == 0, done.stderr
     told = document(done)
     assert told["schema"] == "motoremi.demo/1"
@@ -187,9 +193,7 @@ def test_demo_tells_the_whole_story(tmp_path):
         assert (tmp_path / "again" / "sweeps" / file.name).read_bytes() == file.read_bytes()
 
 
-def test_demo_without_a_hidden_effect_is_adequate(tmp_path, monkeypatch):
-    # Of the motor; its spectra are diagnosed too, and are sought fewer effects.
-    monkeypatch.setattr("motoremi.emission.board.EFFECTS", EFFECTS[:2])
+def test_demo_without_a_hidden_effect_is_adequate(tmp_path, few_source_effects):
     told = document(motoremi("demo", "--effect", "none", "--seed", "6", "--out", tmp_path / "d", "--json"))
     assert told["verdict"] == "adequate"
     assert told["named"] == told["hidden"] == []
@@ -199,14 +203,14 @@ def test_demo_without_a_hidden_effect_is_adequate(tmp_path, monkeypatch):
 def test_a_demo_without_wishes_is_plain_to_see():
     """The error is several per cent, and adding what is named takes it down to what noise and analyser leave."""
     fallen, draws = 0, Random(1)
-    for _ in range(3):
+    for _ in range(2):
         seed, effect = plain_story(draws)
         fit = me.fit(me.dc_motor(), simulated_sweeps(seed, (effect,))[0])
         assert fit.rms_error_percent > 0.6 * PLAIN_PERCENT
         best = me.diagnose(fit).best
         fallen += best.rms_error_percent < 1.5 * best.floor_percent
     # Of 14 that were drawn, 14 did.
-    assert fallen >= 2
+    assert fallen == 2
 
 
 def test_a_demo_says_how_it_chose(tmp_path, monkeypatch):
