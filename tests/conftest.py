@@ -23,10 +23,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 if threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-from made_once import begin
+from made_once import begin, worked_out_once
 
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis import diagnosis
+from motoremi.simulate import emission_in_time
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden_effects import split_effects
 from motoremi.simulate.simulated_motor import SimulatedMotor
@@ -43,6 +44,8 @@ def pytest_configure(config: pytest.Config) -> None:
     end = begin()
     if end is not None:
         config.add_cleanup(end)
+    # Each scan of a simulated receiver takes a second or two to work out, and many tests scan the same few motors on the same few grids.
+    emission_in_time.measure = worked_out_once(emission_in_time.measure)
     if hasattr(config, "workerinput"):
         # All cores have a worker already: a diagnosis that starts processes of its own takes a fifth more of their time.
         diagnosis.own_processes = lambda: nullcontext(map)

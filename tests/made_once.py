@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
+import pickle
 import shutil
 import tempfile
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 # Names the folder to all processes of a run: the one that starts the workers makes it and removes it.
 VARIABLE = "FOLDER_OF_THINGS_MADE_ONCE"
@@ -48,3 +55,15 @@ def made_once(name: str, make: Callable[[Path], object]) -> Path:
             make(unfinished / home.name)
             unfinished.rename(home)
     return home / home.name
+
+
+def worked_out_once(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """The function with its results made once for each of its arguments; it must depend on nothing else."""
+
+    @wraps(function)
+    def once(*arguments: Given.args, **named: Given.kwargs) -> Result:
+        asked = hashlib.sha256(pickle.dumps((arguments, named))).hexdigest()
+        made = made_once(f"{function.__name__}-{asked}", lambda path: path.write_bytes(pickle.dumps(function(*arguments, **named))))
+        return pickle.loads(made.read_bytes())
+
+    return once
