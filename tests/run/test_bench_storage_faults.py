@@ -24,7 +24,7 @@ from motoremi.virtual.simulated_bench import SimulatedBench
 pytestmark = pytest.mark.slow
 
 # `make kills` does 200.
-KILLS = 40
+KILLS = 20
 # What takes half a minute on a slow machine ends here at the latest.
 DEADLINE_S = 300
 
