@@ -82,6 +82,7 @@ def weighed_with(error: np.ndarray | float) -> tuple[Problem, float]:
     return problem, rough(nothing, problem, u).log_evidence
 
 
+@pytest.mark.slow
 def test_a_circuit_that_errs_less_than_the_analyser_may_is_hardly_likelier() -> None:
     """One that errs by nothing at all is little likelier than one that errs as much as the analyser may; not so one that errs ten times that."""
     problem, perfect = weighed_with(0.0)

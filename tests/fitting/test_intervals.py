@@ -77,6 +77,7 @@ def test_the_trend_tells_how_fast_each_element_moves(warm):
     assert own.max() == pytest.approx(0.5 * RISES["Ra"], rel=0.3)
 
 
+@pytest.mark.slow
 def test_a_motor_that_warms_during_a_sweep_leaves_less_over(warm):
     """From the first point of each sweep to its last it warms by a sixth of all: 0.3 % of Ra, against a noise of 0.02 %."""
     _, fit = warm

@@ -143,6 +143,7 @@ def test_posterior_holds_the_discrepancy_that_was_drawn(size, motor):
     assert all(told.nothing_left < 0.01 for told in found)
 
 
+@pytest.mark.slow
 def test_motor_without_a_discrepancy_leaves_nothing():
     found = [told_by(measured(seed, 0.0)) for seed in range(16)]
     # A discrepancy of a fifth of the noise could hide in it, though.

@@ -372,6 +372,7 @@ def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it(
     assert judgement.named == ()
 
 
+@pytest.mark.slow
 def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_and_named_once_it_is_proven() -> None:
     from motoremi.diagnosis.candidates import Candidate
     from motoremi.diagnosis.judgement import decided
@@ -485,6 +486,7 @@ def the_same_twice(opened: int) -> Measurement:
     return Measurement.of([short, *(replace(sweeps({}, seed=seed)[0], termination="open") for seed in range(1, opened + 1))])
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_the_other_one_again_is_asked_for_again_but_not_for_ever() -> None:
     asked = [next_question(rivals(), the_same_twice(opened)).to_dict() for opened in (1, 2, 3)]
     assert [one["id"] for one in asked[:2]] == ["open-sweep", "open-sweep"]
@@ -492,6 +494,7 @@ def test_a_sweep_that_is_the_other_one_again_is_asked_for_again_but_not_for_ever
     assert asked[2]["id"] != "open-sweep"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 0.97, 0.8, 0.6])
 def test_explanations_that_answer_alike_stay_as_likely_however_far_the_iron_saturates(factor: float) -> None:
     """The search for the response must arrive wherever it is, or what is left of a resonance decides between them."""
@@ -501,6 +504,7 @@ def test_explanations_that_answer_alike_stay_as_likely_however_far_the_iron_satu
     assert 0.5 < odds[1] / odds[0] < 2
 
 
+@pytest.mark.slow
 def test_a_change_that_changes_nothing_speaks_for_what_foresees_none() -> None:
     """Shorting a field winding moves a coupled one by far more than anything else."""
     coupled = {"field-coupling": {"coupling": 0.3, "resonance_hz": 3e6, "quality": 5.0}}
