@@ -11,7 +11,7 @@ from motoremi.bench.impedance_analyser import Spacing, Standard, SweepSettings
 from motoremi.bench.reflection import ReflectionAnalyser, calibrated, impedance_from_reflection, pieces
 from motoremi.bench.registers import RegisterDriver, register
 from motoremi.bench.transport import Transport
-from motoremi.data.analyser import reflection_of
+from motoremi.data.quantity import REFLECTION
 from motoremi.errors import InstrumentError
 
 
@@ -102,7 +102,7 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
     def impedance_of(self, reflection: ComplexArray) -> ComplexArray:
         """Impedance in ohm, with the errors of analyser and fixture removed by the three standards."""
         ohm, henry = self._load_ohm_henry
-        load = reflection_of((ohm + 2j * np.pi * self.read_axis() * henry).astype(np.complex128))
+        load = REFLECTION.coefficient_of((ohm + 2j * np.pi * self.read_axis() * henry).astype(np.complex128))
         known: dict[Standard, complex | ComplexArray] = {"open": 1.0, "short": -1.0, "load": load}
         try:
             gamma = calibrated(reflection, self._standards, known)

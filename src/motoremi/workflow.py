@@ -64,11 +64,15 @@ def measurement_of(session: Session) -> Measurement:
 
 
 def ladder_of(session: Session) -> list[Fit]:
-    """The models of the session's ladder, base first; empty before the first fit."""
+    """The models of the session's ladder, base first; empty before the first fit, or if they were fitted with another error model."""
     if not session.ladder:
         return []
     measurement = measurement_of(session)
-    return [restore(step.get("fit", {}), measurement) for step in session.ladder]
+    fits = [step.get("fit", {}) for step in session.ladder]
+    # Sweeps between two ports were once fitted as those of an impedance analyser: their evidence does not compare.
+    if any(one.get("analyser", measurement.analyser.name) != measurement.analyser.name for one in fits):
+        return []
+    return [restore(one, measurement) for one in fits]
 
 
 def model_of(session: Session) -> Motor:

@@ -12,6 +12,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
+from motoremi.data.declaration import refuse_impossible
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
@@ -174,6 +175,7 @@ def addition(
         if sweep.condition is not None and condition is not None and sweep.condition != condition:
             raise BadInput(f"{sweep.metadata['source']}: its header says {sweep.condition}, but --condition says {condition}; correct one of them")
         own.append(sweep.under(condition or sweep.condition))
+    refuse_impossible(own, options.analyser)
     analyser = find_analyser(options.analyser).name if options.analyser is not None else session.sweeps[0].metadata.get("analyser")
     if analyser is not None:
         own = [sweep.with_metadata(analyser=analyser) for sweep in own]
@@ -226,6 +228,7 @@ def prepared(
             raise BadInput("a limit is for emission spectra, and none of the files is one (--spectrum FILE...)")
     named = find_analyser(options.analyser).name if options.analyser is not None else None
     own = _with_options(sweeps, options)
+    refuse_impossible(own, options.analyser)
     if named is not None:
         own = [sweep.with_metadata(analyser=named) for sweep in own]
     chain = options.corrections

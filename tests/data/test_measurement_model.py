@@ -15,6 +15,7 @@ from motoremi.data.covariance import LEAST_SHARE, Columns, Part
 from motoremi.data.kernels import matern, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import Noise, estimate_noise
+from motoremi.data.quantity import REFLECTION
 from motoremi.data.repeats import CORRELATED
 from motoremi.data.sweep import group_repeats
 from motoremi.fitting.marginal import marginal
@@ -227,7 +228,7 @@ def test_noise_of_a_network_analyser_is_that_of_its_reflection_coefficient(repea
         rng = np.random.default_rng(seed)
         noisy = [reflection + white * complex_normal(rng, GRID_HZ.size) for _ in range(repeats)]
         group = group_repeats(me.ImpedanceSweep("short", GRID_HZ, 50 * (1 + one) / (1 - one)) for one in noisy)[0]
-        ratios.append(estimate_noise(group, by_reflection=True).sigma * np.sqrt(repeats) / expected)
+        ratios.append(estimate_noise(group, REFLECTION).sigma * np.sqrt(repeats) / expected)
     # At the peak the mean sweep, whose noise is a few per cent there, says how large the factor is.
     peak = np.argmax(expected)
     assert np.mean(ratios, axis=0)[peak - 3 : peak + 4] == pytest.approx(1, abs=0.2)

@@ -28,7 +28,7 @@ def left(percent: float, error_percent: float, analyser_sigma: float) -> SimpleN
         marginal=SimpleNamespace(nothing_left=0.0),
         explained=False,
         within_specification=False,
-        measurement=SimpleNamespace(accuracy_percent=None, good_enough_percent=0.1, analyser=SimpleNamespace(name="unknown", by_reflection=False)),
+        measurement=SimpleNamespace(accuracy_percent=None, good_enough_percent=0.1, analyser=SimpleNamespace(named=False, by_waves=False)),
     )
 
 

@@ -45,13 +45,18 @@ def import_(
         typer.Option(
             "--analyser",
             metavar="NAME",
-            help="Analyser of the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); "
+            help="Analyser of the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); with the motor "
+            "between two ports, for files that do not say so, nanovna+series-through; "
             "unknown, the default: the size of its errors is estimated.",
         ),
     ] = None,
     fixture: Annotated[
         Literal["series-through", "shunt-through"] | None,
-        typer.Option("--fixture", help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line."),
+        typer.Option(
+            "--fixture",
+            help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line. The errors assumed of the "
+            "analyser are then those of a transmission.",
+        ),
     ] = None,
     band: Annotated[
         str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import Analyser, error_basis, smoothed_by_reflection
+from motoremi.data.analyser import Analyser, error_basis
 from motoremi.data.directions import directions as directions_of
 from motoremi.data.kernels import Parts, slope, smooth_basis
 from motoremi.data.noise import Noise
@@ -93,7 +93,7 @@ class Columns:
         known, discrepancy, places = [], [], []
         for part in parts:
             frequency = part.frequency_hz[part.chosen]
-            smooth_ohm = smoothed_by_reflection(part.impedance_ohm)
+            smooth_ohm = analyser.smoothed(part.impedance_ohm)
             slopes = slope(part.frequency_hz, part.impedance_ohm, float(np.median(part.noise.sigma)))[part.chosen]
             correlated = [] if part.noise.correlated is None else [part.noise.correlated[part.chosen, None] * smooth_basis(frequency, CORRELATED)]
             drift = [] if part.noise.drift is None else [part.noise.drift[part.chosen, None] / np.sqrt(2)]

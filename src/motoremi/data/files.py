@@ -20,7 +20,7 @@ from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTION, column_values, find_pair, impedance_of, reflection_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
-from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, used_rows
+from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, refuse_between_ports, used_rows
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
 from motoremi.data.table import Table, parse_table
@@ -192,7 +192,10 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
         del header["termination"]
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
     impedance = impedance_of(table, found, pair, frequency)
-    warnings = reflection_warnings(reflection_of(table, found)) if pair.title == REFLECTION.title else ()
+    warnings: tuple[str, ...] = ()
+    if pair.title == REFLECTION.title:
+        refuse_between_ports(header, name)
+        warnings = reflection_warnings(reflection_of(table, found))
     return Rows(frequency, impedance, sigma, table.where, changes, warnings), header, pair.title
 
 

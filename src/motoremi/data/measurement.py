@@ -13,11 +13,13 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray
-from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser, find_analyser
+from motoremi.data.analyser import Analyser
 from motoremi.data.coarse import coarse
 from motoremi.data.conditions import Condition, SingleValue
+from motoremi.data.declaration import declared_analyser
 from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.noise import Noise, estimate_noise
+from motoremi.data.quantity import Quantity
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, Termination, group_repeats
 from motoremi.errors import BadInput
 
@@ -63,6 +65,8 @@ class Measurement:
         Values from other meters.
     mislabelled : tuple of str
         Termination of each repeat that is not used because it is the other termination's sweep again.
+    remark : str
+        Why `analyser` is not the one that was declared; empty if it is.
     """
 
     sweeps: tuple[RepeatedSweep, ...]
@@ -72,6 +76,7 @@ class Measurement:
     conditioned: tuple[Conditioned, ...] = ()
     values: tuple[SingleValue, ...] = ()
     mislabelled: tuple[Termination, ...] = ()
+    remark: str = ""
 
     @classmethod
     def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None, values: Iterable[SingleValue] = ()) -> Measurement:
@@ -84,18 +89,19 @@ class Measurement:
         if given and not members:
             raise BadInput("every sweep is under a condition: also give sweeps of the motor as it is, without a condition")
         groups, mislabelled = without_mislabelled(group_repeats(members))
-        named = analyser or next((m.metadata["analyser"] for m in members if m.metadata.get("analyser")), DEFAULT_ANALYSER)
+        conditioned = [sweep for sweep in given if sweep.condition is not None]
+        chosen, remark = declared_analyser(members, analyser, conditioned)
         stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
         compensated = all({"open", "short"} <= set(m.metadata.get("compensated") or ()) for m in members)
-        chosen = find_analyser(str(named))
         return cls(
             groups,
-            tuple(estimate_noise(group, chosen.by_reflection) for group in groups),
+            tuple(estimate_noise(group, chosen.quantity) for group in groups),
             chosen.with_compensated_fixture() if compensated else chosen,
             max(stated) if stated else None,
-            _by_condition([sweep for sweep in given if sweep.condition is not None], chosen.by_reflection),
+            _by_condition(conditioned, chosen.quantity),
             tuple(values),
             mislabelled,
+            remark,
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -149,13 +155,13 @@ class Measurement:
 
     def with_analyser(self, analyser: Analyser) -> Measurement:
         """The same sweeps with the error model of another analyser, and their noise as that one has it; points without weight stay so."""
-        if analyser.by_reflection == self.analyser.by_reflection:
+        if analyser.quantity == self.analyser.quantity:
             return dataclasses.replace(self, analyser=analyser)
         noise = [
-            _without(estimate_noise(sweep, analyser.by_reflection), before.sigma == NO_WEIGHT)
+            _without(estimate_noise(sweep, analyser.quantity), before.sigma == NO_WEIGHT)
             for sweep, before in zip(self.sweeps, self.noise, strict=True)
         ]
-        conditioned = [dataclasses.replace(one, noise=estimate_noise(one.sweep, analyser.by_reflection)) for one in self.conditioned]
+        conditioned = [dataclasses.replace(one, noise=estimate_noise(one.sweep, analyser.quantity)) for one in self.conditioned]
         return dataclasses.replace(self, analyser=analyser, noise=tuple(noise), conditioned=tuple(conditioned))
 
     def with_outliers(self, outliers: Mapping[str, BoolArray]) -> Measurement:
@@ -168,7 +174,7 @@ class Measurement:
 
     def caveats(self) -> list[str]:
         """Remarks for the report about the noise and the sweeps."""
-        remarks = []
+        remarks = [self.remark] if self.remark else []
         for sweep, noise in zip(self.sweeps, self.noise, strict=True):
             if noise.source == "scatter":
                 remarks.append(
@@ -200,14 +206,14 @@ def _arrived(token: str, *own: Any) -> Measurement:
     return measurement
 
 
-def _by_condition(sweeps: list[ImpedanceSweep], by_reflection: bool) -> tuple[Conditioned, ...]:
+def _by_condition(sweeps: list[ImpedanceSweep], quantity: Quantity | None) -> tuple[Conditioned, ...]:
     found = []
     for condition in dict.fromkeys(sweep.condition for sweep in sweeps):
         try:
             groups = group_repeats(sweep for sweep in sweeps if sweep.condition == condition)
         except BadInput as error:
             raise BadInput(f"{condition}: {error}") from error
-        found += [Conditioned(condition, group, estimate_noise(group, by_reflection)) for group in groups if condition is not None]
+        found += [Conditioned(condition, group, estimate_noise(group, quantity)) for group in groups if condition is not None]
     return tuple(found)
 
 

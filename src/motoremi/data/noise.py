@@ -1,11 +1,11 @@
 """Random noise of a sweep, estimated from its repeats or, if there are none, from its own scatter.
 
 White noise follows the law of the analyser, times a slow function of frequency. A bridge has a relative part, an additive part in impedance
-(visible at low |Z|) and an additive part in admittance (visible at high |Z|). A network analyser measures the reflection coefficient, with a
-part that does not depend on it and one that is proportional to it: relative to Z both grow without limit far from the reference
-resistance, however sharp a resonance is. In addition there are noise that is correlated along frequency, drift from repeat to repeat, and
-outliers: single points that differ from their repeats or from their neighbours (a broadcast station, a bad contact). Outliers are given a
-low weight instead of being deleted.
+(visible at low |Z|) and an additive part in admittance (visible at high |Z|). A network analyser measures the coefficient of a reflection or a
+transmission (`quantity`), with a part that does not depend on it and one that is proportional to it: relative to Z both grow without limit far
+from the reference resistance, however sharp a resonance is. In addition there are noise that is correlated along frequency, drift from repeat
+to repeat, and outliers: single points that differ from their repeats or from their neighbours (a broadcast station, a bad contact). Outliers
+are given a low weight instead of being deleted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.optimize import nnls
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
-from motoremi.data.analyser import reflection_of, relative_to_reflection, smoothed_by_reflection
+from motoremi.data.quantity import Quantity
 from motoremi.data.repeats import contrasts, correlated_part, drift_of
 from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
@@ -90,23 +90,23 @@ class _ByContent:
     """A sweep as a cache key: equal to another with the same bytes."""
 
     digest: bytes
-    by_reflection: bool
+    quantity: Quantity | None
     sweep: RepeatedSweep = field(compare=False)
 
 
-def estimate_noise(sweep: RepeatedSweep, by_reflection: bool = False) -> Noise:
-    """Noise of the mean of a repeated sweep, as a bridge has it or, `by_reflection`, a network analyser."""
+def estimate_noise(sweep: RepeatedSweep, quantity: Quantity | None = None) -> Noise:
+    """Noise of the mean of a repeated sweep, as a bridge has it or, with a `quantity`, a network analyser that measures this."""
     checkpoint()
     arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(() if sweep.sigma_relative is None else (sweep.sigma_relative,)))
     parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
-    return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), by_reflection, sweep))
+    return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), quantity, sweep))
 
 
 # The workbench estimates the noise of the same sweeps to fit, show and diagnose them; with ten thousand points that takes a second or more.
 @lru_cache(maxsize=8)
 def _noise_of(key: _ByContent) -> Noise:
     sweep = key.sweep
-    noise = estimated(sweep, _reflection_domain(sweep.mean_ohm) if key.by_reflection else _relative_domain(sweep.mean_ohm))
+    noise = estimated(sweep, _relative_domain(sweep.mean_ohm) if key.quantity is None else _wave_domain(key.quantity, sweep.mean_ohm))
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated_sigma))
     if not off.any():
         return noise
@@ -141,12 +141,11 @@ def _relative_domain(mean_ohm: ComplexArray) -> _Domain:
     return _Domain(response, np.ones(magnitude.size), law)
 
 
-def _reflection_domain(mean_ohm: ComplexArray) -> _Domain:
-    """Noise of the reflection coefficient G: a^2 + (b |G|)^2."""
-    reflection = reflection_of(mean_ohm)
-    return _Domain(
-        reflection, relative_to_reflection(smoothed_by_reflection(mean_ohm)), np.column_stack([np.ones(reflection.size), np.abs(reflection) ** 2])
-    )
+def _wave_domain(quantity: Quantity, mean_ohm: ComplexArray) -> _Domain:
+    """Noise of a coefficient c: a^2 + (b |c|)^2."""
+    coefficient = quantity.coefficient_of(mean_ohm)
+    law = np.column_stack([np.ones(coefficient.size), np.abs(coefficient) ** 2])
+    return _Domain(coefficient, quantity.relative(quantity.smoothed(mean_ohm)), law)
 
 
 def estimated(sweep: RepeatedSweep, domain: _Domain) -> Noise:

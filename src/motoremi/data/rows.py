@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.quantity import THROUGH
 from motoremi.data.sweep import inside_band
 from motoremi.errors import BadInput
 
@@ -90,3 +91,10 @@ def reflection_warnings(s11: ComplexArray) -> tuple[str, ...]:
     return (
         f"|S11| reaches {size.max():.3g} at {beyond} of {size.size} points: a passive part never reflects more than it receives; calibrate again",
     )
+
+
+def refuse_between_ports(header: Mapping[str, Any], name: str) -> None:
+    """Raise `BadInput` if the header of a file of reflections says that the motor was between two ports."""
+    written = next((str(value).strip().lower() for key, value in header.items() if key.lower() == "fixture"), "")
+    if written in {quantity.name for quantity in THROUGH}:
+        raise BadInput(f"{name}: its header says fixture {written}, but it holds the reflection at one port; save S21 (.s2p), or remove that line")

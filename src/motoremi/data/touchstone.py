@@ -13,7 +13,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.numbers import looks_cut, parse_number
-from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, used_rows
+from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, refuse_between_ports, used_rows
 from motoremi.data.sweep import checked_frequency
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import split_lines
@@ -242,6 +242,7 @@ def _checked_row(cells: list[str], before: list[list[str]], unit_hz: float, wher
 def _fixture_of(file: _File, header: JsonDict, given: str | None, name: str) -> str | None:
     """The fixture of a file of two ports; None for one port."""
     if file.ports == 1:
+        refuse_between_ports(header, name)
         return None
     if file.options.parameter != "S":
         raise BadInput(f"{name}: holds {file.options.parameter} parameters of two ports; save S parameters")

@@ -206,7 +206,7 @@ def possible_effects(fit: Fit) -> list[str]:
 
 def _possible(fit: Fit, name: str, lowest_hz: float) -> bool:
     added = find_effect(name)
-    if added.effect.of_ranges and fit.measurement.analyser.by_reflection:
+    if added.effect.of_ranges and fit.measurement.analyser.by_waves:
         return False
     return added.fits(fit.motor) and not added.effect.describes and lowest_hz <= added.effect.below_hz
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motoremi.arrays import Progress
-from motoremi.data.analyser import ANALYSERS, Analyser
+from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, TRANSMISSION, Analyser
 from motoremi.diagnosis.judgement import ALIKE, GLANCE, Judgement, accurate, judge
 from motoremi.fitting.result import BEYOND_SIGMA, SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import Found, Task, arrived_on_all
@@ -58,6 +58,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     if first.described or (enough and (good_enough or not declared.ideal)):
         return Declared(first)
     others = hypotheses(declared)
+    if not others or first.base.measurement.remark:
+        return Declared(first)
     of_best = [_refitted(best, other) for other in others]
     if enough and max(fit.log_evidence for fit in of_best) <= best.log_evidence + TAKEN:
         return Declared(first)
@@ -77,9 +79,13 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
 
 
 def hypotheses(declared: Analyser) -> list[Analyser]:
-    """What the analyser could have been instead."""
+    """What the analyser could have been instead, for data that were measured at one port or between two as these were."""
     # A network analyser with a fixture that nobody compensated could take up a lead or a stray capacitance: only its owner can declare that.
-    named = declared.name.partition("+")[0]
+    named, _, ports = declared.name.partition("+")
+    if ports in BETWEEN_PORTS:
+        # The errors of a real one are those of every other, in another size.
+        possible = [one for one in ANALYSERS if one.name in TRANSMISSION and one.named and not one.ideal] if declared.ideal else []
+        return [BETWEEN_PORTS[ports].measured_by(one.with_compensated_fixture()) for one in possible]
     others = [one.with_compensated_fixture() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", "unknown")]
     return [one for one in others if not (named in ("e4990a", "unknown") and one.name == "4294a")]
 

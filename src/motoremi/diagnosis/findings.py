@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
-from motoremi.data.analyser import DEFAULT_ANALYSER, Analyser
+from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
@@ -112,12 +112,12 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
     """How far the analyser's errors had to go, and what the fixture is where nobody compensated it."""
     found = []
     sigma, analyser = fit.analyser_sigma, fit.measurement.analyser
-    if sigma > ALLOWED_SIGMA and not analyser.ideal and analyser.name != "unknown":
+    if sigma > ALLOWED_SIGMA and not analyser.ideal and analyser.named:
         found.append(
             Finding(
                 "beyond-specification",
                 f"this needs errors of {sigma / 3:.2g} times the specification of the {analyser.title}: is it one?",
-                "repeat open, short and load compensation, or declare the analyser that it was",
+                f"repeat {analyser.standards} compensation, or declare the analyser that it was",
                 sigma > BEYOND_SIGMA,
             )
         )
@@ -134,7 +134,7 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
                 "not-compensated",
                 "the fixture behind the plane of calibration was not compensated; "
                 + (f"as far as these data tell it is {parts}" if seen else "these data do not tell what it is"),
-                "calibrate at the motor's terminals: open, short and load on the fixture itself",
+                f"calibrate at the motor's terminals: {analyser.standards} on the fixture itself",
                 True,
             )
         )
@@ -144,7 +144,7 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
 def of_the_resistance(measurement: Measurement) -> list[Finding]:
     """A resistance below zero, beyond noise and analyser: no passive motor has one."""
     found, analyser = [], measurement.analyser
-    least = UNDECLARED if analyser.ideal or analyser.name == DEFAULT_ANALYSER else 0.0
+    least = UNDECLARED if analyser.ideal or not analyser.named else 0.0
     for sweep, floor in zip(measurement.sweeps, measurement.floors, strict=True):
         resistance = sweep.mean_ohm.real
         negative = resistance < -NEGATIVE * np.maximum(floor, least) * np.abs(sweep.mean_ohm)
@@ -157,7 +157,7 @@ def of_the_resistance(measurement: Measurement) -> list[Finding]:
                 f"the resistance is negative at {int(negative.sum())} of {negative.size} points of the {sweep.termination} sweep "
                 f"({show(float(resistance[worst]), 'Ohm')} at {show(float(sweep.frequency_hz[worst]), 'Hz')}), beyond noise and analyser: "
                 "nothing passive gives power back",
-                "repeat open, short and load calibration at the place where the motor is connected, and measure again",
+                f"repeat {analyser.standards} calibration at the place where the motor is connected, and measure again",
                 True,
                 sweep.termination,
                 (float(at[0]), float(at[-1])),

@@ -11,7 +11,6 @@ from itertools import combinations
 import numpy as np
 
 from motoremi.arrays import Progress
-from motoremi.data.analyser import DEFAULT_ANALYSER
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, agreeing, believe, in_place_of, stands
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
@@ -95,14 +94,14 @@ class Judgement:
     @property
     def _describes(self) -> bool:
         """Whether it describes what the base leaves, and that is worth a name."""
-        before, by_reflection = self.base, self.base.measurement.analyser.by_reflection
+        before, by_waves = self.base, self.base.measurement.analyser.by_waves
         enough = self.gain > ENOUGH_GAIN and self.best.leaves_nothing
         # The wide errors of a network analyser can take up all that an effect does, and the odds against that say how unlikely it is.
         if before.marginal.nothing_left >= 0.5:
-            return enough and by_reflection
+            return enough and by_waves
         # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
         left = before.unexplained_percent["value"]
-        seen = left > before.measurement.good_enough_percent or by_reflection
+        seen = left > before.measurement.good_enough_percent or by_waves
         # Where little is left beside what the analyser may err by, half of it may be the fine structure of the analyser's errors.
         halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
@@ -145,7 +144,7 @@ class Judgement:
         # small beside the scatter of a sweep of few points only.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
-        allowed = slight if fit.measurement.analyser.name == DEFAULT_ANALYSER else fit.within_specification
+        allowed = fit.within_specification if fit.measurement.analyser.named else slight
         enough = allowed or not self.leaves_something
         return enough and not self.model.unusual and not self.distributed
 
@@ -314,7 +313,7 @@ def _leaves_less(before: Candidate, after: Candidate) -> bool:
     Far from its reference resistance a network analyser multiplies the fine structure of its errors, so that a second effect needs clear odds.
     """
     left = after.fit.unexplained_percent["value"] < before.fit.unexplained_percent["value"]
-    clear = not before.added or not before.fit.measurement.analyser.by_reflection or after.score - before.score > CLEAR_GAIN
+    clear = not before.added or not before.fit.measurement.analyser.by_waves or after.score - before.score > CLEAR_GAIN
     return before.fit.marginal.nothing_left < 0.5 and left and clear
 
 

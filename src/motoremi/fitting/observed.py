@@ -12,7 +12,6 @@ from typing import Literal
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import smoothed_by_reflection
 from motoremi.data.covariance import Columns, Part
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import MINIMUM_POINTS
@@ -162,7 +161,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
         frequency, impedance, sigma = sweep.frequency_hz[chosen], mean[chosen], noise.sigma[chosen]
         systematic = measurement.analyser.uncertainty(frequency, impedance)
         alike = 1 / np.sqrt(sweep.counts[chosen]) if weights == "relative" and sweep.counts is not None else 1.0
-        blurred = np.hypot(1.0, systematic / BLURRED) if weights == "log" and measurement.analyser.by_reflection else 1.0
+        blurred = np.hypot(1.0, systematic / BLURRED) if weights == "log" and measurement.analyser.by_waves else 1.0
         outlying = noise.outliers[chosen] if noise.outliers is not None else np.zeros(chosen.size, dtype=np.bool_)
         prepared.append(
             ObservedSweep(
@@ -172,7 +171,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 measured=impedance,
                 # A search that counts all points alike leaves out those that stand out, and those of which the analyser sees nothing.
                 sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
-                smooth=smoothed_by_reflection(mean)[chosen],
+                smooth=measurement.analyser.smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
                 systematic=systematic,
                 variance=noise.variance[chosen],

@@ -20,11 +20,12 @@ from functools import cached_property
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.analyser import REFERENCE_OHM, Analyser, reflection_of, relative_to_reflection
+from motoremi.data.analyser import Analyser
 from motoremi.data.covariance import LEAST_SHARE, Sizes, Whitening, orthonormal
 from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import ObservedSweep, Weights, observed
+from motoremi.fitting.ports import with_ground_capacitance, with_line_inductance
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Series, Shunted, Tape
 from motoremi.model.laws import ValueAndSlopes
@@ -161,7 +162,7 @@ class Problem:
         self.observed = observed(measurement, points, weights, highest_hz)
         self.size = self.observed.size
         sweeps = self.observed.sweeps
-        self._by_reflection = weights == "likelihood" and analyser.by_reflection
+        self._quantity = analyser.quantity if weights == "likelihood" else None
         self._tape = Tape([self._circuit(sweep) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
 
     def _nuisances(self) -> Sequence[Parameter]:
@@ -263,8 +264,9 @@ class Problem:
 
     @cached_property
     def _to_relative(self) -> ComplexArray:
-        """Relative change of Z for one of the reflection coefficient, shape (n,)."""
-        return relative_to_reflection(self.observed.smooth)
+        """Relative change of Z for one of the coefficient that the analyser measures, shape (n,)."""
+        assert self._quantity is not None
+        return self._quantity.relative(self.observed.smooth)
 
     @cached_property
     def _directions(self) -> ComplexArray:
@@ -285,13 +287,13 @@ class Problem:
 
     def residual(self, u: FloatArray) -> ComplexArray:
         """What is judged, relative to Z, shape (..., n)."""
-        if not self._by_reflection and self.weights != "relative":
+        if self._quantity is None and self.weights != "relative":
             return self.deviation(u)
         with np.errstate(all="ignore"):
             model = self._tape.impedance(self.observed.s, self.physical(u))
-            if self.weights == "relative":
+            if self._quantity is None:
                 return _repaired(1 - model / self.observed.measured, 1e3)
-            found = self._to_relative * (reflection_of(self.observed.measured) - reflection_of(model))
+            found = self._to_relative * (self._quantity.coefficient_of(self.observed.measured) - self._quantity.coefficient_of(model))
         return _repaired(found, 1e3)
 
     def objective(self, u: FloatArray) -> FloatArray:
@@ -326,11 +328,12 @@ class Problem:
         if self.weights == "relative":
             share = 1 / self.observed.measured
             return 1 - model * share, -share + 0 * model
-        if not self._by_reflection:
+        if self._quantity is None:
             inverse = 1 / model
             return _logarithm(self.observed.measured * inverse), -inverse
-        residual = self._to_relative * (reflection_of(self.observed.measured) - reflection_of(model))
-        return residual, self._to_relative * (-2 * REFERENCE_OHM) / (model + REFERENCE_OHM) ** 2
+        quantity = self._quantity
+        residual = self._to_relative * (quantity.coefficient_of(self.observed.measured) - quantity.coefficient_of(model))
+        return residual, self._to_relative * -quantity.slope_ohm / (model + quantity.pole_ohm) ** 2
 
     def _squared(self, u: FloatArray, deviation: ComplexArray, slopes: ComplexArray, chain: FloatArray) -> Linearised:
         along, residual_along = self._along(slopes), self._along(deviation)
@@ -350,7 +353,7 @@ class Problem:
         """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation; shape (..., k)."""
         weight, jacobian = self.observed.weight, here.slopes.view(np.float64)
         turned = self.residual(u + fraction * step) - here.deviation / weight
-        turned = (_wrapped(turned) if self.weights != "relative" and not self._by_reflection else turned) * weight
+        turned = (_wrapped(turned) if self.weights != "relative" and self._quantity is None else turned) * weight
         along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
         second = (2 / fraction) * (turned / fraction - along_step)
         return self.pull(here, second)
@@ -521,6 +524,8 @@ def fixture_parameters(analyser: Analyser, farthest: float = FAR) -> tuple[Param
         one("L", "H", fixture.inductance_h),
         one("G", "S", fixture.conductance_s),
         one("C", "F", fixture.capacitance_f),
+        *([one("C to ground", "F", fixture.ground_capacitance_f)] if fixture.ground_capacitance_f else []),
+        *([one("L of the line", "H", fixture.line_inductance_h)] if fixture.line_inductance_h else []),
     )
 
 
@@ -535,7 +540,10 @@ def on_fixture(circuit: Node, analyser: Analyser) -> Node:
     if not fixture:
         return circuit
     circuit = Series((circuit, Leaf("fixture", laws.resistance_and_inductance, fixture[:2])))
-    return Shunted(circuit, laws.conductance_and_capacitance, fixture[2:])
+    circuit = Shunted(circuit, laws.conductance_and_capacitance, fixture[2:4])
+    for stray in fixture[4:]:
+        circuit = with_ground_capacitance(circuit, stray) if stray.unit == "F" else with_line_inductance(circuit, stray)
+    return circuit
 
 
 def behind_fixture(circuit: Node, analyser: Analyser, termination: str, frequency_hz: FloatArray) -> Node:

@@ -319,7 +319,7 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):
             break
     assert best is not None
-    if best.sizes.discrepancy > NOTHING_LEFT and task.measurement.analyser.by_reflection and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
+    if best.sizes.discrepancy > NOTHING_LEFT and task.measurement.analyser.by_waves and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
         found = _frames_tried(task, best)
         evaluations += found.evaluations
         # Where these leave something as well, the circuit lacks something, and which of them errs least was decided before.

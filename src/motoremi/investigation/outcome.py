@@ -287,7 +287,7 @@ class Outcome:
             told = [basis]
         elif self.option.name == "repeat-compensation":
             told = [np.sqrt(2) * basis]
-        elif analyser.by_reflection:
+        elif analyser.by_waves:
             before = [self._modelled(sweep.termination, sweep.frequency_hz) for sweep in self.sweeps]
             told = [basis - error_basis(analyser, frequency, _finite(np.concatenate(before)))]
         else:
