@@ -1,0 +1,65 @@
+"""Diagnoses of motors between two ports: analyser and fixture are a chain of scattering matrices (`two_ports`)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from two_ports import Strays, TwoPorts, measured
+
+import motoremi as me
+from motoremi.data.analyser import find_analyser
+from motoremi.diagnosis.declared import hypotheses, likeliest
+from motoremi.simulate.simulated_motor import SimulatedMotor
+
+SOUND = Strays()
+NOT_COMPENSATED = Strays(0.1, 20e-9, 2e-12, ground_farads=(3e-12, 2e-12), line_henries=(15e-9, 8e-9))
+
+
+def test_a_transmission_is_none_of_an_analyser_with_one_port():
+    names = {declared: [one.name for one in hypotheses(find_analyser(declared))] for declared in ("none", "nanovna", "unknown")}
+    assert names == {"none": ["4294a", "nanovna"], "nanovna": ["4294a"], "unknown": ["nanovna"]}
+    for ports in ("series-through", "shunt-through"):
+        names = {declared: [one.name for one in hypotheses(find_analyser(f"{declared}+{ports}"))] for declared in names}
+        assert names == {"none": [f"nanovna+{ports}"], "nanovna": [], "unknown": []}
+    assert hypotheses(find_analyser("none+series-through"))[0].fixture is None
+
+
+def test_what_has_no_common_error_model_is_taken_as_it_is():
+    measurement = SimpleNamespace(analyser=find_analyser("unknown"), remark="the sweeps were measured in different ways", accuracy_percent=None)
+    fit = SimpleNamespace(measurement=measurement, analyser_sigma=9.0)
+    first = SimpleNamespace(base=fit, best=SimpleNamespace(fit=fit), model=SimpleNamespace(fit=fit), standing="not", described=False)
+    assert likeliest(first).instead is None
+
+
+def diagnosed(folder, fixture, seed, effects=(), analyser="unknown", strays=SOUND):
+    motor = SimulatedMotor.random(seed, effects)
+    sweeps = [one.with_metadata(analyser=analyser) for one in measured(folder, motor, TwoPorts(seed), fixture, strays)]
+    found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.base.measurement.analyser.name == f"{analyser}+{fixture}"
+    assert "not-as-declared" not in {finding.id for finding in found.findings}
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("fixture", ["series-through", "shunt-through"])
+def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
+    found = diagnosed(tmp_path, fixture, seed)
+    assert (found.verdict, found.effects) == ("adequate", ())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fixture", ["series-through", "shunt-through"])
+def test_a_hidden_effect_is_named(tmp_path, fixture):
+    found = diagnosed(tmp_path, fixture, 1, ("eddy-laminations",))
+    assert found.verdict in ("missing-effect", "family")
+    assert "eddy-laminations" in {*found.effects, *(one for family in found.families for one in family)}
+
+
+@pytest.mark.slow
+def test_a_fixture_that_nobody_compensated_is_no_effect(tmp_path):
+    found = diagnosed(tmp_path, "series-through", 1, (), "nanovna", NOT_COMPENSATED)
+    assert (found.verdict, found.effects) == ("adequate", ())
+    finding = next(one for one in found.findings if one.id == "not-compensated")
+    assert "through and isolation" in finding.remedy
