@@ -23,7 +23,7 @@ from motoremi.data.files import read_impedance
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import estimate_noise
 from motoremi.data.quantity import REFLECTION, THROUGH, Quantity
-from motoremi.data.session import load
+from motoremi.data.session import SessionWriter, load
 from motoremi.data.sweep import group_repeats
 from motoremi.errors import BadInput
 from motoremi.fitting.ports import with_ground_capacitance, with_line_inductance
@@ -32,6 +32,7 @@ from motoremi.model.circuit import Leaf, Tape
 from motoremi.model.laws import resistance_and_inductance
 from motoremi.model.motor import dc_motor
 from motoremi.model.parameter import Parameter
+from motoremi.workflow import ladder_of
 
 NAMES = [quantity.name for quantity in THROUGH]
 # From a shorting bar to what only leaks.
@@ -312,3 +313,11 @@ def test_a_table_of_impedances_may_say_how_they_were_measured(tmp_path):
     path.write_text("\n".join(["# analyser: nanovna", "# fixture: Shunt-through", "frequency_hz,resistance_ohm,reactance_ohm", *rows]) + "\n")
     assert Measurement.of([read_impedance(path, "short")]).analyser.name == "nanovna+shunt-through"
     assert set(BETWEEN_PORTS) == set(NAMES)
+
+
+def test_models_that_were_fitted_with_another_error_model_are_fitted_anew(tmp_path):
+    with SessionWriter.create(tmp_path / "s", {"title": "from an earlier version"}) as writer:
+        writer.add_sweep(sweeps("series-through")[0])
+        writer.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": [{"fit": {"analyser": "unknown", "effects": []}}]})
+        writer.close("done")
+    assert ladder_of(load(tmp_path / "s")) == []
