@@ -24,6 +24,8 @@ STRANGE = 0.005
 # What such a sweep may be off by at each point, as a logarithm; and what a repeated one is.
 STRANGE_BY = (0.3, 1.0, 3.0)
 THE_SAME = {5e-4: 0.5, 2e-3: 0.5}
+# A sweep of the motor as it was, once more.
+AGAIN = Condition("sweep-downwards")
 # Measurements that cannot leave a sweep as it was, beside those that move elements of the motor.
 MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", *STANDARDS)
 
@@ -61,7 +63,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             continue
         if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
-        log = _as(reference, sweep)
+        log = _as(reference, sweep, likeliest, known)
         what = f"it is the {reference.termination} sweep of the motor as it was"
         found.append(Mistake("nothing-changed" if same else "wrong-termination", f"{asked}: {what}, again", log))
     if option.kind == "standard":
@@ -84,20 +86,25 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
     return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))
 
 
-def as_before(sweeps: Sequence[Observed], measurement: Measurement) -> float:
-    """Log likelihood of sweeps that are those of the motor as it was; minus infinity where those do not cover them."""
+def as_before(sweeps: Sequence[Observed], fit: Fit, known: Known) -> float:
+    """Log likelihood of sweeps that are those of the motor as it was, of which a fit is; minus infinity where those do not cover them."""
     total = 0.0
     for sweep in sweeps:
-        reference = next((one for one in measurement.sweeps if one.termination == sweep.termination), None)
+        reference = next((one for one in fit.measurement.sweeps if one.termination == sweep.termination), None)
         if reference is None or not _covers(reference.frequency_hz, sweep.frequency_hz):
             return float("-inf")
-        total += _as(reference, sweep)
+        total += _as(reference, sweep, fit, known)
     return total
 
 
-def _as(reference: RepeatedSweep, sweep: Observed) -> float:
-    """Log likelihood of a sweep that is another one again."""
-    return _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
+def _as(reference: RepeatedSweep, sweep: Observed, fit: Fit, known: Known) -> float:
+    """Log likelihood of a sweep that is another one again: that sweep itself, or what a fit says of it at a connection made anew.
+
+    The residuals of a connection move a sharp resonance by more than the sweep's noise, which only a fit can tell.
+    """
+    itself = _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
+    anew = replace(sweep, termination=reference.termination, condition=AGAIN)
+    return float(np.logaddexp(itself, weigh(Outcome(fit, [anew]), known).log_likelihood) - np.log(2))
 
 
 def _covers(own_hz: FloatArray, wanted_hz: FloatArray) -> bool:

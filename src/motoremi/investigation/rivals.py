@@ -256,8 +256,9 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
     unchanged = sum(np.exp(rival.log_weight + log[()] - total) * one.unchanged for rival, log, one in zip(rivals.members, logs, done, strict=True))
     told = tuple(wrong[name] for name in sorted(wrong) if sum(share for left_out, share in shares.items() if name in left_out) > 0.5)
     condition = str(sweeps[0].condition)
-    if unchanged > 0.5:
-        says = f"{condition}: nothing changed: either nothing in this motor answers to it, or it was not done"
+    # More probable than before the sweeps: they speak for it.
+    if unchanged > NOTHING_DONE + (1 - NOTHING_DONE) * UNMOVED:
+        says = f"{condition}: nothing changed that the sweeps show: either nothing in this motor answers to it, or it was not done"
         told += (Mistake("nothing-changed", says, float(np.log(NOTHING_DONE)), used=True),)
     return _with(rivals, members, condition, told)
 
@@ -272,7 +273,7 @@ def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
 def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
     """What sweeps under a condition say of an explanation, whether it responds as it says, or in another way, or not at all."""
     cases = [(1.0, _weighed_outside(sweeps, rivals))] if rival.outside else _responding(rival, sweeps)
-    as_it_was = as_before(sweeps, rival.fit.measurement) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
+    as_it_was = as_before(sweeps, rival.fit, rival.known) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
     if np.isneginf(as_it_was):
         return mixed(cases)
     *responding, (silent, other) = [(share * (1 - NOTHING_DONE), case) for share, case in cases]

@@ -20,7 +20,7 @@ _MISTAKES: Mapping[str, tuple[Kind, ...]] = {
     "short-sweep": ("other termination",),
     "open-sweep": ("other termination",),
     "wide-sweep": ("other termination",),
-    "far-end-grounded": ("other termination",),
+    "far-end-grounded": ("nothing done",),
     "dc-resistance": ("two wires",),
     "insulation-resistance": ("terminals",),
     "fixture-open": ("other standard",),
