@@ -81,7 +81,7 @@ class KeysightMXE(EmiReceiver):
         settings = self.settings()
         frequency_hz = np.linspace(settings["start_hz"], settings["stop_hz"], settings["points"])
         self.run_scan(10.0 + 3 * float(settings["scan_time_s"]))
-        with self.transport.patience(self.transfer_s(frequency_hz.size)):
+        with self.transport.deadline(self.transfer_s(frequency_hz.size)):
             level_dbuv = self.read_levels()
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(

@@ -74,7 +74,7 @@ class LineReader(Meter):
         """
         lines = self._lines[quantity]
         last = ""
-        with self.transport.patience(self.LONGEST_WAIT_S):
+        with self.transport.deadline(self.LONGEST_WAIT_S):
             # Lines that have arrived since the last reading are old.
             self.transport.clear()
             for number in range(self.TRIES):

@@ -102,5 +102,5 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
         """The lines of numbers that the shell prints of one piece of the sweep."""
         start, stop, points = piece
         # The slowest bandwidth takes a third of a second for a point.
-        with self.transport.patience(10.0 + 0.5 * points):
+        with self.transport.deadline(10.0 + 0.5 * points):
             return self.ask_rows(f"scan {start} {stop} {points} {mask}", points, columns)

@@ -137,7 +137,7 @@ class NanoVnaV2(RegisterDriver, ReflectionAnalyser):
         """Raw S11 of several sweeps, shape (sweeps, points)."""
         values = points * sweeps
         # About 100 values a second; slower below 1 MHz.
-        with self.transport.patience(10.0 + 0.1 * values):
+        with self.transport.deadline(10.0 + 0.1 * values):
             records = np.frombuffer(self.ask_bytes(f"fifo 0x30 {values}", values * self.RECORD.itemsize), self.RECORD)
         # The instrument sweeps continuously, so the first value may be that of any point.
         first = int(records["point"][0])

@@ -93,7 +93,7 @@ class RohdeSchwarzESR(EmiReceiver):
         frequency_hz = self._axis(settings)
         # `run_scan` begins with *CLS, which clears the event registers, so an overload found afterwards belongs to this scan.
         self.run_scan(10.0 + 3 * frequency_hz.size * float(settings["dwell_s"]))
-        with self.transport.patience(self.transfer_s(frequency_hz.size)):
+        with self.transport.deadline(self.transfer_s(frequency_hz.size)):
             level_dbuv = self.read_levels("TRAC? TRACE1")
         if level_dbuv.size != frequency_hz.size:
             raise InstrumentError(f"{self}: received {level_dbuv.size} levels for a scan table of {frequency_hz.size} steps; was the scan stopped?")

@@ -122,6 +122,6 @@ class TinySa(ShellDriver, EmiReceiver):
     def _scanned(self, axis: FloatArray) -> FloatArray:
         duration_s = max(0.003, self._dwell_s * axis.size)
         self.tell(f"sweeptime {duration_s:g}")
-        with self.transport.patience(10.0 + 3 * duration_s):
+        with self.transport.deadline(10.0 + 3 * duration_s):
             # Frequency, level in dBm, and a third column that holds nothing.
             return self.ask_rows(f"scan {axis[0]:.0f} {axis[-1]:.0f} {axis.size} {self.AXIS_AND_LEVEL}", axis.size, 3)

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Results are drawn by the report, which is above them: it registers how when the first figure is asked for.
+# The module that registers how results are drawn; see `motoremi.drawing`.
 drawing.DRAWN_BY.append("motoremi.report.figures")
 
-# Loaded when first asked for, so that `import motoremi` and `motoremi --help` stay quick.
+# Imported at first use, so that `import motoremi` and `motoremi --help` stay quick.
 _HOMES = {
     "Session": "motoremi.data.session",
     "load": "motoremi.data.session",

@@ -1,4 +1,7 @@
-"""Figures of results: a result asks for its figure here, and the report, which knows how results are drawn, registers how."""
+"""Figures of results: `plot()` of a result calls `figure_of`, for which the report registers a drawing function for each type of result.
+
+Results thus need not import the report, which depends on them.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# The modules that register how results are drawn; imported when the first figure is asked for, since drawing is heavy.
+# Modules that register drawing functions; imported with the first figure, because matplotlib takes long to import.
 DRAWN_BY: list[str] = []
 
 
@@ -20,11 +23,11 @@ def figure_of(result: object) -> Figure:
     Raises
     ------
     TypeError
-        If nobody has registered how such a result is drawn.
+        If no drawing function is registered for this type of result.
     """
-    nobody = figure_of.dispatch(object)
+    unregistered = figure_of.dispatch(object)
     for module in DRAWN_BY:
         importlib.import_module(module)
-    if figure_of.dispatch(type(result)) is nobody:
-        raise TypeError(f"nobody can draw a {type(result).__name__}")
+    if figure_of.dispatch(type(result)) is unregistered:
+        raise TypeError(f"there is no figure of a {type(result).__name__}")
     return figure_of(result)

@@ -11,7 +11,7 @@ from types import FrameType
 
 from motoremi.errors import MotoremiError
 
-# Those that the command line turns into an exception.
+# Signals that the command line turns into an exception.
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 

@@ -1,4 +1,4 @@
-"""One thread in the linear algebra: on matrices as small as here more threads cost more than they bring."""
+"""One thread in linear algebra: for the small matrices of this package, more threads take more time than they save."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 
 
 class _OneThread:
-    """The limit holds for a whole process: the first thread that enters sets it, the last one that leaves restores what was there."""
+    """Limits the threads of the whole process: the first thread that enters sets the limit, the last one that leaves restores the former one."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -37,7 +37,7 @@ _one_thread = _OneThread()
 
 
 def one_blas_thread(work: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The same function, with one thread in the linear algebra."""
+    """The same function, with one thread in linear algebra."""
 
     @functools.wraps(work)
     def limited(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

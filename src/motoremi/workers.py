@@ -1,7 +1,7 @@
 """Independent jobs in several processes, by any `map`.
 
-A job is plain data and its work a function of a module, so the built-in `map` will do, as will that of a pool, an executor or a cluster.
-Results do not depend on which.
+A job is plain data and the work on it is a function of a module, so that the built-in `map` can be used as well as the `map` of a process
+pool, an executor or a cluster. Results do not depend on which one is used.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from motoremi.interrupts import cancelled_by
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-# More have nothing to do: a race ends with a few models.
+# Further processes would be idle: the search ends with a few models.
 MOST_PROCESSES = 16
 
 
 class Map(Protocol):
-    """As the built-in `map`: the results of `work` for all jobs, in their order."""
+    """A function like the built-in `map`: it returns the results of `work` for all jobs, in their order."""
 
     def __call__(self, work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterable[Result]: ...
 
 
 @contextmanager
 def own_processes() -> Iterator[Map]:
-    """A map over forks of this process, one for each core, while the block runs; the built-in one where that is not safe or of no use."""
+    """A map over forked processes, one for each core, for the duration of the block; the built-in `map` if forking is unsafe or useless."""
     count = useful_processes()
     if count < 2:
         yield map
@@ -45,17 +45,17 @@ def own_processes() -> Iterator[Map]:
         try:
             yield _Shared(executor)
         except BaseException:
-            # Jobs that run notice it within a second.
+            # Running jobs check this at least once a second.
             ended.set()
             executor.shutdown(cancel_futures=True)
             raise
 
 
 def useful_processes() -> int:
-    """How many processes there is a core for.
+    """Number of processes that can work at the same time, one for each core.
 
-    One, which is this one, where forking is not safe, because another thread may hold a lock (a notebook's kernel, the workbench), and in
-    processes that were started for a share of the work themselves.
+    It is 1 (this process) if forking is not safe because another thread may hold a lock (the kernel of a notebook, the workbench), and in a
+    process that was itself started as a worker.
     """
     if sys.platform != "linux" or threading.active_count() > 1 or multiprocessing.parent_process() is not None:
         return 1
@@ -63,15 +63,15 @@ def useful_processes() -> int:
 
 
 class _Shared:
-    """Jobs in an executor; those that were lost with a process (killed, out of memory) are done here."""
+    """A map over an executor; jobs lost because a worker process ended (killed, out of memory) are computed in this process."""
 
     def __init__(self, executor: ProcessPoolExecutor) -> None:
         self._executor = executor
 
     def __call__(self, work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
-        # All are handed out before the first result is asked for.
-        handed_out = [(job, self._submitted(work, job)) for job in jobs]
-        return (self._result(work, job, future) for job, future in handed_out)
+        # All jobs are submitted before the first result is waited for.
+        submitted = [(job, self._submitted(work, job)) for job in jobs]
+        return (self._result(work, job, future) for job, future in submitted)
 
     def _submitted(self, work: Callable[[Job], Result], job: Job) -> Future[Result] | None:
         try:
@@ -88,15 +88,15 @@ class _Shared:
         return work(job)
 
 
-# In a process of the pool: whether its work is no longer wanted.
+# In a worker process: set when its result is no longer needed.
 _ended: Event
 
 
 def _begin(ended: Event) -> None:
-    """What a process of the pool does first."""
+    """Initialise a worker process."""
     global _ended
     _ended = ended
-    # Ctrl-C and a closed terminal concern the process that asked.
+    # Ctrl-C and a closed terminal are handled by the parent process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -104,7 +104,7 @@ def _begin(ended: Event) -> None:
 
 
 def _leave_with_parent() -> None:
-    """End this process when the one that asked is gone, however it went."""
+    """End this process when its parent has ended, for whatever reason."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -1,7 +1,7 @@
-"""What commands, procedures and the workbench do with a session: fit, compare, diagnose, add, drop, report.
+"""The analyses of a session for commands, procedures and the workbench: fit, compare, diagnose, add, drop, report.
 
 Each function reads the session folder, computes, and stores its result in `analysis/`; nothing is kept in memory between calls, so a
-command line, a bench run and a page can take turns on one session.
+command, a bench run and a page can work on one session in turn.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from motoremi.report.contents import Choice, Materials
 
 
-# A first fit's share of a diagnosis that begins with it.
+# Share of the progress of a diagnosis that is reserved for a first fit.
 FITTING = 0.1
 
 
 class Store(Protocol):
-    """Where results go: an open session."""
+    """An open session, in which results are stored."""
 
     path: Path
 
@@ -76,7 +76,7 @@ def ladder_of(session: Session) -> list[Fit]:
 
 
 def model_of(session: Session) -> Motor:
-    """The model that the session's ladder stands at; the paper's circuit at first, and where this version cannot read the ladder."""
+    """The current model, the last step of the ladder; the paper's circuit if there is no ladder that this version can read."""
     return add_effects(dc_motor(), session.ladder[-1].get("fit", {}).get("effects", []) if session.ladder else [])
 
 
@@ -88,7 +88,7 @@ def fit_session(
     held: Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit the model that the ladder stands at (the paper's circuit at first), and every step below it; `held` parameters are not fitted."""
+    """Fit the current model (the paper's circuit at first) and every step of the ladder below it; `held` parameters are not fitted."""
     session = load(store.path)
     measurement, model = measurement_of(session), model_of(session)
     fixed = checked_held(model, held)
@@ -107,7 +107,7 @@ def fit_session(
 
 
 def save_ladder(store: Store, steps: Sequence[Fit], kept: int = 0) -> None:
-    """Store the ladder: each model, its error per band, what changed; the first `kept` steps stay as they are stored."""
+    """Store the ladder: each model, its error per band, and what changed; the first `kept` steps are not changed."""
     session = load(store.path)
     dc_resistance_ohm = _dc_resistance_ohm(session)
     new = [ladder_step(steps[index - 1] if index else None, steps[index], dc_resistance_ohm).to_dict() for index in range(kept, len(steps))]
@@ -115,7 +115,7 @@ def save_ladder(store: Store, steps: Sequence[Fit], kept: int = 0) -> None:
 
 
 def _dc_resistance_ohm(session: Session) -> float | None:
-    """The winding's DC resistance, where a sweep's file says it: `# dc_resistance_ohm: 1.25`."""
+    """The winding's DC resistance, if the file of a sweep states it: `# dc_resistance_ohm: 1.25`."""
     stated = next((sweep.metadata["dc_resistance_ohm"] for sweep in session.sweeps if "dc_resistance_ohm" in sweep.metadata), None)
     if stated is None:
         return None
@@ -126,13 +126,13 @@ def _dc_resistance_ohm(session: Session) -> float | None:
 
 
 def current_steps(store: Store, progress: Progress | None = None) -> list[Fit]:
-    """The ladder; fitted first if it is not yet there."""
+    """The ladder; the paper's circuit is fitted first if there is none."""
     steps = ladder_of(load(store.path))
     return steps or [fit_session(store, progress=progress)]
 
 
 def compare_session(store: Store, tolerance: Tolerance | None = None) -> Comparison:
-    """Hold the model that the ladder stands at against the sweeps; without a tolerance, by the one used last."""
+    """Compare the current model with the sweeps; without a tolerance, with the one used last."""
     steps = current_steps(store)
     if tolerance is None or not tolerance.judges:
         tolerance = stored_tolerance(load(store.path))
@@ -151,7 +151,7 @@ def stored_tolerance(session: Session) -> Tolerance | None:
 
 
 def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", progress: Progress | None = None) -> Diagnosis:
-    """Which effect is missing, from the ladder's top or from the paper's circuit."""
+    """Find the missing effect, starting from the current model or from the paper's circuit."""
     steps = current_steps(store, part(progress, 0, FITTING))
     result = diagnose(steps[-1] if start == "ladder" else steps[0], part(progress, FITTING, 1))
     store.save_analysis("diagnosis", result.to_dict())
@@ -159,12 +159,12 @@ def diagnose_session(store: Store, start: Literal["ladder", "base"] = "ladder", 
 
 
 def inspect_session(store: Store, element: str) -> Inspection:
-    """What an element of the model that the ladder stands at would have to be."""
+    """The value that an element of the current model would need at each frequency for the model to be exact."""
     return inspect(current_steps(store)[-1], element)
 
 
 def signature_on(store: Store, effect: str) -> Signature:
-    """How an effect would show on the session's motor, beside what the model that the ladder stands at already has."""
+    """The signature of an effect on the session's motor, in addition to the effects of the current model."""
     return signature(current_steps(store)[-1], effect)
 
 
@@ -183,12 +183,12 @@ def diagnosis_in(session: Session) -> JsonDict:
 
 
 def add_to_session(store: Store, effect: str, progress: Progress | None = None) -> tuple[Fit, Fit]:
-    """Add an effect on top of the ladder; returns the model before and after.
+    """Add an effect to the current model; returns the model before and after.
 
-    What only describes (modes of a winding) is added again and again, each a step of the ladder, while that lowers the error by more than
-    chance would.
+    A descriptive effect (modes of a winding) is added repeatedly, each time as a step of the ladder, as long as the error decreases by more
+    than chance would explain.
     """
-    find_effect(effect)  # a wrong name is told before anything is fitted
+    find_effect(effect)  # a wrong name is reported before anything is fitted
     steps = current_steps(store)
     ladder = [*steps, steps[-1].add(effect)]
     save_ladder(store, ladder, kept=len(steps))
@@ -199,16 +199,16 @@ def add_to_session(store: Store, effect: str, progress: Progress | None = None) 
 
 
 def drop_from_session(store: Store) -> tuple[Fit, Fit]:
-    """Step back on the ladder; returns the model before and after."""
+    """Remove the last step of the ladder; returns the model before and after."""
     steps = current_steps(store)
     if len(steps) < 2:
-        raise BadInput("the ladder stands at the paper's circuit: there is no effect to drop")
+        raise BadInput("the current model is the paper's circuit: there is no effect to drop")
     save_ladder(store, steps[:-1], kept=len(steps) - 1)
     return steps[-1], steps[-2]
 
 
 def materials_of(session: Session) -> Materials:
-    """What a report of the session is made of."""
+    """The inputs of a report of the session."""
     from motoremi.report.contents import Materials
 
     steps = ladder_of(session)
@@ -223,9 +223,9 @@ def report_session(store: Store, profile: Path | None = None, choice: Choice | N
     ----------
     store : Store
     profile : Path, optional
-        The laboratory that signs; kept with the session, whose later reports need not name it again.
+        Profile of the laboratory that signs; it is stored in the session and used for later reports as well.
     choice : Choice, optional
-        Which form, and which sections; the long form with all of them without it.
+        Form and sections; by default the long form with all sections.
     progress : callable, optional
     """
     from motoremi.report.model import WHOLE
@@ -242,7 +242,7 @@ def report_session(store: Store, profile: Path | None = None, choice: Choice | N
 
 
 def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
-    """Render several sessions side by side, each against the first, into a folder; the sessions are only read.
+    """Write the comparison of several sessions, each with the first, into a folder; the sessions are not changed.
 
     Raises
     ------
@@ -255,7 +255,7 @@ def report_together(paths: Sequence[Path], out: Path) -> list[Path]:
     # The folder's own name, also for `.` or a path that ends in a slash.
     named = {path.resolve().name: path for path in paths}
     if len(named) < len(paths):
-        raise BadInput("two of these sessions have the same name: rename one folder, or the report could not tell them apart")
+        raise BadInput("two of these sessions have the same name: rename one folder, so that the report can distinguish them")
     materials = {name: materials_of(load(path)) for name, path in named.items()}
     with reported_as_unreadable("one of these sessions"):
         files = render_together(build_together(materials))

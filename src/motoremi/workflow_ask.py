@@ -1,4 +1,4 @@
-"""What to measure next in a session, with what a bench cannot do and what a laboratory has of its own."""
+"""The next measurement of a session, without measurements that a bench cannot make, and with those of a laboratory's own menu."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KEYS = {"id", "like", "minutes", "instruction", "hands"}
 
 
 def question_of(path: Path, without: Iterable[str] = (), menu: Path | None = None) -> JsonDict:
-    """What to measure next, `motoremi.next/2`; the session is diagnosed first where it has not been since its last sweep or value.
+    """The next measurement as `motoremi.next/2`; the session is diagnosed first if sweeps or values were added since the last diagnosis.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ def question_of(path: Path, without: Iterable[str] = (), menu: Path | None = Non
     without : iterable of str
         Measurements that cannot be made.
     menu : Path, optional
-        TOML with `[[measurement]]` tables: `id`, `minutes`, and, for one of a laboratory's own, `like` (the measurement of the menu that it
-        answers in another way), `instruction`, and `hands = false` if it is set up without an operator.
+        TOML with `[[measurement]]` tables: `id`, `minutes`, and, for a measurement of the laboratory's own, `like` (the measurement of the
+        menu that it replaces), `instruction`, and `hands = false` if it is set up without an operator.
 
     Raises
     ------
@@ -49,14 +49,14 @@ def question_of(path: Path, without: Iterable[str] = (), menu: Path | None = Non
 
 
 def refuse_unknown(without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()) -> None:
-    """Refuse the names of measurements that are neither on the menu nor a laboratory's own."""
+    """Refuse names of measurements that are neither on the menu nor among the laboratory's own."""
     known = {*BY_NAME, *(str(one["id"]) for one in own)}
     for name in sorted(set(without) - known):
         raise BadInput(f"unknown measurement {clean_text(name, 40)!r}; known are {', '.join(sorted(known))}")
 
 
 def is_up_to_date(session: Session) -> bool:
-    """Whether the stored diagnosis knows every sweep and value."""
+    """Whether the stored diagnosis includes every sweep and value."""
     for document in reversed(session.documents):
         if document["kind"] in ("sweep", "value"):
             return False
@@ -66,7 +66,7 @@ def is_up_to_date(session: Session) -> bool:
 
 
 def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()) -> JsonDict:
-    """A question once more, without some of its measurements and with a laboratory's own."""
+    """The next measurement chosen again, without some measurements and with a laboratory's own."""
     refused, own = set(without), list(own)
     if not refused and not own:
         return question
@@ -89,20 +89,20 @@ def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str
     if question["stop"] is not None and not (question["stop"] == "inseparable" and own):
         return {**question, "alternatives": kept}
     if not kept:
-        return {**rest, **NOTHING_ASKED, "why": "nothing is left on the menu", "alternatives": [], "stop": "inseparable"}
+        return {**rest, **NOTHING_ASKED, "why": "no measurement is left on the menu", "alternatives": [], "stop": "inseparable"}
     first = kept[0]
     if first["information_bits"] < NOTHING_BITS:
-        why = f"nothing that is left on the menu tells them apart: {first['id']} would teach most, {first['information_bits']:.2g} bits"
+        why = f"no measurement left on the menu distinguishes them: {first['id']} would give most information, {first['information_bits']:.2g} bits"
         return {**rest, **NOTHING_ASKED, "why": why, "alternatives": kept, "stop": "inseparable"}
     if first["id"] == question["id"]:
         why = question["why"]
     else:
-        why = f"{first['asks']['instruction']}: that is expected to teach {first['information_bits']:.2g} bits in {first['minutes']:.3g} minutes"
+        why = f"{first['asks']['instruction']}: expected information {first['information_bits']:.2g} bits in {first['minutes']:.3g} minutes"
     return {**rest, **first, "why": why, "alternatives": kept[1:], "stop": None}
 
 
 def _order(entry: JsonDict) -> tuple[bool, bool, float]:
-    """What the session lacks first, then by bits a minute where there are any."""
+    """Sort key: first a sweep that the session lacks, then measurements with information, by bits per minute."""
     lacking = entry["id"] in ("short-sweep", "open-sweep")
     return lacking, entry["information_bits"] >= NOTHING_BITS, entry["information_bits"] / entry["minutes"]
 

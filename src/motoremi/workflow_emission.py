@@ -1,4 +1,7 @@
-"""What commands and pages do with the spectra of a session: predict, diagnose, add, drop. State is kept in `analysis/`, as in `workflow`."""
+"""The analyses of a session's spectra: predict, diagnose, add, drop. Results are stored in `analysis/`, as in `workflow`.
+
+The models of source and path form a ladder of their own, the emission's ladder.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ from motoremi.progress import part
 from motoremi.workflow import Store, current_steps
 
 STATE, PREDICTION, DIAGNOSIS, CORRECTIONS = "emission", "prediction", "emission-diagnosis", "corrections"
-# The share of the motor's fit where it has to come before that of source and path.
+# Share of the progress that is reserved for the fit of the motor, if that has to be made before the fit of source and path.
 MOTOR_FIRST = 0.3
 
 
@@ -44,7 +47,7 @@ def _save(store: Store, state: JsonDict, **new: Any) -> JsonDict:
 
 
 def setup_of(session: Session) -> Setup:
-    """The set-up that was given last, else what the receiver's settings and the spectra say, the rest assumed."""
+    """The set-up that was given last; otherwise one from the receiver's settings and the spectra, with typical values for the rest."""
     stored = _state(session)["setup"]
     if stored is not None:
         return Setup.from_dict(stored)
@@ -70,7 +73,7 @@ def _rate(running: Sequence[Spectrum]) -> float | None:
 
 
 def _motor(store: Store, progress: Progress | None = None) -> Fit:
-    """The model at the top of the ladder."""
+    """The current model of the motor."""
     if not has_motor(load(store.path)):
         raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
     return current_steps(store, progress)[-1]
@@ -82,12 +85,12 @@ def has_motor(session: Session) -> bool:
 
 
 def _spectra(session: Session) -> tuple[Sequence[Spectrum], Sequence[Spectrum]]:
-    """What a model of the spectra is held against: of the running motor, and with the motor off."""
+    """The spectra to which a model is fitted: those of the running motor, and those with the motor off."""
     running, background = split(session.corrected_spectra)
     if not running:
         raise BadInput(f"{session.path.name} holds no spectrum of the running motor")
     if session.corrections.level_unit != "dBuV":
-        raise BadInput(f"the model of the spectra is of voltages, but the corrected levels are in {session.corrections.level_unit}")
+        raise BadInput(f"the model of the spectra predicts voltages, but the corrected levels are in {session.corrections.level_unit}")
     return running, background
 
 
@@ -98,25 +101,25 @@ def _problem(session: Session, motor: Fit) -> Problem:
 
 
 def stored_emission_steps(session: Session) -> list[JsonDict]:
-    """The emission's ladder as it is stored; empty before the first fit."""
+    """The stored steps of the emission's ladder; empty before the first fit."""
     return list(_state(session)["steps"])
 
 
 def emission_ladder(session: Session, motor: Fit) -> list[EmissionFit]:
-    """The emission's ladder, base first, of the motor as it is modelled now; empty before the first fit."""
+    """The emission's ladder with the current model of the motor, base first; empty before the first fit."""
     problem = _problem(session, motor)
     return [restored(problem, step) for step in stored_emission_steps(session)]
 
 
 def emission_steps(store: Store) -> list[EmissionFit]:
-    """The emission's ladder, base first; fitted first if it is not yet there."""
+    """The emission's ladder, base first; the base is fitted first if there is none."""
     session = load(store.path)
-    _spectra(session)  # what is missing is told before the motor is fitted
+    _spectra(session)  # missing spectra are reported before the motor is fitted
     return emission_ladder(session, _motor(store)) or [fit_source(store)]
 
 
 def fit_source(store: Store, progress: Progress | None = None) -> EmissionFit:
-    """Fit source and path without any effect: the base of the emission's ladder, in place of what stood there."""
+    """Fit source and path without any effect; the result replaces the emission's ladder."""
     begin = 0.0 if load(store.path).ladder else MOTOR_FIRST
     motor = _motor(store, part(progress, 0, begin))
     session = load(store.path)
@@ -126,7 +129,7 @@ def fit_source(store: Store, progress: Progress | None = None) -> EmissionFit:
 
 
 def save_emission_ladder(store: Store, session: Session, steps: Sequence[EmissionFit]) -> None:
-    """Store the emission's ladder; `session` is what the store holds."""
+    """Store the emission's ladder; `session` is the present content of the store."""
     _save(store, _state(session), steps=[step.to_dict() for step in steps])
 
 
@@ -138,10 +141,10 @@ def predict_session(
     corrections: Corrections | None = None,
     with_model: bool = True,
 ) -> Prediction:
-    """The spectrum that the source and the fitted motor should produce, and the verdict on what was measured.
+    """The spectrum predicted from the source and the fitted motor, and the verdict on the measured levels.
 
-    A set-up, a limit or corrections given here are kept for the next time; the corrections stand in place of those that the session was
-    made with. Without an open-circuit sweep, or with `with_model` off, the measured levels alone are judged.
+    A set-up, a limit or corrections given here are stored for later calls; the corrections replace those with which the session was made.
+    Without an open-circuit sweep, or if `with_model` is False, only the measured levels are judged.
     """
     session = load(store.path)
     state = _state(session)
@@ -178,23 +181,23 @@ def predict_session(
 def choose_finals(
     store: Store, limit: str, margin: float, maxima: int, apart: float, subranges: int, detectors: Sequence[str] = (), dwell: float = 0.0
 ) -> JsonDict:
-    """The maxima of the session's scans that a final measurement has to read: what a procedure's step `final` asks for."""
+    """The maxima of the session's scans that the step `final` of a procedure has to measure again."""
     session = load(store.path)
     chosen, more = choose_maxima(session.corrected_spectra, find_limit(limit), Rules(margin, maxima, apart, subranges))
     return {"maxima": [one.to_dict() for one in chosen], "more": more, "limit": limit}
 
 
 def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_DB) -> JsonDict:
-    """The verdict on what was measured; the prediction stands beside it where the motor's model has been fitted."""
+    """The verdict on the measured levels; a prediction is stored as well if a model of the motor has been fitted."""
     result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=bool(load(store.path).ladder))
-    told = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
-    worst = min(told, key=lambda one: one.worst_margin_db or 0.0, default=None)
-    why = f"{worst.detector} {worst.why}" if worst is not None else "no level can be held against it"
+    decided = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
+    worst = min(decided, key=lambda one: one.worst_margin_db or 0.0, default=None)
+    why = f"{worst.detector} {worst.why}" if worst is not None else "no level can be compared with it"
     return {"verdict": result.verdict, "says": f"{result.verdict}, {result.limit.title}: {why}"}
 
 
 def diagnose_emission_session(store: Store, from_base: bool = False, progress: Progress | None = None) -> EmissionDiagnosis:
-    """Which effect of source or path is missing, from where the emission's ladder stands or from its base."""
+    """Find the missing effect of source or path, starting from the last step of the emission's ladder or from its base."""
     steps = emission_steps(store)
     result = diagnose_emission(steps[0].problem, steps[0] if from_base else steps[-1], progress)
     store.save_analysis(DIAGNOSIS, result.to_dict())
@@ -202,7 +205,7 @@ def diagnose_emission_session(store: Store, from_base: bool = False, progress: P
 
 
 def add_source_effect(store: Store, name: str) -> tuple[EmissionFit, EmissionFit]:
-    """Add a source-side effect on top of the emission's ladder; returns the model before and after."""
+    """Add an effect of source or path to the emission's ladder; returns the model before and after."""
     find_source_effect(name)
     steps = emission_steps(store)
     if name in steps[-1].effects:
@@ -213,16 +216,16 @@ def add_source_effect(store: Store, name: str) -> tuple[EmissionFit, EmissionFit
 
 
 def drop_source_effect(store: Store) -> tuple[EmissionFit, EmissionFit]:
-    """Step back on the emission's ladder; returns the model before and after."""
+    """Remove the last step of the emission's ladder; returns the model before and after."""
     steps = emission_steps(store)
     if len(steps) < 2:
-        raise BadInput("the emission's ladder stands at its base: there is no effect to drop")
+        raise BadInput("the emission's ladder has no effect to drop")
     save_emission_ladder(store, load(store.path), steps[:-1])
     return steps[-1], steps[-2]
 
 
 def emission_story(store: Store) -> JsonDict:
-    """Fit the source, see what is missing, add it, predict: what `motoremi demo` tells of the spectrum."""
+    """Fit the source, diagnose, add the named effects, predict: the results on the spectrum that `motoremi demo` prints."""
     base = emission_steps(store)[-1]
     found, last = diagnose_emission_session(store), base
     for name in found.effects:

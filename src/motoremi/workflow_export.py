@@ -1,4 +1,4 @@
-"""Everything that a session can be exported as: what `motoremi export` writes and the workbench offers."""
+"""All exports of a session, for `motoremi export` and the workbench."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from motoremi.workflow_emission import setup_of
 
 
 class Exported(NamedTuple):
-    """The content of a file, and what it is in a few words."""
+    """The content of a file, and a short description."""
 
     data: bytes
     told: str
 
 
 class Exporter:
-    """One session and its model; a netlist is made once.
+    """Exports one session and its model; the netlist is computed once.
 
     Parameters
     ----------
     session : Session
     fit : Fit, optional
-        The model that the ladder stands at.
+        The current model.
     """
 
     def __init__(self, session: Session, fit: Fit | None) -> None:
@@ -50,7 +50,7 @@ class Exporter:
         return Exported(self.netlist.text.encode(), told)
 
     def spice_emission(self) -> Exported:
-        """The whole emission test around it."""
+        """The whole emission test, with the fitted motor."""
         return Exported(emission_deck(self.netlist.text, setup_of(self._session)).encode(), "emission test, node receiver")
 
     def touchstone(self, termination: str | None, parameter: Literal["S", "Z"], model: bool) -> Exported:

@@ -1,4 +1,4 @@
-"""A session from files: what `motoremi import` and the workbench do with what their readers gave them."""
+"""Sessions from files, for `motoremi import` and the workbench: the data that were read are checked and stored."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from motoremi.workflow_emission import judged
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What a user says of the files.
+    """Information that the user gives about the files.
 
     Parameters
     ----------
     analyser : str, optional
-        Who made the sweeps; None: the size of its errors is estimated.
+        Instrument of the sweeps; None: the size of its errors is estimated.
     band : str
         Part of the sweeps to use, such as `150kHz:30MHz`; empty: all.
     accuracy : str
         Of the sweeps, in percent of |Z|; empty: not stated.
     corrections : Corrections
-        What stood between motor and instruments.
+        Corrections for the parts between motor and instruments.
     limit : str
-        Judge the spectra against it; empty: do not.
+        Limit against which the spectra are judged; empty for none.
     motor, serial, operator, ambient : str
         For the report.
     """
@@ -66,13 +66,13 @@ class Import:
     spectra : tuple of Spectrum
         As read.
     corrected : tuple of Spectrum
-        Levels at the motor's side.
+        Levels after the corrections.
     start : dict
         The session's first document.
     caveats : tuple of str
-        What a reader has to know.
+        Limitations that a reader has to know.
     observations : tuple of dict
-        What the spectra show by themselves.
+        Observations on the spectra without a model.
     limit : str
     values : tuple of SingleValue
     """
@@ -107,10 +107,10 @@ class Addition:
     Parameters
     ----------
     sweeps : tuple of ImpedanceSweep
-        With the condition that they were taken under; without one, a repeat of what is there.
+        With the condition under which they were measured; without one, further repeats of the reference sweeps.
     values : tuple of SingleValue
     caveats : tuple of str
-        What a reader has to know.
+        Limitations that a reader has to know.
     """
 
     sweeps: tuple[ImpedanceSweep, ...]
@@ -118,7 +118,7 @@ class Addition:
     caveats: tuple[str, ...]
 
     def store(self, folder: Path) -> None:
-        """Add them; what the session knows already stays as it is."""
+        """Add them; the data that the session has already are not changed."""
         with reopen(folder) as writer:
             for sweep in self.sweeps:
                 writer.add_sweep(sweep)
@@ -127,11 +127,11 @@ class Addition:
             if asked := self._asked(folder):
                 writer.save_analysis("investigation", asked)
             if any(sweep.condition is None for sweep in self.sweeps) and load(folder).ladder:
-                # Its models were fitted to fewer sweeps.
+                # The models of the ladder were fitted without these sweeps.
                 writer.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
 
     def _asked(self, folder: Path) -> JsonDict | None:
-        """What had been asked for beside what was brought, after all that was before; None where nothing was asked."""
+        """The analysis `investigation` with a step more: the measurement that was requested and the data added; None if none was requested."""
         session = load(folder)
         question = (session.analysis("diagnosis") or {}).get("question")
         if question is None:
@@ -145,23 +145,23 @@ class Addition:
 def addition(
     folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[SingleValue], condition: Condition | None, options: ImportOptions
 ) -> Addition:
-    """What is to be added to a session, checked against it before anything is written.
+    """The data to add to a session, checked against it before anything is written.
 
     Parameters
     ----------
     folder : Path
     sweeps : sequence of ImpedanceSweep
-        As their readers gave them; one whose file says its condition may be given without.
+        As read; `condition` may be omitted for a sweep whose file states it.
     values : sequence of SingleValue
     condition : Condition, optional
-        That all the sweeps were taken under.
+        Condition under which all sweeps were measured.
     options : ImportOptions
-        Analyser, band and accuracy; those of the session where nothing is given.
+        Analyser, band and accuracy; where not given, those of the session.
 
     Raises
     ------
     BadInput
-        If there is nothing to add, a file says another condition, or the sweeps do not fit those of the session.
+        If there is nothing to add, a file states another condition, or the sweeps do not fit those of the session.
     """
     if condition is not None and not sweeps:
         raise BadInput(f"--condition {condition} is for sweeps: give --short FILE..., --open FILE... with it")
@@ -173,7 +173,7 @@ def addition(
     own = []
     for sweep in _with_options(sweeps, options) if sweeps else ():
         if sweep.condition is not None and condition is not None and sweep.condition != condition:
-            raise BadInput(f"{sweep.metadata['source']}: its header says {sweep.condition}, but --condition says {condition}; correct one of them")
+            raise BadInput(f"{sweep.metadata['source']}: its header states {sweep.condition}, but --condition is {condition}; correct one of them")
         own.append(sweep.under(condition or sweep.condition))
     refuse_impossible(own, options.analyser)
     analyser = find_analyser(options.analyser).name if options.analyser is not None else session.sweeps[0].metadata.get("analyser")
@@ -185,12 +185,12 @@ def addition(
     return Addition(tuple(own), tuple(values), tuple(_disagreeing(measurement, own)))
 
 
-# Repeats of one condition that differ by so much of |Z|, rms, were not taken under one condition.
+# Repeats that differ by more than this share of |Z|, rms, were not measured under the same condition.
 DISAGREEING = 0.02
 
 
 def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
-    """Repeats under one condition that are not repeats."""
+    """A sentence for each condition whose repeats differ too much."""
     found = []
     conditions = {sweep.condition for sweep in new}
     for one in measurement.conditioned:
@@ -199,22 +199,22 @@ def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> lis
             rms = float(np.sqrt(np.mean(np.abs(apart) ** 2)))
             if rms > DISAGREEING:
                 which = f"{one.condition}: the {one.sweep.repeats} {one.sweep.termination} sweeps"
-                found.append(f"{which} disagree by {100 * rms:.2g} %; their mean says little")
+                found.append(f"{which} disagree by {100 * rms:.2g} %; their mean is of little use")
     return found
 
 
 def prepared(
     sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], options: ImportOptions, names: Sequence[str], values: Sequence[SingleValue] = ()
 ) -> Import:
-    """Everything that a session needs, checked before a folder is made: nothing is left half written.
+    """All content of a new session, checked before its folder is created, so that no incomplete session can remain.
 
     Parameters
     ----------
     sweeps, spectra
-        As their readers gave them.
+        As read.
     options : ImportOptions
     names : sequence of str
-        Of the files, as the session records them.
+        Names of the files, as recorded in the session.
     values : sequence of SingleValue
 
     Raises
@@ -254,7 +254,7 @@ def prepared(
 
 
 def _with_options(sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> list[ImpedanceSweep]:
-    """The band that is wanted of the sweeps, with the accuracy that the user states."""
+    """The requested band of the sweeps, with the stated accuracy."""
     if not sweeps and (options.band or options.accuracy):
         raise BadInput("band and accuracy are for impedance sweeps, and none of the files is one (--short FILE..., --open FILE...)")
     percent = checked_accuracy(options.accuracy) if options.accuracy else None

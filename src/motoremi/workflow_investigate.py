@@ -282,7 +282,7 @@ class _Run:
             assessment = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, assessment)
 
     def _by_files(self) -> list[JsonDict]:
-        """Steps that were measured before as files and imported."""
+        """Earlier steps, whose results were imported from files."""
         stored = load(self.store.path).analysis("investigation") or {}
         return [step for step in stored.get("steps", []) if "minutes" not in step]
 
@@ -366,7 +366,7 @@ def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
 
 
 def name_of(question: JsonDict) -> str:
-    """The measurement of the menu that a question asks for; a laboratory's own one answers it in another way."""
+    """The measurement of the menu that is requested, also if a laboratory's own measurement replaces it."""
     return str(question.get("like", question["id"]))
 
 

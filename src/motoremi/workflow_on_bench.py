@@ -35,7 +35,7 @@ class Plan:
     budget_minutes : float
         Time at the bench, of all runs together.
     odds : float
-        Stop when one explanation is so many times as likely as all others together.
+        Stop when one explanation is this many times as likely as all others together.
     without : tuple of str
         Measurements that this bench cannot make.
     own : tuple of dict
@@ -52,16 +52,16 @@ class Plan:
 
     def __post_init__(self) -> None:
         if not self.odds > 1:
-            raise BadInput(f"odds of {self.odds:g} cannot decide: give a number above 1, for example 20")
+            raise BadInput(f"odds of {self.odds:g} do not favour any explanation: give a number above 1, for example 20")
         if not self.budget_minutes > 0:
-            raise BadInput(f"a budget of {self.budget_minutes:g} minutes is no time at all: give a number above 0")
+            raise BadInput(f"a budget of {self.budget_minutes:g} minutes is not possible: give a number above 0")
 
 
 class Person(Protocol):
     """The operator of a real bench; on a simulated one nobody is asked."""
 
     def prompt(self, text: str) -> Answer | None:
-        """Show an instruction; the answer."""
+        """Show an instruction and return the answer."""
         ...
 
     def value(self, order: MeasurementRequest) -> SingleValue:
@@ -117,7 +117,7 @@ def investigate_on_bench(
     progress: Progress | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Investigation:
-    """Measure what tells the explanations apart until one is left; the instruments are left in their safe state.
+    """Make measurements that distinguish the explanations until one is left; the instruments end in their safe state.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def _uncorrected(session: Session) -> tuple[str, ...]:
 
 @dataclass
 class _MeasuringBench:
-    """Instruments and operator together, as an investigation sees them."""
+    """The bench of an investigation: instruments and operator."""
 
     made: Bench
     person: Person

@@ -38,7 +38,7 @@ def figure_of(path: Path, what: str, element: str | None = None, effect: str | N
     Raises
     ------
     BadInput
-        For an unknown name, or if the session has not got that far.
+        For an unknown name, or if the session lacks the analysis that is drawn.
     """
     session = load(path)
     draw: dict[str, Callable[[], Figure]] = {

@@ -1,4 +1,4 @@
-"""The analysing steps of a procedure, for the runner."""
+"""The steps of a procedure that analyse, for the runner."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from motoremi.workflow_emission import choose_finals, judged
 
 
 def analyse(progress: Progress | None = None) -> Callable[[str, Any, JsonDict], JsonDict | None]:
-    """The analysing steps of a procedure, for the runner."""
+    """The steps of a procedure that analyse, for the runner."""
 
     def step(kind: str, store: Any, parameters: JsonDict) -> JsonDict | None:
         if kind == "fit":

@@ -43,7 +43,7 @@ def test_a_command_and_its_answer(link: VisaTransport) -> None:
 
 
 def test_the_deadline_is_kept_and_told_in_one_line(link: VisaTransport) -> None:
-    with link.patience(0.02), pytest.raises(InstrumentError) as caught:
+    with link.deadline(0.02), pytest.raises(InstrumentError) as caught:
         link.query("POIN 11")
     assert "GPIB0::17::INSTR" in str(caught.value)
     assert "'POIN 11' within 0.02 s" in str(caught.value)
@@ -108,7 +108,7 @@ def test_a_recording_holds_every_exchange_and_error_in_order(link: VisaTransport
     records: list[Any] = []
     recorded = RecordingTransport(link, "analyser", records.append)
     recorded.query("POIN?")
-    with recorded.patience(0.01), pytest.raises(InstrumentError, match="'POIN 5'"):
+    with recorded.deadline(0.01), pytest.raises(InstrumentError, match="'POIN 5'"):
         recorded.query("POIN 5")
     recorded.clear()
     assert [entry["direction"] for entry in records] == ["open", "write", "read", "write", "error", "clear"]
@@ -124,7 +124,7 @@ def test_a_recording_replays_with_its_errors(link: VisaTransport) -> None:
     records: list[Any] = []
     recorded = RecordingTransport(link, "analyser", records.append)
     recorded.query("*IDN?")
-    with recorded.patience(0.01), pytest.raises(InstrumentError) as first:
+    with recorded.deadline(0.01), pytest.raises(InstrumentError) as first:
         recorded.query("POIN 5")
     replayed = ReplayTransport("GPIB0::17::INSTR", records)
     assert replayed.query("*IDN?").split(",")[1] == "4294A"

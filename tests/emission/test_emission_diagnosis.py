@@ -19,7 +19,7 @@ from motoremi.diagnosis.explore import best_of
 from motoremi.emission.background import ambient_of
 from motoremi.emission.band import BAND_B
 from motoremi.emission.board import Candidate
-from motoremi.emission.diagnose import add_effect, answer_from, diagnose_emission, fit_base, paying
+from motoremi.emission.diagnose import add_effect, answer_from, diagnose_emission, fit_base, without_doubtful_pairs
 from motoremi.emission.observe import find_comb, observations, repetition_from
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Setup, scan_frequencies
@@ -134,7 +134,7 @@ def weighed(added: tuple[str, ...], score: float, chi2: float = 1.0, rms_error_d
 
 
 def answer_to(*models: Candidate):
-    found = paying({tuple(sorted(one.added)): one for one in models})
+    found = without_doubtful_pairs({tuple(sorted(one.added)): one for one in models})
     singles = sorted((one for key, one in found.items() if len(key) == 1), key=lambda one: -one.score)
     return answer_from(models[0].fit, best_of(found.values()).fit, singles, believe(found))
 

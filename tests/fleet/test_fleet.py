@@ -21,7 +21,7 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.fleet import run as fleet_run
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcesses, run_fleet, sessions_in, settled, stored_results
-from motoremi.fleet.statistics import together, tolerance_factor
+from motoremi.fleet.statistics import fleet_figures, tolerance_factor
 from motoremi.fleet.work import Job, serial_of, work
 
 pytestmark = pytest.mark.slow
@@ -223,7 +223,7 @@ def story(count: int = 60) -> list[dict]:
 
 
 def test_figures_find_the_drift_the_outlier_and_the_effects():
-    figures = together(story(), "golden/*")
+    figures = fleet_figures(story(), "golden/*")
     assert figures["effects"] == {"core-loss": 15}
     assert [(d["parameter"], d["along"]) for d in figures["drift"]] == [("La", "serial")]
     assert figures["drift"][0]["change_percent"] == pytest.approx(10, rel=0.1)
@@ -241,9 +241,9 @@ def test_chance_alone_is_no_drift():
     rng = np.random.default_rng(1)
     for result in results:
         result["best"]["parameters"]["La"]["value"] = 12e-6 * np.exp(0.01 * rng.normal())
-    assert together(results)["drift"] == []
-    assert "drift" in fleet_html(together(results), "x")
-    assert "No session gave a result" in fleet_html(together([]), "empty")
+    assert fleet_figures(results)["drift"] == []
+    assert "drift" in fleet_html(fleet_figures(results), "x")
+    assert "No session gave a result" in fleet_html(fleet_figures([]), "empty")
 
 
 def test_limits_hold_what_they_promise():

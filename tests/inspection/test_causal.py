@@ -11,7 +11,7 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.inspection.causal import CausalCheck, check_causality
-from motoremi.inspection.sweep_consistency import check_together
+from motoremi.inspection.sweep_consistency import check_sweep_consistency
 from motoremi.simulate.analyser_errors import noise_sd_ohm
 from motoremi.simulate.hidden_effects import MOTOR_EFFECTS
 
@@ -104,7 +104,7 @@ def test_sweeps_of_two_motors_fit_alone_but_not_together():
     first, _ = simulated_sweeps(21)
     second, _ = simulated_sweeps(22)
     mixed = [s for s in first if s.termination == "short"] + [s for s in second if s.termination == "open"]
-    found = check_together(me.fit(me.dc_motor(), mixed))
+    found = check_sweep_consistency(me.fit(me.dc_motor(), mixed))
     assert found is not None
     assert not found.belong
     assert "two different motors" in found.sentence
@@ -113,16 +113,16 @@ def test_sweeps_of_two_motors_fit_alone_but_not_together():
 
 def test_sweeps_of_one_motor_belong_together_and_one_sweep_says_nothing():
     sweeps, _ = simulated_sweeps(21)
-    found = check_together(me.fit(me.dc_motor(), sweeps))
+    found = check_sweep_consistency(me.fit(me.dc_motor(), sweeps))
     assert found is not None
     assert found.belong
     assert "can be of one motor" in found.sentence
-    assert check_together(me.fit(me.dc_motor(), sweeps[:3])) is None
+    assert check_sweep_consistency(me.fit(me.dc_motor(), sweeps[:3])) is None
 
 
 def test_a_missing_effect_is_not_blamed_on_the_sweeps():
     sweeps, _ = simulated_sweeps(7, ("eddy-laminations",))
-    found = check_together(me.fit(me.dc_motor(), sweeps))
+    found = check_sweep_consistency(me.fit(me.dc_motor(), sweeps))
     assert found is not None
     assert found.belong
     assert "something is missing in the model" in found.sentence

@@ -183,7 +183,7 @@ def test_a_sweep_that_never_ends_meets_its_deadline(bench: SimulatedBench, analy
 
 def test_a_silent_instrument_meets_the_deadline(bench: SimulatedBench, analyser: Agilent4294A, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench.devices["analyser"], "write", lambda data: None)
-    with analyser.transport.patience(0.02), pytest.raises(InstrumentError, match=r"no answer to 'STAR\?' within 0.02 s"):
+    with analyser.transport.deadline(0.02), pytest.raises(InstrumentError, match=r"no answer to 'STAR\?' within 0.02 s"):
         _ = analyser.start_hz
 
 

@@ -14,7 +14,7 @@ from motoremi.blind.cases import Case
 from motoremi.data.plain import plain
 from motoremi.fleet.fleet_frames import frames_of
 from motoremi.fleet.run import RESULTS
-from motoremi.fleet.statistics import together
+from motoremi.fleet.statistics import fleet_figures
 
 FREQUENCY = np.geomspace(150e3, 30e6, 41)
 HIDDEN = Case(777, 8, "one", ("terminal-capacitance",), 1233665122)
@@ -106,10 +106,10 @@ def test_a_fleet_has_its_units_in_the_names_of_its_columns(tmp_path):
     assert values["La_h"].tolist() == [1e-5 * number for number in range(1, 13)]  # the last result of a session counts
     assert values.loc["m02", "time_s"] - values.loc["m01", "time_s"] == 86400
     assert tables["parameters"].loc["La_h", "n"] == 12
-    assert tables["limits"].loc["La_h", "high"] == together(results, "m*")["limits"]["La"]["high"]
+    assert tables["limits"].loc["La_h", "high"] == fleet_figures(results, "m*")["limits"]["La"]["high"]
     assert set(tables["drift"].columns) >= {"parameter", "along", "change_percent"}
     assert tables["troubles"].empty
-    pd.testing.assert_frame_equal(frames_of(together(results))["values"], values)
+    pd.testing.assert_frame_equal(frames_of(fleet_figures(results))["values"], values)
     with pytest.raises(me.BadInput, match="no results of a fleet"):
         me.fleet_frames(tmp_path / "elsewhere")
 

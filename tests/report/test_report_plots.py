@@ -131,7 +131,7 @@ def test_wrong_use_is_one_line(session, measure, tmp_path):
 
 
 def test_what_nobody_can_draw_is_told():
-    with pytest.raises(TypeError, match="nobody can draw a Tolerance"):
+    with pytest.raises(TypeError, match="there is no figure of a Tolerance"):
         drawing.figure_of(me.Tolerance())
 
 

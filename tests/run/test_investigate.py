@@ -383,7 +383,7 @@ def test_the_command_investigates_the_simulated_bench_of_the_session(
     ("arguments", "says"),
     [
         (("--bench", "sim", "--budget", "soon"), "cannot read 'soon' as a time"),
-        (("--bench", "sim", "--odds", "1"), "odds of 1 cannot decide"),
+        (("--bench", "sim", "--odds", "1"), "odds of 1 do not favour any"),
         (("--bench", "sim"), "was not measured on this simulated bench"),
         ((), "Missing option '--bench'"),
     ],

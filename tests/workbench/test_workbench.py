@@ -98,7 +98,7 @@ def test_a_ladder_that_moved_is_left_alone(at, fitted, path, body):
         add_to_session(store, "eddy-laminations")
     before = [step["added"] for step in at("")["ladder"]]
     told = at(path, standing=shown, **body)
-    assert "stands at the paper's circuit + eddy-laminations now" in told["error"]
+    assert "the current model is now the paper's circuit + eddy-laminations" in told["error"]
     assert [step["added"] for step in at("")["ladder"]] == before
     assert at("/drop", standing=at("")["standing"])["after"]["effects"] == []
     assert at("")["standing"] == shown

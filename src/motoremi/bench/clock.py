@@ -7,7 +7,7 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """The time that drivers and runs wait by."""
+    """The clock that drivers and runs use for all waiting."""
 
     def now(self) -> float:
         """Seconds since some fixed moment; never decreases."""

@@ -188,7 +188,7 @@ class Driver(abc.ABC):
     def reset(self) -> None:
         """Bring the instrument into a known, idle state."""
         self.transport.write("*CLS")
-        with self.transport.patience(self.RESET_S):
+        with self.transport.deadline(self.RESET_S):
             self.tell("*RST")
         self.sent_settings.clear()
 

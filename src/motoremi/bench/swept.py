@@ -111,7 +111,7 @@ class SweptAnalyser(EmiReceiver):
         self._parts = ceil(intervals / (self.points_possible[-1] - 1))
         self._steps = ceil(intervals / self._parts) + 1
         self._points = self.points_possible[bisect_left(self.points_possible, self._steps)]
-        with self.transport.patience(self.RESET_S):
+        with self.transport.deadline(self.RESET_S):
             self.tell(*self.mode_commands)
         self._sweep_over(asked.start_hz, asked.stop_hz)
         self.own_correction = False
@@ -199,7 +199,7 @@ class SweptAnalyser(EmiReceiver):
 
     def read_levels(self) -> FloatArray:
         """Levels of a trace, sent as text; some instruments put it into a block, and some end it with a comma."""
-        with self.transport.patience(self.transfer_s(self._points)):
+        with self.transport.deadline(self.transfer_s(self._points)):
             answer = self.ask(self.trace_query)
         try:
             text = answer[2 + int(answer[1]) :] if answer.startswith("#") else answer

@@ -111,7 +111,7 @@ class Transport(abc.ABC):
         """Set up a serial line; no effect on other links."""
 
     @contextmanager
-    def patience(self, seconds: float) -> Iterator[None]:
+    def deadline(self, seconds: float) -> Iterator[None]:
         """Use another deadline, in seconds, within a `with` block."""
         before = self.timeout_s
         self.timeout_s = seconds

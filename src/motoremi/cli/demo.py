@@ -1,4 +1,4 @@
-"""`motoremi demo`: the whole story on the embedded simulated bench."""
+"""`motoremi demo`: all steps from measurement to report on the embedded simulated bench."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # error; both are drawn at random until it does. Noise and analyser leave 0.5 to 2 %.
 PLAIN_EFFECTS = ("distributed-winding", "second-resonance", "eddy-laminations", "insulation-leakage@Cf", "lead-inductance")
 PLAIN_PERCENT = 5.0
-# Points that are enough to tell.
+# Number of points that is enough to compute this error.
 PLAIN_POINTS = 51
 # Seed and effect of a motor whose sweeps have two explanations, which one further measurement distinguishes.
 INVESTIGATED = (5, "bearing-film")
@@ -32,7 +32,8 @@ def demo_(
         str | None, typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default one whose error is plain to see.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Which motor, which errors of the analyser, and, without --effect, which effect, however small.", min=0)
+        int | None,
+        typer.Option(help="Determines motor, analyser errors and noise, and without --effect also the effect, which may be hardly visible.", min=0),
     ] = None,
     investigate: Annotated[
         bool, typer.Option("--investigate", help="Measure once, then choose and make the measurements that decide between the explanations.")
@@ -115,8 +116,8 @@ def demo_(
     hint = f" --effect {chosen}" if plain or effect is not None else ""
     say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {chosen_seed}; 'motoremi demo --seed {chosen_seed}{hint}' shows it again)")
     if plain:
-        say("Harder ones: 'motoremi demo --seed 1', or any other number, hides what it may, however little of it shows;")
-        say("'motoremi demo --effect dielectric-loss@Cf' hides what hardly shows, 'motoremi demo --effect none' nothing.")
+        say("Harder ones: 'motoremi demo --seed 1', or any other number, draws any effect, even one that is hardly visible;")
+        say("'motoremi demo --effect dielectric-loss@Cf' hides an effect that is hardly visible, 'motoremi demo --effect none' hides none.")
     say(f"session: {folder}\nreport:  {report}")
 
 

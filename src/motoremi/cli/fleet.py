@@ -36,7 +36,7 @@ def fleet_(
     from motoremi.data.storage import write_whole
     from motoremi.fleet.page import fleet_html
     from motoremi.fleet.run import RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
-    from motoremi.fleet.statistics import together
+    from motoremi.fleet.statistics import fleet_figures
     from motoremi.fleet.work import Job
 
     root = folder.resolve()
@@ -50,7 +50,7 @@ def fleet_(
     finally:
         if isinstance(maker, DaskCluster):
             maker.close()
-    figures = together(settled(work, target / RESULTS), golden)
+    figures = fleet_figures(settled(work, target / RESULTS), golden)
     # The values of each session are in the table.
     shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
     write_whole(target / "fleet.json", to_page(shown).encode())

@@ -18,8 +18,8 @@ from motoremi.progress import part
 
 # Penalty in log evidence for a model with a parameter at the bound of its range: odds of 20 to 1.
 BOUND_PENALTY = 3.0
-# Number of starts that are optimised fully: several without a solution at hand, where there are several minima, fewer beside an effect that is
-# in the model already, one from a solution with the effect's look-alike.
+# Number of starts that are optimised fully: of the first effect, where there are several minima; of a further effect; and of an effect in place
+# of its look-alike, which begins near the solution.
 _FROM_AFAR, _BESIDE, _FROM_NEAR = 3, 2, 1
 
 
@@ -51,9 +51,10 @@ class Candidate:
         return False
 
 
-# Odds of 20 to 1.
+# Models whose scores differ by less than this are about equally likely: odds of 20 to 1.
 AS_LIKELY = 3.0
-# Models that effects are added to: the second is for two effects that together look like a third. It must gain this share of what the best gains.
+# Number of models to which effects are added: the second one is for two effects that together look like a third. It must raise the score by at
+# least this share of the gain of the best model.
 BEAM, SHARE = 2, 0.3
 
 
@@ -76,7 +77,7 @@ class SpectrumBoard:
         return self._weighed(self._base)
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> Iterator[Candidate]:
-        """The likeliest models with one effect less, with each possible effect added."""
+        """The likeliest models of one effect less, each with every possible effect added."""
         beam = self._beam(found, size - 1)
         for place, model in enumerate(beam):
             yield from self._added(model, part(progress, place / len(beam), (place + 1) / len(beam)))
@@ -89,8 +90,10 @@ class SpectrumBoard:
             yield self._weighed(add_effect(self._problem, model.fit, name))
 
     def _beam(self, found: Mapping[Key, Candidate], size: int) -> list[Candidate]:
-        """Those that gain a good part of what the best of their size gains; of two about as likely only the better: few effects of a spectrum
-        look alike otherwise."""
+        """The models of one size to which effects are added: those that gain at least `SHARE` of what the best one gains.
+
+        Of models that are about equally likely only the best is kept: with spectra, they usually contain look-alikes of the same effect.
+        """
         leaders = ranked(found, size)
         least = self.start().score + SHARE * (leaders[0].score - self.start().score)
         kept: list[Candidate] = []

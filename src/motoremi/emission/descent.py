@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt in a box, for residuals whose slopes cost much more than themselves.
+"""Levenberg-Marquardt with bounds, for residuals whose derivatives take much longer to compute than the residuals themselves.
 
-Unknowns at a bound that the gradient pushes outwards are held for that step, and a step that would leave the box ends at its face. The slopes are
-worked out at accepted points only. It replaces scipy's `least_squares` with bounds, which approaches a bound in many small steps: the size of an
-effect that is not there ends at its bound, so that is what most models of a search do.
+An unknown at a bound is held for a step if the gradient points out of its range, and a step that would leave the range ends at the bound. The
+derivatives are computed at accepted points only. scipy's `least_squares` with bounds is not used because it approaches a bound in many small
+steps, and most models of a search have a solution at a bound: the size of an effect that is not present goes to its bound.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 
-# A minimum is reached when a step gains, and was promised, less than this share of the cost (of some hundred log units).
+# Converged when both the actual and the predicted decrease of the cost in a step are below this share of it (it is some hundred log units).
 _LEAST_GAIN = 1e-4
-# Damping relative to the diagonal of the Gauss-Newton matrix: at the start, the least, and the one beyond which no step leads downhill.
+# Damping relative to the diagonal of the Gauss-Newton matrix: at the start, the smallest, and the largest, with which no step lowers the cost.
 _FIRST, _LEAST, _MOST = 1e-2, 1e-7, 1e8
 
 
 class Lowest(NamedTuple):
-    """Where a descent ended.
+    """Result of a descent.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def descend(
         Of the unknowns, shape (k,): residuals, shape (n,), and their derivatives, shape (n, k).
     start, low, high : ndarray, shape (k,)
     steps : int
-        Most evaluations of the slopes.
+        Largest number of evaluations of the slopes.
     """
     x, left = start, residuals(start)
     cost, damping = 0.5 * float(left @ left), _FIRST
@@ -62,18 +62,18 @@ def descend(
         while True:
             trial = np.clip(x + _step(gradient, matrix, held, damping), low, high)
             step = trial - x
-            promised = -float(gradient @ step + 0.5 * step @ matrix @ step)
+            predicted = -float(gradient @ step + 0.5 * step @ matrix @ step)
             left_there = residuals(trial)
             gained = cost - 0.5 * float(left_there @ left_there)
-            if gained > 0 and promised > 0:
+            if gained > 0 and predicted > 0:
                 break
             damping, worse = damping * worse, 2 * worse
             if damping > _MOST:
                 return Lowest(x, cost)
         x, left, cost = trial, left_there, cost - gained
-        # Nielsen's rule: the damping follows how well the linear model foretold the gain.
-        damping = max(damping * max(0.1, 1 - (2 * gained / promised - 1) ** 3), _LEAST)
-        if max(gained, promised) < _LEAST_GAIN * cost:
+        # Nielsen's rule: the damping depends on how well the linear model predicted the decrease.
+        damping = max(damping * max(0.1, 1 - (2 * gained / predicted - 1) ** 3), _LEAST)
+        if max(gained, predicted) < _LEAST_GAIN * cost:
             break
     return Lowest(x, cost)
 

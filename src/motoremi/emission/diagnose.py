@@ -38,7 +38,7 @@ MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
 # was developed, 68 cases without an effect were all answered rightly, and 196 of 202 effects were named: 68 of 74 and 196 of 202 if the six
 # others were all missed, or all named wrongly. Those seeds have no cases for the other two, which are as for motors (`diagnosis.belief`).
 RELIABLE: Mapping[str, float] = {"adequate": 0.92, "named": 0.97, "mostly": 0.75, "unexplained": 0.85}
-_MOTOR_OFF = {"id": "motor-off", "why": "scan with the motor off, to know what is not the motor's"}
+_MOTOR_OFF = {"id": "motor-off", "why": "scan with the motor off, to see which levels do not come from the motor"}
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))
 
 
@@ -107,7 +107,7 @@ class EmissionDiagnosis:
 
 @one_blas_thread
 def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progress: Progress | None = None) -> EmissionDiagnosis:
-    """Which effect of source or path is missing.
+    """Find the effect of source or path that is missing.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     """
     start = base if base is not None else fit_base(problem)
     board = SpectrumBoard(start)
-    found = paying(explore(board, board.start(), BUDGET, progress))
+    found = without_doubtful_pairs(explore(board, board.start(), BUDGET, progress))
     belief, best = believe(found), best_of(found.values()).fit
     candidates = tuple(sorted((one for key, one in found.items() if len(key) == 1), key=lambda one: -one.score))
     answer = answer_from(start, best, candidates, belief)
@@ -139,7 +139,7 @@ def diagnose_emission(problem: Problem, base: EmissionFit | None = None, progres
     )
 
 
-def paying(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
+def without_doubtful_pairs(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
     """The models without pairs, unless the best pair gains enough and explains everything: two effects can fit almost any spectrum."""
     fewer = {key: one for key, one in found.items() if len(key) < 2}
     best, before = best_of(found.values()), best_of(fewer.values())
@@ -174,7 +174,7 @@ def answer_from(start: EmissionFit, best: EmissionFit, candidates: Sequence[Cand
     families = tuple((name, *rivals) for name, rivals in belief.families.items() if rivals)
     said = [text, *(f"these spectra cannot tell {', '.join(family)} apart" for family in families)]
     if not whole:
-        said.append(f"that is most of it, but not all: {best.rms_error_db:.1f} dB rms are left")
+        said.append(f"an error of {best.rms_error_db:.1f} dB rms remains unexplained")
     confidence = RELIABLE["named" if whole else "mostly"] * belief.probability
     return _Answer("family" if families else "missing-effect", named, families, confidence, _following(named, families), tuple(said))
 

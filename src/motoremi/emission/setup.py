@@ -26,7 +26,8 @@ from motoremi.errors import BadInput
 
 # Frequencies in hertz, shape (n,) -> impedance in ohm.
 MotorImpedance: TypeAlias = Callable[[FloatArray], ComplexArray]
-# Slopes with respect to the parameters of path and chopper, one after the other, leave the values that all start from remembered.
+# Number of cached results: while slopes with respect to the parameters of path and chopper are computed one after the other, the values at the
+# starting point stay in the cache.
 REMEMBERED = 16
 
 
@@ -154,7 +155,7 @@ class Setup:
 
 
 class LevelModel:
-    """Predicted levels at fixed frequencies with a fixed motor, for many set-ups: what two of them have in common is worked out once.
+    """Predicted levels at fixed frequencies with a fixed motor, for many set-ups: what several of them have in common is computed once.
 
     A fit changes one parameter at a time to get its slopes; most of them leave the path and the chopper's comb, which cost the most, as they are.
 

@@ -123,11 +123,11 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "commutation-jitter", "source", "irregular commutation: missing and scattered events (brush bounce)",
         "average: |V| sqrt(2) repetition (1 - missing_share); lines above 1/(2 pi jitter_s) become noise where events overlap",
         (
-            Parameter("missing_share", "", 0.02, 0.93, "share of commutations that do not break", scale="linear"),
-            Parameter("jitter_s", "s", 1e-9, 1e-4, "standard deviation of the moments; not seen while events do not overlap behind the filter"),
+            Parameter("missing_share", "", 0.02, 0.93, "share of commutations without a voltage step", scale="linear"),
+            Parameter("jitter_s", "s", 1e-9, 1e-4, "standard deviation of commutation times; invisible unless events overlap behind the filter"),
         ),
         "missing_share -> 0 and jitter_s -> 0",
-        "average lower than speed and segments say while peak stays: peak - average exceeds 20 log(9.6 kHz / repetition)",
+        "average lower than expected from speed and segments while peak stays: peak - average exceeds 20 log(9.6 kHz / repetition)",
         ("chopper",),
         "another speed: with regular commutation peak - average follows 20 log of the speed",
         "train of events with random times (textbook); the ranges are estimates",
@@ -136,7 +136,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         ("other-speed", "scan peak and average again at another speed: peak - average must follow the speed if no commutation is missing"),
     ),
     SourceEffect(
-        "chopper", "source", "PWM chopper: a comb that does not hang on the speed",
+        "chopper", "source", "PWM chopper: a comb that does not depend on the speed",
         "line k: 2 A d |sinc(pi k d)| |sinc(pi k frequency_hz rise_s)|, d = width_s frequency_hz",
         (
             Parameter("amplitude_v", "V", 0.02, 80.0, "part of the supply that drives common-mode current"),
@@ -154,8 +154,8 @@ EFFECTS: tuple[SourceEffect, ...] = (
         ("other-speed", "scan again at another speed: a chopper's comb stays where it is, commutation moves"),
     ),
     SourceEffect(
-        "background-noise", "outside", "noise and stations that are there with the motor off",
-        "level_dbuv - slope_db log10(f / 1 MHz) on the average detector, added in power; measured, if there is a sweep with the motor off",
+        "background-noise", "outside", "noise and stations that are present with the motor off",
+        "level_dbuv - slope_db log10(f / 1 MHz) on the average detector, added in power; measured, if there is a scan with the motor off",
         (
             Parameter("level_dbuv", "dBuV", -15.0, 70.0, "ambient at 1 MHz, average in 9 kHz", scale="linear"),
             Parameter("slope_db", "dB", -10.0, 40.0, "fall per decade", scale="linear"),
@@ -167,7 +167,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "the ranges are estimates without a source",
         tuple({"level_dbuv": level, "slope_db": slope} for level in (10.0, 30.0) for slope in (0.0, 15.0)),
         _broadband,
-        ("motor-off", "scan with the motor off: background stays, all else vanishes"),
+        ("motor-off", "scan with the motor off: the background stays, everything else vanishes"),
     ),
     SourceEffect(
         "lisn-deviation", "path", "artificial network beyond its tolerance",
@@ -186,7 +186,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "cable-resonance", "path", "the cable between motor and networks is a line",
         "Z_in = Zc (Z_L + j Zc tan(beta l))/(Zc + j Z_L tan(beta l)), v = 2e8 m/s",
         (
-            Parameter("length_m", "m", 0.2, 40.0, "from the table's edge to a long hall"),
+            Parameter("length_m", "m", 0.2, 40.0, "from a test table to a long hall"),
             Parameter("impedance_ohm", "Ohm", 20.0, 400.0, "all wires together over ground"),
         ),
         "length_m -> 0",
@@ -196,7 +196,7 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "uniform line (textbook); the ranges are estimates",
         tuple({"length_m": float(length), "impedance_ohm": ohm} for length in np.geomspace(1.0, 16.0, 9) for ohm in (60.0, 140.0)),
         _cable,
-        ("other-cable-length", "scan again with half the cable: resonances of the cable move up, all else stays"),
+        ("other-cable-length", "scan again with half the cable: resonances of the cable move up, everything else stays"),
     ),
 )  # fmt: skip
 

@@ -31,7 +31,7 @@ BASE: tuple[tuple[Parameter, float | None], ...] = (
     (Parameter("rise_s", "s", 5e-8, 5e-6, "a segment leaves the brush"), None),
     (Parameter("floor_dbuv", "dBuV", -30.0, 12.0, "of the receiver, average; expected from noise figure and attenuator", scale="linear"), 8.0),
     (Parameter("offset_db", "dB", -4.0, 4.0, "error of the receiver", scale="linear"), 0.8),
-    (Parameter("speed_factor", "", 0.9, 1.1, "stated speed against the real one"), 0.015),
+    (Parameter("speed_factor", "", 0.9, 1.1, "true speed over the stated one"), 0.015),
     (Parameter("lisn_factor", "", 0.7, 1.4, "choke within its tolerance"), 0.08),
 )
 

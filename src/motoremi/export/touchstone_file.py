@@ -21,7 +21,7 @@ def touchstone_text(frequency_hz: FloatArray, impedance_ohm: ComplexArray, param
     with np.errstate(divide="ignore", invalid="ignore"):
         values = normalised if parameter == "Z" else (normalised - 1) / (normalised + 1)
     if not np.all(np.isfinite(values)):
-        raise BadInput("an impedance of -50 Ohm has no reflection: export it as .z1p")
+        raise BadInput("an impedance of -50 Ohm has no reflection coefficient: export it as .z1p")
     head = [f"! {comment}" for comment in comments] + (["! normalised to 50 Ohm"] if parameter == "Z" else [])
     rows = (f"{f!r} {z.real!r} {z.imag!r}" for f, z in zip(frequency_hz.tolist(), values.tolist(), strict=True))
     return "\n".join((*head, f"# HZ {parameter} RI R 50", *rows, ""))

@@ -1,1 +1,4 @@
-"""Fit and diagnosis of thousands of sessions, on local processes or a cluster, and statistics over all of them."""
+"""A fleet: all sessions below one folder, fitted and diagnosed on local processes or a cluster, with statistics over all of them.
+
+`work` analyses one session, `run` submits the sessions and stores the results, `statistics` and `page` summarise them, `fleet_frames` gives tables.
+"""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 from motoremi.fleet.run import RESULTS, stored_results
-from motoremi.fleet.statistics import together
+from motoremi.fleet.statistics import fleet_figures
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,11 +41,11 @@ def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None) -> d
     last = {str(result["session"]): result for result in stored_results(log)}
     if not last:
         raise BadInput(f"{folder}: no results of a fleet (a file {RESULTS}) in this folder")
-    return frames_of(together(last.values(), golden))
+    return frames_of(fleet_figures(last.values(), golden))
 
 
 def frames_of(figures: JsonDict) -> dict[str, pd.DataFrame]:
-    """The same from the figures that `together` gives."""
+    """The same from the figures of `fleet_figures`."""
     import pandas as pd
 
     titles = {name: _title(name, entry["unit"]) for name, entry in figures["parameters"].items()}

@@ -35,7 +35,7 @@ class _Row:
     values: dict[str, float]
 
 
-def together(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict:
+def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict:
     """The fleet's figures.
 
     Parameters

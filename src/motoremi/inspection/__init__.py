@@ -1,1 +1,4 @@
-"""What a fitted model leaves: where it fails, what any linear circuit would reach, what an element would have to be, whether the sweeps agree."""
+"""Inspection of what a fitted model leaves unexplained.
+
+Where the model fails, the best error that any linear circuit can reach, the value that an element would need, and whether both sweeps agree.
+"""

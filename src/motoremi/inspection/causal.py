@@ -1,12 +1,12 @@
-"""What the best linear, time-invariant, causal one-port reaches: a vector fit of each sweep, free of any circuit.
+"""The smallest error that a linear, time-invariant, causal one-port can reach: a vector fit of each sweep, without any circuit.
 
-It answers two questions. What could a model with the right physics reach, where the catalogue fails? And are the data those of a fixed
-linear circuit at all: drift within a sweep, sweeps put together from several runs and outliers are not, and no circuit will fit them.
-Where a circuit is known that leaves less than the vector fit, that one has failed, and nothing is shown.
+It answers two questions. Which error could a model with the right physics reach where the catalogue fails? And can the data come from a
+fixed linear circuit at all? Drift within a sweep, sweeps joined from several runs and outliers cannot, and no circuit will fit them.
+If a known circuit has a smaller error than the vector fit, the vector fit has failed and proves nothing.
 
-Lin-KK tools answer the second question wrongly for motors: their R-C chains have real poles only. The fit is made on the reflection
-coefficient S = (Z - z0) / (Z + z0), which is bounded by 1 for whatever is passive; scikit-rf's vector fitting finds the poles, and a
-least-squares polish brings the weights that the noise asks for. Orders are compared by BIC.
+Lin-KK tools answer the second question wrongly for motors, because their R-C chains have real poles only. The fit is made on the reflection
+coefficient S = (Z - z0) / (Z + z0), whose magnitude is at most 1 for a passive part; scikit-rf's vector fitting finds the poles, and a
+least-squares fit then weights the points by their noise. Orders are compared by BIC.
 """
 
 from __future__ import annotations
@@ -32,31 +32,31 @@ from motoremi.threads import one_blas_thread
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
 MOST_PAIRS = 12
 MOST_POLES = 2 * MOST_PAIRS + 1
-# Points of a sweep that are used: more add nothing to what 25 poles can draw.
+# Largest number of points of a sweep that are used: a model with 25 poles does not gain from more.
 POINTS = 401
 # Orders that may fail to improve in a row before the search ends.
 PATIENCE = 2
 # Chi-squared per degree of freedom beyond which the data are not those of a fixed linear circuit. Noise from three repeats is known to
-# about 10 %, so its square to 20 %; what the analyser may add of smooth errors is marginalised.
+# about 10 %, so its square to 20 %; smooth errors of the analyser are marginalised.
 NOT_CAUSAL = 1.6
 # Poles lie within a factor exp(20) of the sweep's middle: nine decades either way.
 FARTHEST = 20.0
-# Half width of the narrowest resonance in steps between points: what is narrower cannot be told from an outlier.
+# Half width of the narrowest resonance in steps between points: a narrower one cannot be distinguished from an outlier.
 NARROWEST = 0.5
-# Resonances narrower than this are looked at again without the point at their top.
+# Narrower resonances than this, in the same steps, may be outliers: the fit is repeated without the point at their top.
 SUSPECT = 1.5
-# Where a causal model leaves less than this share of what the closest circuit leaves, physics is most of what is missing, whatever the small rest
-# is: a single sweep's noise is only guessed from its scatter.
+# If the error of the causal model is below this share of the closest circuit's error, the circuit lacks physics, even if the causal model does
+# not reach the noise: the noise of a single sweep is only estimated from its scatter.
 SMALL_REST = 0.5
 # Width in points of the window in which a remainder is located, and the multiple of the noise's variance that it must exceed there:
 # the mean over 9 complex points scatters by a third, and noise alone exceeds this in about one of 1000 sweeps of 400 points.
 WINDOW = 9
 REMAINDER = 3.5
-# Standard uncertainties by which a resistance may come out negative.
+# Number of standard uncertainties by which a resistance may be negative in a passive model.
 NEGATIVE = 4.0
-# A single point so many standard deviations off is an outlier, not noise: one chance in 1e9 for Gaussian noise and 1000 points.
+# A single point that deviates by this many standard deviations is an outlier, not noise: one chance in 1e9 for Gaussian noise and 1000 points.
 OUTLIER = 7.0
-# More of them than this share of the points are no outliers.
+# If more than this share of the points deviate that much, they do not count as outliers.
 MOST_OUTLIERS = 0.05
 
 
@@ -111,8 +111,8 @@ class CausalModel:
         return self.chi2_reduced < NOT_CAUSAL and not self.outliers_hz
 
     @property
-    def wants_poles(self) -> bool:
-        """Whether the search ended for want of poles, which shows nothing: a machine may have more resonances than that."""
+    def ended_at_most_poles(self) -> bool:
+        """Whether the search ended at the largest number of poles, which proves nothing: a machine may have more resonances."""
         return self.order >= MOST_POLES
 
     @property
@@ -127,7 +127,7 @@ class CausalModel:
         return self.reference_ohm * (1 + reflection) / (1 - reflection)
 
     def resonances(self) -> list[tuple[complex, complex]]:
-        """Poles of the impedance in the upper half plane, in 1/s, and their residues, in ohm/s: where S is one."""
+        """Poles of the impedance in the upper half plane, in 1/s, and their residues, in ohm/s: the solutions of S = 1."""
         poles = np.concatenate([self.poles, self.poles[self.poles.imag > 0].conj()])
         residues = np.concatenate([self.residues, self.residues[self.poles.imag > 0].conj()])
         own = np.linalg.eigvals(np.diag(poles) + np.outer(np.ones_like(poles), residues) / (1 - self.constant))
@@ -150,14 +150,14 @@ class CausalModel:
 
 @dataclass(frozen=True, eq=False)
 class CausalCheck:
-    """Whether sweeps are those of fixed linear circuits, and what such circuits reach. Immutable.
+    """Whether the sweeps can come from fixed linear circuits, and the error that such circuits reach. Immutable.
 
     Parameters
     ----------
     models : dict
         Termination -> CausalModel.
     reached : dict
-        Termination -> what a circuit leaves that is known already, in multiples of the noise. A causal model that leaves more shows nothing.
+        Termination -> error of the best circuit known so far, in multiples of the noise. A causal model with a larger error proves nothing.
     """
 
     models: dict[str, CausalModel]
@@ -170,14 +170,14 @@ class CausalCheck:
 
     @property
     def disproved(self) -> bool:
-        """Whether it is shown of a sweep that no fixed linear circuit explains it."""
+        """Whether no fixed linear circuit can explain at least one of the sweeps."""
         return any(self._disproves(termination) for termination in self.models)
 
     def _disproves(self, termination: str) -> bool:
         model = self.models[termination]
         reached = self.reached.get(termination)
         in_question = reached is None or SMALL_REST * reached < model.noise_multiple < reached
-        return not model.describes_the_data and (model.only_outliers or (in_question and not model.wants_poles))
+        return not model.describes_the_data and (model.only_outliers or (in_question and not model.ended_at_most_poles))
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -215,7 +215,7 @@ def _trouble(model: CausalModel) -> str:
         return f"the {model.termination} sweep has outliers at {where}: measure it again or take these points out"
     spans = ", ".join(show_band(*span) for span in model.remainder_hz[:3]) or "the whole sweep"
     return (
-        f"no fixed linear circuit of up to {MOST_POLES} poles gives the {model.termination} sweep (best causal model: error "
+        f"no fixed linear circuit of up to {MOST_POLES} poles describes the {model.termination} sweep (best causal model: error "
         f"{model.rms_error_percent:.2g} %, chi2_reduced {model.chi2_reduced:.3g}, worst in {spans}): look for drift during the sweep, "
         "a range switch, sweeps put together from several runs, or outliers before looking for physics"
     )
@@ -244,7 +244,7 @@ def check_causality(measurement: Measurement, reached: Mapping[str, float] | Non
     ----------
     measurement : Measurement
     reached : mapping, optional
-        Termination -> what a circuit leaves that is known already, in multiples of the noise.
+        Termination -> error of the best circuit known so far, in multiples of the noise.
 
     Returns
     -------
@@ -264,7 +264,8 @@ def alone(measurement: Measurement, termination: str) -> Measurement:
 class _Task:
     """One sweep as a least-squares problem in S, frequencies in units of their geometric mean.
 
-    Noise and analyser take `taken` away of what lies along the orthonormal `directions`, shape (n, q).
+    Correlated noise and the analyser's errors lie along the orthonormal `directions`, shape (n, q); whitening removes the share `taken` of a
+    residual along each of them.
     """
 
     s: ComplexArray
@@ -274,11 +275,11 @@ class _Task:
     taken: FloatArray
 
     def subset(self, keep: BoolArray) -> _Task:
-        """Some of the points; a few points less leave the directions as good as orthogonal."""
+        """The problem with some of its points; without a few of them the directions remain nearly orthogonal."""
         return _Task(self.s[keep], self.reflection[keep], self.weight[keep], self.directions[keep], self.taken)
 
     def whitened(self, columns: ComplexArray) -> ComplexArray:
-        """Weighted, and freed of what noise that is correlated and the analyser's smooth errors may explain; shape (n, ...)."""
+        """Columns weighted by the noise, without the part that correlated noise and the analyser's smooth errors explain; shape (n, ...)."""
         weighted = (columns.T * self.weight).T
         along = self.directions.conj().T @ weighted
         return weighted - self.directions @ (along.T * self.taken).T
@@ -299,7 +300,8 @@ def _fitted(measurement: Measurement) -> CausalModel:
     score, poles, coefficients = _best_order(task, unit, reference)
     suspects = _narrow(task, poles)
     if suspects.any():
-        # A resonance as narrow as the step between points may be a single bad one: is the rest simpler without it, at two numbers a point?
+        # A resonance as narrow as the step between points may be a single bad point: it is left out if that lowers the BIC, in which a point left
+        # out counts as two parameters.
         left_out, fewer, without = _best_order(task.subset(~suspects), unit, reference)
         if left_out + 2 * np.count_nonzero(suspects) * np.log(2 * s.size) < score:
             poles, coefficients = fewer, without
@@ -308,7 +310,7 @@ def _fitted(measurement: Measurement) -> CausalModel:
     modelled = constant + _columns(task.s, poles) @ coefficients[:-1]
     white = task.whitened(reflection - modelled)
     deviation = np.log(measured * (1 - modelled) / (reference * (1 + modelled)))
-    # What the analyser most likely contributes is no error of the model.
+    # The most likely error of the analyser does not count as an error of the model.
     errors = seen.columns.analyser * AS_DECLARED.declared
     weighted = deviation / sweep.sigma
     pulled = weighted - directions @ (shares * (directions.conj().T @ weighted))
@@ -368,7 +370,7 @@ def _best_order(task: _Task, unit: float, reference: float) -> tuple[float, Comp
 
 
 def _one_more_pair(task: _Task, poles: ComplexArray, coefficients: FloatArray) -> ComplexArray:
-    """Poles with another pair where most is left."""
+    """Poles with another pair at the frequency with the largest remaining error."""
     white = task.whitened(task.reflection - coefficients[-1] - _columns(task.s, poles) @ coefficients[:-1])
     top = task.s[int(np.argmax(smoothed(white)))].imag
     return np.append(poles, complex(-0.1 * top, top))
@@ -388,7 +390,7 @@ def _vector_fitted(task: _Task, unit: float, reference: float, pairs: int) -> Co
     fitting: Any = VectorFitting(network)
     fitting.max_iterations = 12
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # It warns of iterations that did not settle and of fits that are not passive; both are judged here, after the polish.
+        # Its warnings (no convergence, not passive) are ignored: both are checked here, after the least-squares fit.
         warnings.simplefilter("ignore")
         fitting.vector_fit(n_poles_real=1, n_poles_cmplx=pairs, init_pole_spacing="log", fit_constant=True, fit_proportional=False)
     return np.asarray(fitting.poles, dtype=np.complex128) / unit
@@ -469,7 +471,7 @@ def _polished(task: _Task, start: ComplexArray) -> tuple[ComplexArray, FloatArra
             after += 1
         white = task.whitened(slopes)
         parts = np.concatenate([white.real, white.imag])
-        # Kaufman: what the linear coefficients can follow does not count.
+        # Kaufman's approximation: only the part of a slope that the linear coefficients cannot follow.
         return q @ (q.T @ parts) - parts
 
     u = np.concatenate([widths, heights])

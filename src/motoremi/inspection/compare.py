@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-# The bands of the paper's discussion; what a sweep covers beyond them gets bands of its own.
+# The bands of the paper's discussion; frequencies of a sweep outside of them get additional bands.
 BAND_EDGES_HZ = (150e3, 500e3, 5e6, 20e6, 30e6)
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What the model's error may be, at every point; None is not judged.
+    """Largest allowed error of the model at every point; what is None is not judged.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Curve:
 
     @property
     def significant(self) -> BoolArray:
-        """Where the error exceeds what the measurement itself may be wrong by."""
+        """Where the error exceeds the uncertainty of the measurement."""
         return self.error_percent > self.uncertainty_percent
 
 
@@ -171,7 +171,7 @@ class Comparison:
 
 
 def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:
-    """Hold a fitted model against its measurement.
+    """Compare a fitted model with its measurement.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def _where(curves: dict[str, Curve], most: int = 4) -> Sequence[JsonDict]:
     found: list[JsonDict] = []
     for sweep, curve in curves.items():
         squared = np.where(curve.significant, curve.error_percent, 0.0) ** 2
-        # A span is a hill of the error smoothed over a fiftieth of the sweep, down to a tenth of its top.
+        # A span is a maximum of the error, smoothed over a fiftieth of the sweep, with its flanks down to a tenth of the maximum.
         smooth = gaussian_filter1d(squared, max(1.0, len(squared) / 50))
         left = smooth.copy()
         for _ in range(most):

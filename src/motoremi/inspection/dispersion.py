@@ -1,7 +1,7 @@
 """Which simple law a dispersive value over frequency follows: constant, relaxation, diffusion, resonance, leakage, constant angle.
 
-The laws are those of the catalogue, so that a person who sees one in a curve knows what to add, and a few that materials follow and no
-effect has. All are written for a complex inductance Z/s, a complex capacitance Y/s or an impedance, so that one law serves an element of
+The laws are those of the catalogue, so that a law found in a curve says which effect to add, and a few that materials follow but no effect
+of the catalogue has. All are written for a complex inductance Z/s, a complex capacitance Y/s or an impedance, so that one law serves an element of
 the circuit and, with permeability and permittivity in place of L and C, a material.
 """
 
@@ -23,13 +23,13 @@ from motoremi.model.effects import catalogue
 # (s, size, parameters) -> complex value over s
 Shape: TypeAlias = Callable[..., ComplexArray]
 TWO_PI = 2 * np.pi
-# Corner frequencies are sought this far beyond the sweep.
+# Corner frequencies are sought up to this factor beyond the sweep.
 BEYOND = 30.0
-# A law describes a curve if it leaves less than this of the squared uncertainty: the model's other elements are off a little as well.
+# A law describes a curve if its chi2_reduced is below this: above 1, because the model's other elements are not exact either.
 DESCRIBES = 9.0
-# A constant that leaves less than this is good enough, whatever a law with more parameters gains.
+# A constant with a chi2_reduced below this is accepted, even if a law with more parameters fits better.
 CONSTANT_ENOUGH = 1.5
-# BIC by which a law has to beat a constant to be named: odds of 150 to 1.
+# Difference in BIC by which a law has to be better than a constant to be named: odds of 150 to 1.
 TOLD = 10.0
 
 
@@ -47,7 +47,7 @@ class DispersiveLaw:
     starts : mapping
         Own parameter -> start values; `*span` stands for a few frequencies over the sweep.
     kinds : tuple of str
-        What an effect of the catalogue that has this law is `seen_as`; several where it takes one of each.
+        What an effect of the catalogue that has this law is `seen_as`; several if one of each is needed.
     """
 
     name: str
@@ -58,7 +58,7 @@ class DispersiveLaw:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects of the catalogue that have this law; `one + other` where it takes both."""
+        """Effects of the catalogue that have this law; `one + other` where both are needed."""
         names = [[effect.name for effect in catalogue() if kind in effect.seen_as] for kind in self.kinds]
         return tuple(" + ".join(one) for one in itertools.product(*names)) if names else ()
 
@@ -106,7 +106,7 @@ def _leaking_debye(s: ComplexArray, size: float, leak_hz: float, strength: float
 
 
 def _leaking_diffusion(s: ComplexArray, size: float, leak_hz: float, corner_hz: float) -> ComplexArray:
-    """A conducting sheet in which the field is pushed out: both parts of the admittance fall together."""
+    """A conducting sheet whose field is confined to the surface at high frequencies: both parts of the admittance decrease together."""
     value = materials.lamination_factor(s, 1.0, corner_hz)[0]
     return (size + size * TWO_PI * leak_hz / s) * value
 
@@ -207,7 +207,7 @@ FILM = DispersiveLaw("film, R parallel C", "R + R1 / (1 + s/w)", _film, {"resist
 LEAD = DispersiveLaw("an inductance in series", "R + s L", _with_inductance, {"inductance_h": (1e-8, 1e-6)}, ("series-inductance",))
 CELL = DispersiveLaw("resonance", "R / (1 + Q (s/w + w/s))", _cell, {"resonance_hz": "*span", "quality": (1.0, 10.0)}, ("cell",))
 
-# What an element or a part may look like, by its unit: henry for Z/s, farad for Y/s, ohm for an impedance.
+# Laws that an element or a part may follow, by its unit: henry for Z/s, farad for Y/s, ohm for an impedance.
 BY_UNIT: Mapping[str, tuple[DispersiveLaw, ...]] = {
     "H": (CONSTANT, RELAXATION, DIFFUSION, SHUNT_RESISTANCE, COUPLED_RESONANCE),
     "F": (CONSTANT, CONSTANT_ANGLE, LEAKAGE, COLE_COLE),
@@ -217,7 +217,7 @@ BY_UNIT: Mapping[str, tuple[DispersiveLaw, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class DispersionFit:
-    """A law held against a curve.
+    """A law fitted to a curve.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def _starts(law: DispersiveLaw, frequency_hz: FloatArray, value: ComplexArray) -
     return [np.log(np.array(start)) for start in zip(*(grid.ravel() for grid in grids), strict=True)]
 
 
-# Ranges that a law needs to stay what it is; all others are free.
+# Ranges outside of which a law would become another one; all other parameters are not limited.
 _RANGES: Mapping[str, tuple[float, float]] = {
     "share": (1e-6, 1.0),
     "coupling": (1e-6, 1.0),

@@ -1,4 +1,4 @@
-"""How an effect would show on a user's own motor: the change of both sweeps, and what is left of it once the elements have adapted."""
+"""The signature of an effect on a given motor: the change of both sweeps, and the part that remains after the elements are fitted again."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Shown:
     parameters : dict
         By short name, SI units.
     change, remaining : dict
-        Termination -> ln of the impedance with the effect over that without, complex, shape (n,); remaining is what the elements cannot
-        take over by adapting (to first order).
+        Termination -> ln of the impedance with the effect over that without, complex, shape (n,); `remaining` is the part that a new fit of
+        the elements cannot absorb (to first order).
     """
 
     parameters: dict[str, float]
@@ -50,7 +50,7 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """How an effect would show on a motor. Immutable.
+    """The signature of an effect on a motor. Immutable.
 
     Parameters
     ----------
@@ -90,19 +90,19 @@ _DB = 20 / np.log(10)
 
 @one_blas_thread
 def signature(fit: Fit, effect: str) -> Signature:
-    """How an effect would show on the motor of a fit.
+    """The signature of an effect on the motor of a fit.
 
     Parameters
     ----------
     fit : Fit
-        Its parameters are the motor's; the effect need not be in it.
+        Gives the motor's parameters; the effect need not be in its model.
     effect : str
         `name` or `name@element`.
 
     Raises
     ------
     BadInput
-        If none of the fit's sweeps would show it.
+        If the effect changes none of the fit's sweeps.
     """
     found = find_effect(effect)
     inside = found.identifier in fit.effects
@@ -111,7 +111,7 @@ def signature(fit: Fit, effect: str) -> Signature:
     own = [p for p in motor.parameters if p.name.startswith(f"{label}.")]
     problem = Problem(motor, fit.measurement, fit.bounds, fit.held)
     if not {p.name for p in own} & {p.name for p in problem.everything}:
-        raise BadInput(f"none of the sweeps would show {effect}: measure the other termination too")
+        raise BadInput(f"{effect} changes none of these sweeps: measure the other termination too")
     sizes = (
         [{p.name: fit.parameters[p.name] for p in own}]
         if inside
@@ -153,7 +153,7 @@ def _impedance(problem: Problem, values: Mapping[str, float]) -> dict[str, Compl
 
 
 def _remaining(fit: Fit, change: Mapping[str, ComplexArray]) -> dict[str, ComplexArray]:
-    """The change less what the fit's parameters can take over, by least squares weighed as the fit weighs."""
+    """The change without the part that the fit's parameters can absorb, by least squares with the weights of the fit."""
     problem = fit.problem
     joined = np.concatenate([change[t] for t in problem.observed.slices]) * problem.observed.weight
     wanted = np.concatenate([joined.real, joined.imag])

@@ -1,9 +1,9 @@
-"""What one element would have to be, at each frequency, for the model to be exact.
+"""The value that one element would need at each frequency for the model to be exact.
 
 The impedance of a one-port depends on the impedance x of any one of its parts as Z(x) = (a + b x) / (c + d x) (bilinear theorem): three
 probes give the coefficients, and Z(x) = measured is solved for x. Where a part occurs more than once (along a line) this is the step of an
 iteration. An element means the element with all effects on it: `La` with laminations is the whole dispersive inductance. The model's other
-elements take the values that they have once this one is free (see `free`).
+elements take the values that they have when this one is free (see `free_element`).
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from motoremi.threads import one_blas_thread
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Beyond this relative standard uncertainty a point says nothing on the element.
+# A point with a larger relative standard uncertainty than this says nothing about the element.
 KNOWN = 0.5
-# Iterations for a part that occurs more than once, and what counts as solved.
+# Iterations for a part that occurs more than once, and the tolerance of the solution.
 ITERATIONS = 8
 SOLVED = 1e-7
 UNITS = {"R": "Ohm", "L": "H", "C": "F"}
-# Fewest points that a law is sought in.
+# Smallest number of known points to which laws are fitted.
 FEWEST_POINTS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class ElementCurve:
-    """An element as one sweep wants it, shape (n,) each.
+    """An element as one sweep requires it, shape (n,) each.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class ElementCurve:
         Standard uncertainty of the real and of the imaginary part, relative to the magnitude: noise, the analyser's specification, and how
         well the other elements are known. Infinite where no value makes the model exact.
     model : ndarray
-        What the fitted model has.
+        The value in the fitted model.
     """
 
     termination: str
@@ -67,7 +67,7 @@ class ElementCurve:
 
     @property
     def known(self) -> BoolArray:
-        """Points at which the sweep says anything on the element."""
+        """Points at which the sweep determines the element."""
         return self.sigma_relative < KNOWN
 
     def to_dict(self) -> JsonDict:
@@ -91,7 +91,7 @@ class ElementCurve:
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """What an element would have to be for the model to be exact. Immutable.
+    """The value that an element would need for the model to be exact. Immutable.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ class Inspection:
 
     @property
     def readings(self) -> dict[str, str]:
-        """Termination -> what the curve looks like, in words."""
+        """Termination -> the law that the curve follows, in words."""
         return {curve.termination: self._reading(curve) for curve in self.curves}
 
     def _reading(self, curve: ElementCurve) -> str:
         known = curve.known
         if not known.any():
-            return f"says nothing on {self.element}: the uncertainty is above {100 * KNOWN:.0f} % everywhere"
+            return f"says nothing about {self.element}: the uncertainty is above {100 * KNOWN:.0f} % everywhere"
         tried = self.laws.get(curve.termination, [])
         if not tried:
             return "no law was tried on it"
@@ -192,7 +192,7 @@ def _unit_of(name: str) -> str:
 
 @one_blas_thread
 def inspect(fit: Fit, element: str) -> Inspection:
-    """What an element would have to be, at each frequency, for the model to be exact.
+    """The value that an element would need at each frequency for the model to be exact.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def inspect(fit: Fit, element: str) -> Inspection:
     Raises
     ------
     BadInput
-        For an unknown element, one that no sweep depends on, or an effect that is no single part of the circuit.
+        For an unknown element, one that no sweep depends on, or an effect that is not a single part of the circuit.
     """
     names = (*ELEMENTS, *_labels(fit.effects))
     if element not in names:
@@ -290,7 +290,7 @@ def _part_target(fit: Fit, effect: str, termination: str) -> _Target | None:
     if len(parts) + len(wraps) == 0:
         return None
     if len(parts) + len(wraps) > 1:
-        raise BadInput(f"{effect} is no single part of the circuit: inspect an element of it ({', '.join(ELEMENTS)})")
+        raise BadInput(f"{effect} is not a single part of the circuit: inspect an element instead ({', '.join(ELEMENTS)})")
     if not parts:
         wrap = wraps[0]
         assert isinstance(wrap, Wrapped)

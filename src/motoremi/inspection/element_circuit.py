@@ -1,4 +1,4 @@
-"""Parts of a motor's circuit: an element with all that effects have made of it, and putting another in its place."""
+"""Parts of a motor's circuit: an element with all effects on it, and its replacement by another part."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ELEMENTS = tuple(p.name for p in BASE_PARAMETERS)
 
 
 def whole_element(motor: Motor, name: str) -> Node:
-    """The element with every effect on it: the outermost part that holds nothing of the paper's circuit but this element."""
+    """The element with every effect on it: the outermost part that contains no other element of the paper's circuit."""
     others = {p for p in ELEMENTS if p != name}
 
     def this_alone(node: Node) -> bool:
@@ -39,7 +39,7 @@ def outermost(node: Node, prefix: str) -> list[Node]:
 
 
 def distinct(nodes: Sequence[Node]) -> list[Node]:
-    """Each node once: one element may stand in several places."""
+    """Each node once: one element may occur in several places."""
     return [node for index, node in enumerate(nodes) if node not in nodes[:index]]
 
 

@@ -1,4 +1,7 @@
-"""A model with one element free to vary over frequency, refitted: what the others are when they need not make up for what it lacks."""
+"""A model in which one element may vary over frequency, fitted again.
+
+The other elements then have the values that they have when they need not compensate for a law that this one lacks.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +22,20 @@ from motoremi.model.circuit import Scaled
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
-# A free element is a sum of so many relaxations; strengths have this standard deviation (resistances grow a great deal).
+# A free element is a sum of this many relaxations. Their strengths have these prior standard deviations; a resistance may grow by far.
 CORNERS = 9
 STRENGTH = {"R": 3.0, "L": 0.3, "C": 0.3}
 SEARCH_POINTS = 120
 GLANCE_POINTS, GLANCE_STEPS = 60, 30
-# A discrepancy that is no matter of noise.
+# Discrepancy above which the remaining error is far above the noise.
 MUCH = 1e-3
 
 
 def with_free(fit: Fit, element: str) -> Fit:
-    """The model refitted with one element free to vary, so that the others need not make up for what it lacks.
+    """The model fitted again with one element that may vary over frequency.
 
-    Its value becomes a sum of relaxations with fixed corners, which any law without a resonance is; where that leaves something, a
-    resonance at any frequency joins them. Strengths have a wide prior round zero.
+    Its value becomes a sum of relaxations with fixed corner frequencies, which approximates any law without a resonance. If an error remains,
+    a resonance at any frequency is added. Strengths have a wide prior about zero.
     """
     own = {**fit.parameters, **fit.nuisance}
     smooth = _freed(fit, element, False, [{**own, **base} for base in base_starts(own, fit.measurement, few=False)])
@@ -41,10 +44,11 @@ def with_free(fit: Fit, element: str) -> Fit:
     return max(smooth, _freed(fit, element, True, [_resonating(fit, element)]), key=lambda found: found.log_evidence)
 
 
-def promise(fit: Fit, element: str) -> float:
-    """The objective that a look at the model with one element free to vary smoothly ends at: a few steps on a few points.
+def roughly_freed(fit: Fit, element: str) -> float:
+    """The objective after a few steps on a few points with one element that may vary smoothly: an estimate of what freeing it would gain.
 
-    Where much is left every point counts alike; else the likelihood tells, without a discrepancy, which would take what the element would.
+    If the error is large, every point has the same weight. Otherwise the objective is the likelihood without a discrepancy, which would absorb
+    what the free element is to describe.
     """
     task = _free_task(fit, element, False)
     problem = task.thinned(GLANCE_POINTS) if fit.sizes.discrepancy >= MUCH else task.likelihood(GLANCE_POINTS)
@@ -55,7 +59,7 @@ def promise(fit: Fit, element: str) -> float:
 
 def _freed(fit: Fit, element: str, resonant: bool, starts: Sequence[Mapping[str, float]]) -> Fit:
     task = _free_task(fit, element, resonant)
-    # Without a discrepancy, which would take what the element would.
+    # Without a discrepancy, which would absorb what the free element is to describe.
     thinned = task.likelihood(SEARCH_POINTS)
     near = polish(thinned, thinned.vectors(starts), iterations=80)
     solution = arrived_on_all(task, [thinned.named(row) for row in near.distinct(2)])
@@ -80,7 +84,7 @@ def _resonance(frequency_hz: FloatArray) -> list[Parameter]:
 
 
 def _resonating(fit: Fit, element: str) -> dict[str, float]:
-    """Values of all elements with a resonance in one, sought from a grid over the sweep."""
+    """Values of all elements with a resonance added to one, sought from a grid of start values over the sweep."""
     frequency = fit.problem.observed.frequency_hz
     motor = _scaled(fit.motor, element, np.array([]), _resonance(frequency))
     own = {**fit.parameters, **fit.search_parameters}
@@ -98,9 +102,9 @@ def _scaled(motor: Motor, element: str, corners_hz: FloatArray, parameters: Sequ
 
 
 def _free_law(kind: str, corners: FloatArray, resonant: bool) -> laws.Law:
-    """1 + sum of a / (1 + s/w), and b s^2 / (s^2 + s w/Q + w^2).
+    """The factor 1 + sum of a / (1 + s/w), with a resonance also + b s^2 / (s^2 + s w/Q + w^2).
 
-    Inverted for a capacitance, whose impedance it scales; with rising relaxations for a resistance.
+    For a capacitance its reciprocal scales the impedance; for a resistance the relaxations increase with frequency.
     """
 
     def law(s: ComplexArray, *own: FloatArray) -> laws.ValueAndSlopes:
@@ -110,7 +114,7 @@ def _free_law(kind: str, corners: FloatArray, resonant: bool) -> laws.Law:
         total = 1 + sum(a * slope for a, slope in zip(own, slopes, strict=False))
         if resonant:
             strength, resonance_hz, quality = own[corners.size :]
-            # The law of a coupled winding in the square of its coupling, which may have either sign here.
+            # The law of a coupled winding, in which the strength stands for the squared coupling and may be negative.
             value, (_, by_resonance, by_quality) = laws.coupled_winding_factor(s, 1.0, resonance_hz, quality)
             total = total + strength * (1 - value)
             slopes += [1 - value, -strength * by_resonance, -strength * by_quality]

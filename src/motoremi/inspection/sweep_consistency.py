@@ -1,7 +1,7 @@
-"""Whether the two sweeps can be of one motor: each is fitted alone, then asked to predict the other.
+"""Whether the two sweeps can be of one motor: each is fitted alone, and the winding's elements of both fits are compared.
 
-Both sweeps hold the winding. If each fits alone but the two do not fit together, they disagree on it: they are of different motors, of
-different terminals, or of one motor that changed between them.
+The winding is part of both sweeps. If each sweep can be fitted alone but not both together, they disagree on the winding: they are of
+different motors, of different terminals, or of one motor that changed between them.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from motoremi.quantities import show
 from motoremi.workers import Map
 
 Value = TypeVar("Value")
-# All start values of the open sweep alone to their ends, each its own model, since each may take another resonance for the winding's.
+# For the open-circuit sweep alone every start value is followed to its own solution, because each may attribute another resonance to the winding.
 EACH = Rounds((Round(80, 40, 1, ALL),), ALL, 80)
 WINDING = ("Ra", "La", "Ca")
-# Standard deviations by which two values have to differ to be called different.
+# Number of standard deviations beyond which two values count as different.
 DIFFERENT = 5.0
 # Inductance hardly depends on temperature, capacitance does: beyond these relative changes it is another winding, not a warmer one.
 ANOTHER_WINDING: Mapping[str, float] = {"La": 0.02, "Ca": 0.1}
@@ -39,7 +39,7 @@ ANOTHER_WINDING: Mapping[str, float] = {"La": 0.02, "Ca": 0.1}
 
 @dataclass(frozen=True, eq=False)
 class Disagreement:
-    """An element as each sweep alone sees it, SI units."""
+    """An element with its value in the fit of each sweep alone, SI units."""
 
     element: str
     unit: str
@@ -57,15 +57,15 @@ class Disagreement:
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
-    """Whether two sweeps belong together. Immutable.
+class SweepConsistency:
+    """Whether two sweeps can be of one motor. Immutable.
 
     Parameters
     ----------
     alone : dict
-        Termination -> fit of that sweep alone; without the open one where the short one does not fit.
+        Termination -> fit of that sweep alone; without the open-circuit sweep if the short-circuit sweep cannot be fitted.
     fits_alone : dict
-        Termination -> whether that fit leaves nothing to explain; likewise.
+        Termination -> whether that fit describes the sweep; the same terminations.
     fits_together : bool
     disagreements : tuple of Disagreement
         Winding elements on which the sweeps differ beyond their error bars, largest change first.
@@ -78,12 +78,12 @@ class Together:
 
     @property
     def belong(self) -> bool:
-        """False if each sweep fits alone but the two do not fit together: nothing is missing in the circuit, the sweeps disagree."""
+        """False if each sweep can be fitted alone but not both together: the circuit lacks nothing, the sweeps disagree."""
         return self.fits_together or not all(self.fits_alone.values()) or not self.disagreements
 
     @property
     def other_winding(self) -> bool:
-        """Whether the difference is too large for one winding that only warmed up."""
+        """Whether the difference is too large for one winding at two temperatures."""
         return any(abs(d.change) > ANOTHER_WINDING.get(d.element, np.inf) for d in self.disagreements)
 
     @property
@@ -116,8 +116,8 @@ class Together:
         return self.sentence
 
 
-def check_together(both: Fit, each: Map = map) -> Together | None:
-    """Fit each sweep alone with the model of a fit, and hold the two against each other.
+def check_sweep_consistency(both: Fit, each: Map = map) -> SweepConsistency | None:
+    """Fit each sweep alone with the model of a fit, and compare the two results.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def check_together(both: Fit, each: Map = map) -> Together | None:
 
     Returns
     -------
-    Together or None
+    SweepConsistency or None
         None if there is only one sweep.
     """
     measurement = both.measurement
@@ -136,10 +136,10 @@ def check_together(both: Fit, each: Map = map) -> Together | None:
         return None
     short = _short_alone(both)
     if not short.explained:
-        # Whatever the other does alone, which takes long to find out, the model lacks something.
-        return Together({"short": short}, {"short": False}, both.explained, ())
+        # The model lacks something, whatever the fit of the other sweep alone would show; that fit would take long.
+        return SweepConsistency({"short": short}, {"short": False}, both.explained, ())
     open_ = _open_alone(both, each)
-    return Together({"short": short, "open": open_}, {"short": True, "open": open_.explained}, both.explained, _disagreements(short, open_))
+    return SweepConsistency({"short": short, "open": open_}, {"short": True, "open": open_.explained}, both.explained, _disagreements(short, open_))
 
 
 def _short_alone(both: Fit) -> Fit:
@@ -148,16 +148,17 @@ def _short_alone(both: Fit) -> Fit:
 
 
 def _open_alone(both: Fit, each: Map) -> Fit:
-    """The open sweep alone, each of its resonances taken for the winding's in turn; of those that fit, the nearest to the joint fit.
+    """The fit of the open-circuit sweep alone: each of its resonances is attributed to the winding in turn.
 
-    The circuit's two resonances may change places in this sweep, so one good fit says nothing on which is the winding's.
+    Of the solutions that describe the sweep, the one nearest to the joint fit is returned: in this sweep the circuit's two resonances can be
+    exchanged, so one good solution alone does not show which of them is the winding's.
     """
     measurement = alone(both.measurement, "open")
     task = Task(both.motor, measurement, both.bounds, both.held)
     starts = [{**both.parameters}]
     for winding in _windings(check_causality(measurement).models["open"]):
         starts += [{**both.parameters, **start} for start in _with_frames(winding, measurement)]
-    # Alone, more or less may be left than in both: how much is not known.
+    # The discrepancy of the joint fit does not apply to one sweep alone: the search begins with default sizes.
     trails = {index: Trail(task, [start], 1, Sizes(1.0, 1.0)) for index, start in enumerate(starts)}
     found = race(trails, EACH, each=each).solutions
     fits = list(each(on_all_points, [(trails[index], solution, both) for index, solution in found.items()]))
@@ -179,7 +180,7 @@ def _windings(model: CausalModel) -> list[dict[str, float]]:
 
 
 def _with_frames(winding: dict[str, float], measurement: Measurement) -> list[Mapping[str, float]]:
-    """Start values of all elements: the frame's from what the sweep leaves of such a winding."""
+    """Start values of all elements: those of the path to the frame are computed from the sweep without such a winding."""
     motor, sweep = dc_motor(), measurement.coarse.sweeps[0]
     frequency = sweep.frequency_hz
     names = [p.name for p in motor.parameters if p.name in winding]
@@ -206,7 +207,7 @@ def _disagreements(short: Fit, open_: Fit) -> tuple[Disagreement, ...]:
 
 
 def _sigma(fit: Fit, name: str) -> float:
-    """Of a winding's element, as if nothing had moved and this were the winding's resonance: that is what is in question."""
+    """Standard deviation of a winding's element from the local covariance, without the alternative that the resonances are exchanged."""
     names = [parameter.name for parameter in fit.problem.unknowns]
     if name not in names:  # held
         return 0.0

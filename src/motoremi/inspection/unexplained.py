@@ -1,7 +1,7 @@
-"""What to say where nothing in the catalogue explains the data: how far any linear circuit would get, where it is left over, where to look.
+"""Findings for data that nothing in the catalogue explains: the best error of any linear circuit, where an error remains, what to check.
 
-Three findings, in the order in which they matter: the data are not those of a fixed linear circuit (look at the measurement), the two
-sweeps fit alone but not together (look at the files), or physics is missing (look at the element whose freedom would help most).
+Three findings, the most important first: the data do not come from a fixed linear circuit (check the measurement); each sweep can be fitted
+alone but not both together (check the files); or physics is missing (inspect the element that, free to vary, would lower the error most).
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from motoremi.fitting.result import Fit
 from motoremi.inspection.causal import MOST_POLES, CausalCheck, check_causality, smoothed
 from motoremi.inspection.compare import spans_of
 from motoremi.inspection.element_circuit import ELEMENTS
-from motoremi.inspection.free_element import promise
-from motoremi.inspection.sweep_consistency import Together, check_together
+from motoremi.inspection.free_element import roughly_freed
+from motoremi.inspection.sweep_consistency import SweepConsistency, check_sweep_consistency
 from motoremi.quantities import show_band
 from motoremi.workers import Map
 
-# Mean variance of whitened residuals, in a window of a few points, beyond which something is left over.
+# Mean variance of whitened residuals, in a window of a few points, above which an error remains.
 LEFT_OVER = 3.0
-# Nor is anything left over where there is less than this share of what there is at most: elements that make up for it bend the rest a little.
+# Variances below this share of the largest one are ignored: the elements compensate for the missing effect and cause small errors elsewhere.
 SHARE = 0.05
-# Elements whose freedom leaves no more than so many times what the best one's leaves are worth a look as well.
+# Elements are suggested for inspection if, free to vary, they leave at most this many times what the best one leaves.
 ALSO = 2.0
 
 
@@ -38,18 +38,18 @@ class Remainder:
     noise_multiple : dict
         Termination -> error of the closest model in multiples of the random noise, with an analyser as declared.
     causality : CausalCheck
-        What an unrestricted causal model reaches.
-    together : Together or None
-        Whether the sweeps belong together; None if there is one only, or if it is not in question.
+        The error that an unrestricted causal model reaches.
+    together : SweepConsistency or None
+        Whether the sweeps can be of one motor; None for a single sweep, or if there is no doubt.
     spans_hz : dict
         Termination -> spans in which the closest model leaves more than noise.
     inspect : tuple of str
-        Elements worth a look, best first.
+        Elements suggested for inspection, best first.
     """
 
     noise_multiple: dict[str, float]
     causality: CausalCheck
-    together: Together | None
+    together: SweepConsistency | None
     spans_hz: dict[str, list[list[float]]]
     inspect: tuple[str, ...]
 
@@ -73,7 +73,7 @@ class Remainder:
 
     @property
     def about_the_data(self) -> bool:
-        """Whether the data, not the model, are what is wrong."""
+        """Whether the data are at fault, not the model."""
         return self.causality.disproved or (self.together is not None and not self.together.belong)
 
     def _of_the_data(self) -> tuple[str, ...]:
@@ -111,11 +111,11 @@ def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True, each: Ma
     closest : Fit
         The best that the catalogue has.
     sweeps_in_question : bool
-        Whether the sweeps may be of different motors: not if any one circuit describes them both.
+        Whether the sweeps may be of different motors; False if some circuit describes both.
     each : callable
         As the built-in `map`.
     """
-    # What the discrepancy would describe is what is left.
+    # Without a discrepancy: what it would describe is the error that remains.
     problem = closest.task.likelihood(None, AS_DECLARED)
     white = problem.whitened(problem.vector({**closest.parameters, **closest.nuisance}))
     multiple, spans = {}, {}
@@ -126,11 +126,11 @@ def remainder(base: Fit, closest: Fit, sweeps_in_question: bool = True, each: Ma
         limit = max(LEFT_OVER, SHARE * float(variance.max()))
         spans[sweep.termination] = spans_of(sweep.frequency_hz, variance > limit)
     causality = check_causality(closest.measurement, multiple)
-    together = check_together(base, each) if sweeps_in_question and not causality.disproved else None
-    return Remainder(multiple, causality, together, spans, _worth_a_look(closest))
+    together = check_sweep_consistency(base, each) if sweeps_in_question and not causality.disproved else None
+    return Remainder(multiple, causality, together, spans, _to_inspect(closest))
 
 
-def _worth_a_look(fit: Fit) -> tuple[str, ...]:
-    left = {element: promise(fit, element) for element in ELEMENTS if element in fit.parameters}
+def _to_inspect(fit: Fit) -> tuple[str, ...]:
+    left = {element: roughly_freed(fit, element) for element in ELEMENTS if element in fit.parameters}
     best = min(left.values())
     return tuple(sorted((e for e, objective in left.items() if objective <= ALSO * best), key=lambda e: left[e]))

@@ -29,7 +29,7 @@ def markdown(result: Reproduction) -> str:
         f"The colony as printed stopped after {loops} loops of 150 ants ({count[-1]:.0f} evaluations of the model) at a deviation of "
         f"{best[-1] / 100:.2g}; the noise alone would leave {result.printed.noise_percent / 100:.1g}.",
         "",
-        "| what | printed | computed | so |",
+        "| what | printed | computed | conclusion |",
         "|---|---|---|---|",
     ]
     lines += [f"| {one.name} | {_safe(one.printed)} | {_safe(one.computed)} | {_safe(one.meaning)} |" for one in result.disagreements]

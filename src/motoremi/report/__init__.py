@@ -1,1 +1,1 @@
-"""One report model, many renderings: `model` makes it, `html`, `junit` and `data` write it, `files` names the results."""
+"""The report: `model` makes its content; `html`, `pdf`, `junit` and `machine_readable` render it; `renderings` writes all files."""

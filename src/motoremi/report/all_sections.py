@@ -138,7 +138,7 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
 
 
 def _looseness(fit: Fit, name: str) -> str:
-    """The error bar of an undetermined parameter, if it says anything."""
+    """The error bar of an undetermined parameter in words."""
     value, sigma = abs(fit.parameters[name]), fit.sigma[name]
     return error_bar(value, sigma) if sigma < KNOWN_AT_ALL * value else "any value fits"
 

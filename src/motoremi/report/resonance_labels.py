@@ -53,7 +53,7 @@ def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatAr
             left, right, bottom, top = box
             points = np.count_nonzero((curve_across >= left) & (curve_across <= right) & (curve_up >= bottom) & (curve_up <= top))
             beyond = left < 0 or right > width or bottom < 0 or top > height
-            # Another label hides more than any piece of curve, the panel's edge more than both.
+            # Cost of a place: each covered point of the curve 1, overlap with other labels 50 times its area, a place beyond the panel 1000.
             hidden.append(points + 50 * sum(_overlap(box, other) for other in others) + 1000 * beyond)
         chosen = int(np.argmin(hidden))
         best = ways[chosen]

@@ -32,7 +32,7 @@ COLUMNS = ("session", "parameter", "value", "unit", "sigma", "change_percent", "
 NO_VALUE = "-"
 
 
-class Together:
+class SessionComparison:
     """Several sessions with what they have in common and where they differ.
 
     Parameters
@@ -78,8 +78,8 @@ class Together:
 
 
 def build_together(materials: Mapping[str, Materials]) -> Report:
-    """The report of several sessions; `materials` as in `Together`."""
-    together = Together(materials)
+    """The report of several sessions; `materials` as in `SessionComparison`."""
+    together = SessionComparison(materials)
     begun = [str(own.session.start.get("time", "")) for own in materials.values()]
     return Report(
         title="Common-mode impedance, side by side",
@@ -230,7 +230,7 @@ def _bands(changes: Mapping[str, Mapping[str, Change]]) -> Iterator[JsonDict]:
                 }
 
 
-def _sections(together: Together) -> Iterator[Section]:
+def _sections(together: SessionComparison) -> Iterator[Section]:
     yield Section("Verdicts", (), (together.verdicts(),))
     if any(together.sweeps.values()):
         caption = "Mean of the repeats of each session; below, the change of |Z| against the first with the uncertainty of both."

@@ -25,7 +25,7 @@ LONGEST = 40
 
 
 def plan_of(body: Mapping[str, Any]) -> Plan:
-    """What a page asks of an investigation.
+    """The plan of an investigation that a page requests.
 
     Parameters
     ----------

@@ -12,9 +12,9 @@ from typing import ClassVar, Generic, Protocol, TypeAlias, TypeVar
 from motoremi.arrays import Progress
 from motoremi.errors import BadInput
 
-# Most fits kept ahead of a click; each holds the arrays of its problem.
+# Largest number of fits that are computed ahead of a click and kept; each holds the arrays of its problem.
 MOST_PREPARED = 60
-# When a file was changed last, and its size; None where there is none.
+# Modification time and size of a file; None if there is none.
 FileStamp: TypeAlias = tuple[int, int] | None
 
 
@@ -151,7 +151,7 @@ class Ladder(ABC, Generic[F]):
             self._require(shown)
             steps = self.steps
             if not 0 < count < len(steps):
-                raise BadInput(f"the ladder stands at {self.BASE}: there is no effect to drop" if len(steps) < 2 else "there are not so many steps")
+                raise BadInput(f"the current model is {self.BASE}: there is no effect to drop" if len(steps) < 2 else "there are not so many steps")
             above = self.dropped
             self._store(steps[:-count])
             self._dropped, self._dropped_from = (*steps[-count:], *above), self.standing
@@ -178,5 +178,5 @@ class Ladder(ABC, Generic[F]):
         if shown is not None and shown != self.standing:
             stands = " + ".join((self.BASE, *self.steps[-1].effects)) if self.steps else "no model"
             raise BadInput(
-                f"the ladder was changed since this page showed it and stands at {stands} now: nothing was done; look at it, then choose again"
+                f"the ladder was changed since this page showed it and the current model is now {stands}: nothing was done; look, then choose again"
             )

@@ -25,7 +25,7 @@ LONGEST = 200
 
 
 def following(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -> JsonDict:
-    """The next measurement, the explanations with their probabilities, and the way so far.
+    """The next measurement, the explanations with their probabilities, and the measurements so far.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def following(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -
     return readable(lambda: _shown(session, stored, benches, without))
 
 
-# Of a diagnosis by an earlier version, which asks nothing.
+# For a diagnosis by an earlier version, which requests no measurement.
 _NO_QUESTION: JsonDict = {**NOTHING_ASKED, "schema": "", "stop": "", "why": "", "alternatives": [], "probabilities": {}}
 
 
@@ -58,7 +58,7 @@ def _shown(session: Session, stored: JsonDict, benches: Sequence[str], without: 
     advice = stored["next_measurement"]
     actions = {option.name: option.action for option in MENU}
     return {
-        # What would confirm the diagnosis, where nothing is asked for.
+        # The measurement that would confirm the diagnosis, if none is requested.
         "advice": {"id": str(advice["id"]), "action": actions.get(advice["id"], ""), "why": str(advice["why"])},
         "stop": asked["stop"],
         "end": ENDS.get(str(asked["stop"]), ""),
@@ -68,14 +68,14 @@ def _shown(session: Session, stored: JsonDict, benches: Sequence[str], without: 
         "probabilities": [[name, float(share)] for name, share in asked["probabilities"].items()],
         "steps": [_step(step) for step in (session.analysis("investigation") or {}).get("steps", [])],
         "without": list(without),
-        # Measured since the diagnosis: the question is out of date.
+        # Data were added since the diagnosis, so the request is out of date.
         "newer": not is_up_to_date(session),
         "benches": list(benches),
     }
 
 
 def _one(entry: JsonDict) -> JsonDict:
-    """A measurement: what to do, what it costs, and how its answer is given."""
+    """A measurement: instruction, duration, and how its result is given."""
     asks = entry["asks"]
     name = str(asks["condition"] if asks["kind"] == "value" else entry["condition_id"] or "")
     setting = VALUES[name].setting if asks["kind"] == "value" else CONDITIONS.get(name)
@@ -86,7 +86,7 @@ def _one(entry: JsonDict) -> JsonDict:
         "termination": str(asks["termination"] or ""),
         "minutes": float(entry["minutes"]),
         "information_bits": float(entry["information_bits"]),
-        # The name that the answer carries, empty for more of the motor as it is, and the value that belongs to it.
+        # Condition or name of the value under which the result is added; empty for further repeats of the motor as it is.
         "answer": name,
         "example": "" if setting is None else setting.example,
         "wished": "" if asks["value"] is None else f"{float(asks['value']):g}{asks['unit']}",
@@ -94,7 +94,7 @@ def _one(entry: JsonDict) -> JsonDict:
 
 
 def _step(step: JsonDict) -> JsonDict:
-    """One measurement so far: on the bench, or brought as files."""
+    """An earlier measurement: made on the bench, or imported from files."""
     shares = sorted(step.get("probabilities", {}).items(), key=lambda pair: -pair[1])
     return {
         "asked": str(step.get("id") or step.get("asked") or ""),
@@ -127,12 +127,12 @@ def bring(desk: Desk, tray: Tray, body: JsonDict, progress: Progress) -> JsonDic
         desk.work(lambda store: diagnose_session(store, progress=progress))
     except Cancelled:
         return {"notes": [*added.caveats, "The diagnosis was cancelled; what was added is kept."]}
-    _keep_what_it_taught(desk, before)
+    _store_information(desk, before)
     return {"notes": list(added.caveats)}
 
 
-def _keep_what_it_taught(desk: Desk, before: Mapping[str, float]) -> None:
-    """Store with the last measurement what the explanations' probabilities were after it."""
+def _store_information(desk: Desk, before: Mapping[str, float]) -> None:
+    """Store, with the last measurement, the probabilities of the explanations after it and the information that it gave."""
     session = desk.session
     asked, after = session.analysis("investigation"), (session.analysis("diagnosis") or {}).get("question", {}).get("probabilities")
     if asked and asked["steps"] and after:

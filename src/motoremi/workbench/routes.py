@@ -328,7 +328,7 @@ def _new_challenge(w: Workbench) -> JsonDict:
 
 
 def _import(w: Workbench, body: JsonDict) -> JsonDict:
-    """A session of the files that were dropped; they are forgotten then."""
+    """Make a session of the dropped files, and remove them from the list."""
     made = w.tray.imported(body)
     folder = w.shelf.named(_text(body, "name") or _text(body, "motor"))
     made.store(folder)

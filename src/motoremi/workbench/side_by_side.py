@@ -10,7 +10,7 @@ import numpy as np
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 from motoremi.report.contents import Materials, Table
-from motoremi.report.several_sessions import Together, build_together, render_together
+from motoremi.report.several_sessions import SessionComparison, build_together, render_together
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import rounded
@@ -24,7 +24,7 @@ def side_by_side(desks: Sequence[Desk], band_hz: Band | None = None) -> JsonDict
     BadInput
         For fewer than two sessions, or more than a plot can distinguish.
     """
-    together = Together(_materials(desks))
+    together = SessionComparison(_materials(desks))
     parameters, bands = together.parameters(), together.bands()
     return {
         "names": list(together.sweeps),

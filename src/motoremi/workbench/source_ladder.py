@@ -31,7 +31,7 @@ Made = TypeVar("Made")
 
 
 class OpenedSession(Protocol):
-    """What the models of the spectra need of the desk on which their session lies."""
+    """The part of `Desk` that the models of the spectra use."""
 
     @property
     def session(self) -> Session:
@@ -39,20 +39,20 @@ class OpenedSession(Protocol):
 
     @property
     def top(self) -> Fit:
-        """The motor's model that stands."""
+        """The current model of the motor."""
 
     @property
     def standing(self) -> str:
-        """Which ladder of the sweeps stands."""
+        """Identifies the current ladder of the sweeps."""
 
     def file_stamp(self, name: str) -> FileStamp:
-        """Changes with a file of the session; None where there is none."""
+        """Modification time and size of a file of the session; None if it does not exist."""
 
     def change(self, action: Callable[[Store], object]) -> None:
-        """Do something with the session open for writing."""
+        """Run an action with the session open for writing."""
 
     def work(self, action: Callable[[Store], Made], *, rests_on: Sequence[str]) -> Made:
-        """The same for what takes its time, unless one of these files changes meanwhile."""
+        """Run a long action; refuse to store its result if one of these files has changed meanwhile."""
 
 
 class SourceDesk(Ladder[EmissionFit]):
@@ -133,10 +133,10 @@ class SourceDesk(Ladder[EmissionFit]):
             self._refresh()
             known = self._stamp
 
-            def unless_moved(store: Store) -> None:
+            def unless_changed(store: Store) -> None:
                 # The session is open and locked: no other writer can interfere from here on.
                 if self._desk.file_stamp(STORED) != known:
                     raise BadInput("this session has just been changed elsewhere; look at it again before you change it")
                 action(store)
 
-            self._desk.change(unless_moved)
+            self._desk.change(unless_changed)

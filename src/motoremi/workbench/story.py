@@ -344,7 +344,7 @@ def _base(stored: JsonDict) -> tuple[str, ...]:
 
 
 def _explained(stored: JsonDict | None, effects: tuple[str, ...]) -> bool | None:
-    """Whether the model holds the effects that the diagnosis named; None if it holds others as well, or if there is no diagnosis."""
+    """Whether the model contains the effects that the diagnosis named; None if it contains others as well, or if there is no diagnosis."""
     if stored is None:
         return None
     base, named = _base(stored), set(stored["effects"])

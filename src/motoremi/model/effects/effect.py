@@ -58,7 +58,7 @@ class Effect:
     copper : mapping
         Parameter -> power of the resistivity of copper (or aluminium) that it is proportional to; its change with temperature is then known.
     seen_as : tuple of str
-        Laws of `diagnosis.dispersion` that an element with this effect may follow.
+        Laws of `inspection.dispersion` that an element with this effect may follow.
     repeatable : bool
         Whether it can be added several times.
     describes : bool

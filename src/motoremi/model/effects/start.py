@@ -1,4 +1,4 @@
-"""Start values of an effect: of its own parameters, and what they do to the elements that the motor has already."""
+"""Start values of an effect: values of its own parameters, and changes of the motor's elements that go with them."""
 
 from __future__ import annotations
 
@@ -6,47 +6,47 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-# What a start leaves of an element from which it takes more than there is.
+# At least this share of an element remains, however much a start subtracts from it.
 LEAST_LEFT = 0.1
 
 
 @dataclass(frozen=True)
 class Set:
-    """The element's value, whatever it was: what the sweeps themselves say of it."""
+    """Replaces the element's value, usually by one computed from the sweeps."""
 
     element: str
 
 
 @dataclass(frozen=True)
 class Scale:
-    """The factor of the element's value."""
+    """Multiplies the element's value."""
 
     element: str
 
 
 @dataclass(frozen=True)
 class Subtract:
-    """What is taken off the element's value, most of it at most."""
+    """Is subtracted from the element's value; `LEAST_LEFT` of the value remains at least."""
 
     element: str
 
 
-# Values in SI units: of the effect's parameters by short name, and of elements by `Set`, `Scale` or `Subtract`. Not told to the type checker:
-# a dictionary of names alone would be none of both.
+# Values in SI units: of the effect's parameters by short name, and of elements by `Set`, `Scale` or `Subtract`. The keys are `Any` because
+# mappings are invariant in their keys: a dictionary with names alone would not be a mapping whose keys may also be `Set` and so on.
 Start: TypeAlias = Mapping[Any, float]
 
 
-# How files of effects wrote it before these types: "=La", "*La", "-Ca".
+# Former spelling in files of effects, from before these types: "=La", "*La", "-Ca".
 _FORMER = {"=": Set, "*": Scale, "-": Subtract}
 
 
 def from_former(start: Start) -> Start:
-    """A start with the former spelling of changed elements read as it was meant."""
+    """A start whose keys of changed elements are converted from the former spelling."""
     return {_FORMER[key[0]](key[1:]) if isinstance(key, str) and key[:1] in _FORMER else key: value for key, value in start.items()}
 
 
 def own_values(start: Start) -> dict[str, float]:
-    """Those of the effect's own parameters."""
+    """Start values of the effect's own parameters."""
     return {key: value for key, value in start.items() if isinstance(key, str)}
 
 

@@ -1,4 +1,4 @@
-// The ladder: one row for each model with its error on a logarithmic scale, down to the floor that noise would leave. A click on a step goes back
+// The ladder: one row for each model with its error on a logarithmic scale, down to the floor, the error that noise and analyser would leave. A click on a step goes back
 // to it; a click on a dropped step puts back all steps up to it.
 
 import { button, h } from "./dom.js";

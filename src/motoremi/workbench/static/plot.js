@@ -224,7 +224,7 @@ export class Plots {
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
-      // The letter stands on the outer side of its line, on a background: marks may be close together.
+      // The letter is on the outer side of its line, on a background: marks may be close together.
       const px = devicePixelRatio, wide = ctx.measureText(name).width + 6 * px, left = name === first && x - wide > bbox.left;
       ctx.fillStyle = color("--card");
       ctx.fillRect(left ? x - wide - px : x + px, bbox.top, wide, 15 * px);

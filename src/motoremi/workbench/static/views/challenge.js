@@ -1,4 +1,4 @@
-// Play against a sealed motor: your answer first, then what it hid and what the tool says.
+// The view Challenge: a sealed motor; first your answer, then the hidden effect and the diagnosis of the program.
 
 import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";

@@ -1,4 +1,4 @@
-// The view Next: the measurement that tells the explanations apart best, its answer as files, as a value or from the bench, and the way so far.
+// The view Next: the measurement that distinguishes the explanations best, its result as files, as a value or from the bench, and the steps so far.
 
 import { get, post, sessionPath } from "../api.js";
 import { button, card, h, table } from "../dom.js";
@@ -28,7 +28,7 @@ export const next = {
 
   draw(where, data, page) {
     const one = data.alternatives.find((other) => other.id === picked.get(page.session)) ?? data.asked;
-    if (data.newer) where.append(h("p", { class: "bad", id: "newer" }, "Something was measured after the diagnosis: what is asked for below is out of date."), h("div", { class: "row" }, button("Diagnose", () => page.work("diagnosing", async () => { await post(sessionPath(page.session, "/diagnose")); await page.redraw(true); }), { class: "main", id: "diagnose" })));
+    if (data.newer) where.append(h("p", { class: "bad", id: "newer" }, "Data were added after the diagnosis: the request below is out of date."), h("div", { class: "row" }, button("Diagnose", () => page.work("diagnosing", async () => { await post(sessionPath(page.session, "/diagnose")); await page.redraw(true); }), { class: "main", id: "diagnose" })));
     where.append(h("div", { class: "columns" },
       h("div", {}, measure(data, one, page), one && answer(data, one, page)),
       h("div", {}, explanations(data), data.steps.length > 0 && way(data))),
@@ -56,15 +56,15 @@ function measure(data, one, page) {
     everything(data, page));
 }
 
-// What was left out, and the way back.
+// The measurements that are left out, and a button that includes them again.
 function everything(data, page) {
   if (!data.without.length) return "";
   return h("div", {},
     h("p", { class: "note" }, `Not possible here: ${data.without.join(", ")}.`),
-    button("Ask for everything again", () => { impossible.delete(page.session); return pick(null, page); }, { id: "all-possible" }));
+    button("Include all measurements again", () => { impossible.delete(page.session); return pick(null, page); }, { id: "all-possible" }));
 }
 
-const expected = (one) => `It is expected to teach ${bits(one.information_bits)} bits in ${show(one.minutes, "", 3)} minutes.`;
+const expected = (one) => `Expected information: ${bits(one.information_bits)} bits in ${show(one.minutes, "", 3)} minutes.`;
 
 function leaveOut(id, page) {
   impossible.set(page.session, new Set([...(impossible.get(page.session) ?? []), id]));
@@ -77,7 +77,7 @@ function pick(id, page) {
   return page.redraw(true);
 }
 
-// The three ways in which a measurement can be answered.
+// The three ways to give the result of a measurement.
 function answer(data, one, page) {
   const first = one === data.asked && data.benches.length > 0;
   return h("div", {},
@@ -121,7 +121,7 @@ function asFiles(data, one, page) {
   const value = one.example && h("input", { type: "text", id: "answer-condition", maxlength: 60, value: one.wished || one.example });
   const ready = data.files.files.some((file) => SWEEPS.has(file.used_as) && !file.trouble);
   const submit = () => bring({ condition: [one.answer, value && value.value.trim()].filter(Boolean).join("=") }, page);
-  return card("Bring the sweeps as files",
+  return card("Add the sweeps as files",
     h("div", { class: "drop-zone", id: "drop-zone" }, h("p", {}, `Drop ${TERMINATIONS[one.termination] ?? "the sweeps"} here, or `, button("choose files", () => input.click(), { id: "choose-files" }), input)),
     refused.length > 0 && h("ul", { id: "refused", role: "alert" }, refused.map((sentence) => h("li", { class: "bad" }, sentence))),
     data.files.files.length > 0 && filesRead(data.files, page),
@@ -130,14 +130,14 @@ function asFiles(data, one, page) {
 }
 
 function explanations(data) {
-  return card("What stands",
+  return card("Explanations",
     table(["explanation", "probability"], data.probabilities.map(([name, share]) => [name, h("div", { class: "row" }, h("meter", { min: 0, max: 1, value: share, "aria-label": `${name}: ${chance(share)}` }), chance(share))]), { id: "explanations" }));
 }
 
 function way(data) {
   const minutes = data.steps.reduce((sum, step) => sum + (step.minutes ?? 0), 0);
-  return card("The way so far",
-    table(["asked for", "brought", "minutes", "bits taught", "then likeliest"], data.steps.map((step) => [step.asked || "-", step.brought, show(step.minutes, "", 3), show(step.taught_bits, "", 2), step.then ? `${step.then[0]}: ${chance(step.then[1])}` : "-"]), { id: "way" }),
+  return card("Measurements so far",
+    table(["requested", "result", "minutes", "information (bits)", "then most probable"], data.steps.map((step) => [step.asked || "-", step.brought, show(step.minutes, "", 3), show(step.taught_bits, "", 2), step.then ? `${step.then[0]}: ${chance(step.then[1])}` : "-"]), { id: "way" }),
     minutes > 0 && h("p", { class: "note" }, `${show(minutes, "", 3)} minutes at the bench.`));
 }
 

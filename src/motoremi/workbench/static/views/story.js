@@ -347,7 +347,7 @@ function outcomeOf({ data, page }, what, done) {
   const more = {
     fit: () => [],
     diagnose: () => [data.diagnosis.sentence],
-    predict: () => ["judged: the verdict stands in the view Emission and in the report"],
+    predict: () => ["judged: the verdict is in the view Emission and in the report"],
     report: () => ["report written: ", ...done.files.filter((name) => /\.(pdf|html)$/.test(name)).flatMap((name) => [h("a", { href: sessionPath(page.session, `/report/${encodeURIComponent(name)}`), download: name }, name), " "])],
   };
   return [...(data.ladder.length ? [`error ${written(data, data.ladder.at(-1).error)}  `] : []), h("small", {}, ...more[what]())];
