@@ -22,7 +22,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.fleet.page import fleet_html
-from motoremi.fleet.statistics import together
+from motoremi.fleet.statistics import fleet_figures
 from motoremi.report.overlay import LOOKS
 from motoremi.report.plots import SPECTRUM_LOOKS
 from motoremi.report.steps import UNITS, planned_steps
@@ -190,7 +190,7 @@ def test_a_fleet_lists_serious_findings() -> None:
         {**common, "session": "a", "diagnosis": {"verdict": "data", "effects": [], "findings": [INTERFERENCE, INTERFERENCE, TOO_LITTLE]}},
         {**common, "session": "b", "diagnosis": {"verdict": "adequate", "effects": []}},
     ]
-    figures = together(results)
+    figures = fleet_figures(results)
     assert figures["findings"] == {"interference": ["a"]}
     assert figures["verdicts"] == {"data": 1, "adequate": 1}
     text = "".join(parsed(fleet_html(figures, "line")).text)
