@@ -57,7 +57,7 @@ class Plan:
             raise BadInput(f"a budget of {self.budget_minutes:g} minutes is not possible: give a number above 0")
 
 
-class Person(Protocol):
+class BenchOperator(Protocol):
     """The operator of a real bench; on a simulated one nobody is asked."""
 
     def prompt(self, text: str) -> Answer | None:
@@ -112,7 +112,7 @@ def investigate_on_bench(
     bench_file: BenchFile,
     writer: SessionWriter,
     plan: Plan,
-    person: Person,
+    operator: BenchOperator,
     tell: Callable[[Assessment, Step | None], None],
     progress: Progress | None = None,
     tick: Callable[[], None] = lambda: None,
@@ -126,7 +126,7 @@ def investigate_on_bench(
     writer : SessionWriter
         The session, open; it stays open.
     plan : Plan
-    person : Person
+    operator : BenchOperator
     tell : callable
         As in `investigate`.
     progress : callable, optional
@@ -143,7 +143,7 @@ def investigate_on_bench(
             "investigate", procedure=procedure.source, connections=connections,
             budget_minutes=plan.budget_minutes, odds=plan.odds, without=list(without),
         )  # fmt: skip
-        bench = _MeasuringBench(made, person)
+        bench = _MeasuringBench(made, operator)
         requests = RequestedMeasurements(procedure, made, writer, bench.prompt, bench.set_up, tick, connections)
         bench.requests = requests
         try:
@@ -170,7 +170,7 @@ class _MeasuringBench:
     """The bench of an investigation: instruments and operator."""
 
     made: Bench
-    person: Person
+    operator: BenchOperator
     requests: RequestedMeasurements | None = None
     started_s: float = 0.0
 
@@ -183,7 +183,7 @@ class _MeasuringBench:
     def value(self, order: MeasurementRequest) -> SingleValue:
         """The reading of another meter."""
         self.started_s = time.monotonic()
-        return self.made.single_value(order.id, order.turn) if isinstance(self.made, SimulatedBench) else self.person.value(order)
+        return self.made.single_value(order.id, order.turn) if isinstance(self.made, SimulatedBench) else self.operator.value(order)
 
     def minutes(self, estimated: float) -> float:
         """Elapsed minutes; on a simulated bench the estimate, because nothing takes real time there."""
@@ -191,7 +191,7 @@ class _MeasuringBench:
 
     def prompt(self, text: str) -> Answer | None:
         """Show the operator an instruction and return the answer."""
-        return None if isinstance(self.made, SimulatedBench) else self.person.prompt(text)
+        return None if isinstance(self.made, SimulatedBench) else self.operator.prompt(text)
 
     def set_up(self, order: MeasurementRequest | None) -> None:
         """On a simulated bench, do what the operator is asked to do; None: undo it."""

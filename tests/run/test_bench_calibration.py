@@ -96,7 +96,7 @@ def test_a_procedure_forbids_it_before_anything_is_connected(
     assert caught.value.code == 2
     assert capsys.readouterr().err == (
         f"motoremi: {says}; the procedure asks for a calibration within 365 d: use a calibrated instrument, "
-        "or mend the date under [calibrated] in the bench file\n"
+        "or correct the date under [calibrated] in the bench file\n"
     )
     assert not (tmp_path / "s").exists()
 

@@ -366,7 +366,7 @@ def test_the_command_line_takes_the_answers(
         main()
     assert caught.value.code == status
     error = capsys.readouterr().err
-    says = {0: "s stop: ", 3: "nothing was measured for this step, go on with --resume", 130: "stopped; what was measured is kept in "}
+    says = {0: "s stop: ", 3: "nothing was measured for this step, continue with --resume", 130: "stopped; what was measured is kept in "}
     assert says[status] in error.splitlines()[-1]
     if status != 130:
         assert "CAUTION: the supply is ON (12 V). Connect the motor" in error
@@ -437,7 +437,7 @@ def test_a_dry_run_knows_the_steps_and_waits_for_no_state_that_its_motor_never_h
     assert ("supply", "VOLT 12,(@2)", 1) in steps[4, "supply"].sent
     assert steps[4, "supply"].seconds >= 2
     assert steps[5, "wait-for"].seconds >= 600
-    assert "Go on all the same?" in steps[5, "wait-for"].prompts[0]
+    assert "Continue nevertheless?" in steps[5, "wait-for"].prompts[0]
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def test_the_ladder_is_a_history(at, copied):
     told = at("/story")
     assert [one["added"] for one in told["dropped"]] == ["eddy-laminations", "core-loss"]
     assert [one["error"] for one in told["dropped"]] == added
-    for path, count, says in (("/redo", 3, "so many were not dropped"), ("/redo", True, "whole number"), ("/drop", 1, "no effect to drop")):
+    for path, count, says in (("/redo", 3, "fewer steps were dropped"), ("/redo", True, "whole number"), ("/drop", 1, "no effect to drop")):
         assert says in at(path, count=count)["error"]
     assert at("/redo", count=1)["after"]["effects"] == ["eddy-laminations"]
     assert at("/redo", count=1)["after"]["effects"] == ["eddy-laminations", "core-loss"]

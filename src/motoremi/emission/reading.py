@@ -164,7 +164,7 @@ def read_comb(
     first, last = max(1, int(nearest.min()) - reach), int(nearest.max()) + reach
     steps = np.arange(-reach, reach + 1)
     number = nearest[:, None] + steps
-    # Only lines that a point can see: a fit looks at few points above some MHz.
+    # Only lines within the bandwidth of a point: a fit uses few points above some MHz.
     seen = np.zeros(last - first + 1, dtype=bool)
     seen[np.maximum(number - first, 0)] = True
     lines = np.zeros(seen.size, dtype=np.complex128)

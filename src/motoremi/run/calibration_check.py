@@ -39,7 +39,7 @@ def refuse_unless_calibrated(procedure: Procedure, bench_file: BenchFile) -> Non
         asked = show(procedure.calibration_within, "d")
         raise BadInput(
             f"{'; '.join(doubts)}; the procedure asks for a calibration within {asked}: use a calibrated instrument, "
-            "or mend the date under [calibrated] in the bench file"
+            "or correct the date under [calibrated] in the bench file"
         )
 
 

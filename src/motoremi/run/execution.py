@@ -199,7 +199,7 @@ class Execution:
             raise KeyboardInterrupt
         if answer == "not done":
             raise NotDone(
-                f"the operator answered 'not done' to: {text.partition(chr(10))[0]}; nothing was measured for this step, go on with --resume"
+                f"the operator answered 'not done' to: {text.partition(chr(10))[0]}; nothing was measured for this step, continue with --resume"
             )
 
     def _wait(self, seconds: float) -> None:

@@ -132,8 +132,8 @@ class MotorState:
         last = f"last {show_state(step.key, values[-1])}" if values else "it could not be read"
         trouble = f"the {step.quantity} was not {step.text.removeprefix(step.quantity).strip()} within {step.longest:g} s ({last})"
         if step.otherwise == "stop":
-            raise InstrumentError(f"{trouble}; mend what keeps it from settling or wait longer, and go on with --resume")
-        self._ask(f"{trouble[0].upper()}{trouble[1:]}. Go on all the same? What is measured is then marked")
+            raise InstrumentError(f"{trouble}; remove the cause or wait longer, and continue with --resume")
+        self._ask(f"{trouble[0].upper()}{trouble[1:]}. Continue nevertheless? Data measured then are marked")
         self._demands[step.key] = step.unmet()
         self._emit("state", reached="", seconds=(step.most_readings - 1) * step.every, state=self._state())
 

@@ -58,7 +58,7 @@ class Lines(Strict):
         if self.pattern is not None:
             _refuse_bad_pattern(self.pattern)
         if self.value(self.example) is None:
-            raise BadInput(f"no number is found in the example {self.example!r}: mend {'field' if self.pattern is None else 'pattern'} or example")
+            raise BadInput(f"no number in the example {self.example!r}: correct {'field' if self.pattern is None else 'pattern'} or example")
         return self
 
     @property

@@ -151,7 +151,7 @@ class Ladder(ABC, Generic[F]):
             self._require(shown)
             steps = self.steps
             if not 0 < count < len(steps):
-                raise BadInput(f"the current model is {self.BASE}: there is no effect to drop" if len(steps) < 2 else "there are not so many steps")
+                raise BadInput(f"the current model is {self.BASE}: there is no effect to drop" if len(steps) < 2 else "the ladder has fewer steps")
             above = self.dropped
             self._store(steps[:-count])
             self._dropped, self._dropped_from = (*steps[-count:], *above), self.standing
@@ -169,7 +169,7 @@ class Ladder(ABC, Generic[F]):
             self._require(shown)
             before, dropped = self.top, self.dropped
             if not 0 < count <= len(dropped):
-                raise BadInput("there is nothing to put back: nothing was dropped from this ladder" if not dropped else "so many were not dropped")
+                raise BadInput("there is nothing to put back: nothing was dropped from this ladder" if not dropped else "fewer steps were dropped")
             self._store((*self.steps, *dropped[:count]))
             self._dropped, self._dropped_from = dropped[count:], self.standing
             return before, dropped[count - 1]

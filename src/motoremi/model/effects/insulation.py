@@ -47,7 +47,7 @@ EFFECTS = (
         parameters=(
             Parameter("strength", "", 0.005, 1.0, "0.02 - 0.5 for slot insulation, wider for damp material", usual=(0.02, 0.5)),
             Parameter("corner_hz", "Hz", 1e4, 60e6, "1 kHz - 10 MHz; below 10 kHz nothing shows in this band"),
-            Parameter("exponent", "", 0.4, 1.0, "1 is Debye, less is Cole-Cole; one sweep hardly tells", special=1.0),
+            Parameter("exponent", "", 0.4, 1.0, "1 is Debye, less is Cole-Cole; one sweep hardly distinguishes them", special=1.0),
         ),
         limit="strength -> 0",
         limit_values={"strength": 0.0, "corner_hz": 1e6, "exponent": 1.0},

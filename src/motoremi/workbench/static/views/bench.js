@@ -175,7 +175,7 @@ function words(document) {
     case "value": return `  value: ${document.name}`;
     case "answered": return `  information ${document.taught_bits.toPrecision(2)} bits; error so far ${document.error_percent.toPrecision(3)} %`;
     case "refused": return `  not done: ${document.id}`;
-    case "resume": return `going on at step ${document.step}`;
+    case "resume": return `continuing at step ${document.step}`;
     case "stop": return `the run has ended: ${document.status} ${document.reason ?? ""}`;
     default: return "";
   }
