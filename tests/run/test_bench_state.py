@@ -455,7 +455,7 @@ def test_a_dry_run_knows_the_steps_and_waits_for_no_state_that_its_motor_never_h
         (lambda data: data["instruments"]["tachometer"].pop("lines"), "'lines' belongs to the driver line-reader"),
         (lambda data: data["instruments"]["tachometer"]["lines"].update(unit="K"), "the unit 'K' is none of speed"),
         (lambda data: data["instruments"]["tachometer"]["lines"].update(field=1), "give either field or pattern"),
-        (lambda data: data["instruments"]["tachometer"]["lines"].update(pattern="x(.*)"), "no number is found in the example"),
+        (lambda data: data["instruments"]["tachometer"]["lines"].update(pattern="x(.*)"), "no number in the example"),
         (lambda data: data["instruments"]["tachometer"]["lines"].update(pattern="n="), "has 0 groups"),
         (lambda data: data["instruments"]["tachometer"]["lines"].update(pattern="n=(["), "is no regular expression"),
         (lambda data: data["instruments"]["tachometer"]["lines"].update(pattern=r"n=((?:\d+)+)\D*"), "repeat no group"),
