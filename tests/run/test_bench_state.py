@@ -201,7 +201,9 @@ def test_a_state_that_never_comes_ends_the_run_or_is_asked_about(tmp_path: Path,
     def impatient(data: JsonDict) -> None:
         data["steps"][4] = {"do": "wait-for", "quantity": "temperature", "target": "80 degC", "within": "1 K", "hold": "10 s", "longest": "60 s"}
 
-    with pytest.raises(InstrumentError, match=r"the temperature was not at 80 degC within 1 K for 10 s within 60 s \(last 27.\d* degC\); remove the cause"):
+    with pytest.raises(
+        InstrumentError, match=r"the temperature was not at 80 degC within 1 K for 10 s within 60 s \(last 27.\d* degC\); remove the cause"
+    ):
         measure(tmp_path / "stop", bench, changed(impatient))
     assert not bench.stand.driven
     assert len(load(tmp_path / "stop").spectra) == 1

@@ -74,7 +74,7 @@ class Effect:
     excludes : tuple of str
         Effects that cannot be combined with it.
     imitated : mapping
-        Place -> what the catalogue does not hold and has nearly the same impedance, for a law that takes many shapes; it also responds alike to
+        Place -> a cause outside the catalogue that has nearly the same impedance there (for a law with a flexible shape) and responds alike to
         every measurement of the menu.
     kin : str
         Finer grouping than `group`, for tables. Which effects the *data* cannot distinguish is computed and does not depend on it.
