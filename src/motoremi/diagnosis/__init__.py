@@ -1,1 +1,1 @@
-"""The search over sets of effects, what it lets one believe, and the verdict."""
+"""The search over sets of effects, the decision from their probabilities, and the verdict."""

@@ -1,4 +1,4 @@
-"""The decision: what the models that were found let one believe.
+"""The decision from the probabilities of the models that were found.
 
 Everything rests on one posterior over sets of effects, none among them. A set is named if it is the likeliest, unless the odds against none
 are less than 20 to 1; effects that would do as well in the place of a named one are its family. Whether a named set stands depends on what
@@ -64,14 +64,14 @@ RELIABLE: Mapping[str, float] = {
 
 @dataclass(frozen=True)
 class Belief:
-    """What is believed.
+    """The decision: named effects, their families and probabilities.
 
     Parameters
     ----------
     named : tuple of str
         The effects, in the order in which they were added; empty for none.
     families : dict
-        For each of them, the others that would do in its place, likeliest first.
+        For each named effect, the others that describe the data about as well in its place, the likeliest first.
     probability : float
         Of the named set, families included, among all that were found.
     posterior : dict
@@ -94,7 +94,7 @@ class Belief:
 
 
 def believe(found: Mapping[Key, M], together: float = FAMILY_TOGETHER) -> Belief:
-    """What to believe of the models that were found, the one with nothing added among them.
+    """The decision from the models that were found, among them the one with nothing added.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) 
 
 
 def _rivals(best: Key, effect: str, posterior: Mapping[Key, float], together: float) -> Key:
-    """Effects that would do as well in the place of one of a set."""
+    """Effects that describe the data about as well in the place of one effect of a set."""
     others = in_place_of(effect, best, posterior)
     shares = {name: posterior[key] for name, key in others.items() if posterior[key] >= FAMILY_SHARE * posterior[best]}
     ranked = sorted(shares, key=lambda name: -shares[name])
@@ -151,14 +151,14 @@ def agreeing(posterior: Mapping[Key, float], named: Key, families: Mapping[str, 
 
 
 def _agrees(key: list[str], places: list[set[str]]) -> bool:
-    """Whether each place finds an effect of its own in a set."""
+    """Whether each place can be assigned a different effect of a set."""
     if not places:
         return True
     return any(name in places[0] and _agrees(key[:at] + key[at + 1 :], places[1:]) for at, name in enumerate(key))
 
 
 def stands(base: Fit, best: Fit) -> Standing:
-    """Whether a model leaves so little that it can be called the motor's."""
+    """Whether the remaining error of a model is small enough to accept the model."""
     if best.analyser_sigma > NO_ANALYSER_SIGMA:
         return "not"
     left = best.unexplained_percent["value"]

@@ -20,13 +20,13 @@ from motoremi.quantities import show
 
 Effects = tuple[str, ...]
 
-# How many effects a motor that comes to the bench hides: half of them none, and the more the seldomer. An assumption; unconfirmed.
+# Prior of the number of effects that a motor lacks in the circuit: half of the motors none. An assumption; unconfirmed.
 PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
 # Three standard deviations are the analyser's specification; from here it is worth telling that more is needed.
 ALLOWED_SIGMA = 4.0
-# A law of so many parameters can take the shape of another's.
+# A law with this many parameters can imitate another one.
 BENDING = 3
 # A lead's resistance below a milliohm is none at all.
 _SOFT = frozenset({"resistance_ohm"})
@@ -69,7 +69,7 @@ class Candidate:
 
     @property
     def leaves_nothing(self) -> bool:
-        """Whether nothing is left, and that with values that motors have."""
+        """Whether no error remains, with values that are usual for motors."""
         return self.done and self.plausible and not self.unusual
 
     @cached_property

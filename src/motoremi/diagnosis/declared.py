@@ -25,7 +25,7 @@ MOST_TRIED = 2
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """The judgement to go by.
+    """The judgement that is used, and the analyser it assumes.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Declared:
 
 
 def likeliest(first: Judgement, progress: Progress | None = None, each: Map = map) -> Declared:
-    """The judgement under the analyser that the data ask for.
+    """The judgement under the analyser that fits the data best.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     if enough and max(fit.log_evidence for fit in of_best) <= best.log_evidence + TAKEN:
         return Declared(first)
     refitted = [(_refitted(first.base, other), fit) for other, fit in zip(others, of_best, strict=True)]
-    # The bare circuit and the likeliest model each say which analyser they would rather have.
+    # The alternatives: the likeliest analyser for the bare circuit, and for the likeliest model.
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
         # One effect at most: beside two the wide errors of a network analyser would describe anything.
@@ -80,7 +80,7 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
 
 def hypotheses(declared: Analyser) -> list[Analyser]:
     """What the analyser could have been instead, for data that were measured at one port or between two as these were."""
-    # A network analyser with a fixture that nobody compensated could take up a lead or a stray capacitance: only its owner can declare that.
+    # A network analyser with an uncompensated fixture could absorb a lead or a stray capacitance: only its owner can declare that.
     named, _, ports = declared.name.partition("+")
     if ports in BETWEEN_PORTS:
         # The errors of a real one are those of every other, in another size.

@@ -1,4 +1,4 @@
-"""The verdict: what is missing, how sure that is, and what these data cannot tell apart."""
+"""The verdict: the missing effects, the confidence, and the effects that these data cannot distinguish."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "data", "unexplained"]
 
-# More names than these tell nobody anything; what the others would add is taken off the confidence.
+# Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
 # Serious findings that say why no model stands.
 ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
@@ -167,7 +167,7 @@ class Diagnosis:
         return tuple(dict.fromkeys(said))
 
     def to_dict(self) -> JsonDict:
-        """The contract's JSON."""
+        """Plain data in the schema `motoremi.diagnosis/2`."""
         top = max((candidate.score for candidate in self.candidates), default=0.0)
         left = self.best.unexplained_percent
         return {
@@ -256,7 +256,7 @@ def _figures(fit: Fit) -> JsonDict:
 
 @one_blas_thread
 def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None) -> Diagnosis:
-    """Which physical effect is missing from a fitted model.
+    """Find the physical effect that is missing from a fitted model.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
         if the_same_twice(fit.measurement) is not None:
-            # No model will be believed: single effects are ranked, for who wants to look.
+            # No model will be accepted; single effects are still ranked for display.
             return _informed(Searched(fit, Declared(judge(fit, progress, GLANCE, each))), fit.measurement, each)
         first = judge(fit, search, each=each)
         if not first.model.done:
@@ -285,7 +285,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
 
 
 def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> Diagnosis:
-    """What the search in the reference sweeps let one believe, with what was measured beside them."""
+    """The diagnosis from the search in the reference sweeps, updated by sweeps under conditions and single values."""
     declared = searched.declared
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)

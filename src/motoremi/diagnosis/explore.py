@@ -41,10 +41,10 @@ M = TypeVar("M", bound=Model)
 
 
 class Board(Protocol[M]):
-    """What a search is about."""
+    """The interface through which a search gets its models."""
 
     def sets(self, size: int, found: Mapping[Key, M], progress: Progress | None) -> Iterable[M]:
-        """Models with so many effects, given those with fewer; those worth a thought."""
+        """Models with this many effects, given those with fewer; only those that may lead."""
 
     def swapped(self, model: M, effect: str) -> Iterable[M]:
         """The model with others in the place of one of its effects, sought from its solution."""
@@ -55,7 +55,7 @@ class Board(Protocol[M]):
 
 @dataclass(frozen=True)
 class Budget:
-    """What a search may spend.
+    """Limits of a search.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the data themselves show, whatever the motor: said always, with where it is and what to do about it."""
+"""Findings: properties of the data themselves, independent of the motor, each with its place and a remedy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NEGATIVE, OFTEN = 3.0, 0.02
 UNDECLARED = 0.01
 # A circuit that misses half of the points by more than this describes nothing.
 MISSED = 0.5
-# Fewer points than these a sweep cannot carry seven elements and a doubt.
+# With fewer points than this, a sweep hardly determines more than the seven elements.
 FEW_POINTS = 30
 
 
@@ -52,13 +52,13 @@ class Finding:
     band_hz: tuple[float, float] | None = None
 
     def to_dict(self) -> JsonDict:
-        """The contract's JSON."""
+        """Plain data, as in the JSON of a diagnosis."""
         band = None if self.band_hz is None else list(self.band_hz)
         return {"id": self.id, "sweep": self.sweep, "band_hz": band, "serious": self.serious, "why": self.why, "remedy": self.remedy}
 
 
 def of_the_noise(fit: Fit) -> list[Finding]:
-    """What repeats show: points that stand out, drift, noise that is correlated."""
+    """Findings from the repeats: outliers, drift, correlated noise."""
     found = []
     for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True):
         name, frequency, white = sweep.termination, sweep.frequency_hz, float(np.median(noise.sigma))
@@ -100,7 +100,7 @@ def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> F
         "interference",
         f"{count} of {outliers.size} points of the {name} sweep stand out ({show(float(at[0]), 'Hz')}"
         + (f" - {show(float(at[-1]), 'Hz')}" if count > 1 else "")
-        + "): a station or a bad contact; they count for little",
+        + "): a station or a bad contact; they get a low weight",
         "shield the motor, raise the level, or leave these frequencies out",
         count > 0.05 * outliers.size,
         name,
@@ -109,7 +109,7 @@ def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> F
 
 
 def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
-    """How far the analyser's errors had to go, and what the fixture is where nobody compensated it."""
+    """The size of the analyser's errors relative to the specification, and the elements of an uncompensated fixture."""
     found = []
     sigma, analyser = fit.analyser_sigma, fit.measurement.analyser
     if sigma > ALLOWED_SIGMA and not analyser.ideal and analyser.named:
@@ -167,7 +167,7 @@ def of_the_resistance(measurement: Measurement) -> list[Finding]:
 
 
 def of_the_declaration(declared: str, instead: Analyser, log_odds: float) -> Finding:
-    """That the data are not those of the declared analyser."""
+    """The finding that the data do not fit the declared analyser."""
     odds = "more than a million" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
     return Finding(
         "not-as-declared",
@@ -214,7 +214,7 @@ def of_the_labels(measurement: Measurement) -> list[Finding]:
 
 
 def of_the_amount(fit: Fit) -> list[Finding]:
-    """What is too little to go by."""
+    """Findings on data that are too few, or show no circuit."""
     found = []
     for sweep in fit.measurement.sweeps:
         count = sweep.frequency_hz.size

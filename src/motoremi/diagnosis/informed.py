@@ -1,4 +1,4 @@
-"""A judgement of the reference sweeps, with what sweeps under conditions and single values have taught since."""
+"""A judgement of the reference sweeps, updated by sweeps under conditions and by single values."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
 
 
 def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
-    """The judgement with scores that know what was learnt; the same where nothing was."""
+    """The judgement with updated scores; unchanged if nothing was measured since."""
     if not rivals.taught:
         return judgement
     weighed = {one.key: one.log_weight for one in rivals.members if not one.outside}
@@ -74,7 +74,7 @@ def confidence_of(rivals: Rivals, probability: float, verdict: str, before: floa
 
 
 def reasons_of(rivals: Rivals) -> list[str]:
-    """What each further measurement taught, in words."""
+    """The information that each further measurement gave, in words."""
     said = []
     for taught in rivals.taught:
         best, share = max(taught.probabilities.items(), key=lambda pair: pair[1])
@@ -85,7 +85,7 @@ def reasons_of(rivals: Rivals) -> list[str]:
 
 
 def of_the_operator(rivals: Rivals) -> list[Finding]:
-    """Sweeps and values that are none of what was asked for."""
+    """The finding of sweeps and values that are not what was requested."""
     return [
         Finding(
             NOT_AS_ASKED,

@@ -35,7 +35,7 @@ CLEAR_GAIN = 60.0
 ENOUGH_GAIN = 25.0
 # An error is small beside the analyser's only as far as that is below this: no working analyser errs by more at impedances that it is made for.
 MOST_ERRING_PERCENT = 10.0
-# Circuits that err less than so many times as much are about as good.
+# Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
 # A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough: along the path to
 # the frame, or across a winding whose sections are unlike.
@@ -82,18 +82,18 @@ class Judgement:
 
     @cached_property
     def named(self) -> Effects:
-        """The effects that are believed: those of the likeliest model, if they matter."""
+        """The named effects: those of the likeliest model, if they matter."""
         return self.best.added if self.belief.named and (self._matters or self.proven) and not self.none_named else ()
 
     @property
     def _matters(self) -> bool:
-        """Whether the likeliest model is better for a user too."""
+        """Whether the likeliest model differs enough from the base to matter to a user."""
         base = self.found[()]
         return self._describes or _comes_closer(base, self.best) or _relieves(base, self.best)
 
     @property
     def _describes(self) -> bool:
-        """Whether it describes what the base leaves, and that is worth a name."""
+        """Whether it describes the error that the base leaves, and that error is large enough for an effect to be named."""
         before, by_waves = self.base, self.base.measurement.analyser.by_waves
         enough = self.gain > ENOUGH_GAIN and self.best.leaves_nothing
         # The wide errors of a network analyser can take up all that an effect does, and the odds against that say how unlikely it is.
@@ -108,12 +108,12 @@ class Judgement:
 
     @cached_property
     def model(self) -> Candidate:
-        """The one that is believed: the base where nothing is named."""
+        """The accepted model: the base if no effect is named."""
         return self.best if self.named else self.found[()]
 
     @cached_property
     def standing(self) -> Standing:
-        """Whether it leaves so little that it can be called the motor's."""
+        """Whether its remaining error is small enough to accept it."""
         standing = stands(self.base, self.model.fit)
         bends = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
         # With values that few motors have a law only bends to the curve, if others come as close or much is left; one with a family is told
@@ -160,7 +160,7 @@ class Judgement:
 
     @property
     def stands(self) -> bool:
-        """Whether it stands at all."""
+        """Whether any model is accepted."""
         return self.standing != "not"
 
     @property
@@ -230,7 +230,7 @@ class Judgement:
 
     @property
     def probability(self) -> float:
-        """Of what is named, families included."""
+        """Probability of the named effects, families included."""
         return agreeing(self.belief.posterior, self.named, self.families)
 
     @property

@@ -1,4 +1,4 @@
-"""A step of the ladder in detail: error per band before and after, what the parameters did, which effects lost their support."""
+"""A step of the ladder in detail: error per band before and after, changes of parameters, and effects that are no longer needed."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from motoremi.inspection.compare import compare
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 
-# A change is told if it exceeds this factor and so many standard deviations of the later value.
+# A change is reported if it exceeds this factor and this number of standard deviations of the later value.
 TOLD_FACTOR = 1.2
 TOLD_SIGMA = 5.0
 # Log evidence, prior of its values included, that an effect must bring to be needed: odds of 50 to 1.
 LEAST_GAIN = 4.0
-# More modes than these describe noise, or a winding that is better measured in parts.
+# More modes than this describe noise, or a winding that should be measured in parts.
 MOST_MORE = 15
 # So many that lower the error by too little may lead to one that does.
 PATIENCE = 2
@@ -71,14 +71,14 @@ class LadderStep:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should see at this step."""
-        said = [note for change in self.changes if (note := self._told(change))]
+        """Remarks on this step."""
+        said = [note for change in self.changes if (note := self._reported(change))]
         for effect in self.unneeded:
             alone = "the data do not ask for it" if effect == self.added else "it has lost its support: without it the data are described as well"
             said.append(f"{effect} is unneeded: {alone}")
         return tuple(said)
 
-    def _told(self, change: JsonDict) -> str | None:
+    def _reported(self, change: JsonDict) -> str | None:
         """A parameter of the circuit that moved; for Ra, whether it went back to its DC value."""
         name, before, after = change["name"], change["before"], change["after"]
         if before is None or "." in name or name in self.fit.held:

@@ -1,4 +1,4 @@
-"""Single points that no smooth error explains: each is held against what all the others say of it."""
+"""Single points that no smooth error explains: each is compared with its prediction from all other points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From sweeps to a circuit with error bars."""
+"""Fits: from sweeps to a circuit with error bars."""
 
 from motoremi.fitting import fit, identify
 

@@ -1,4 +1,4 @@
-"""The ant colony, ours: ants that walk a continuum.
+"""The ant colony of this project, for continuous parameters (ACO_R).
 
 The paper's ants choose among 30 fixed values for each parameter, and the nearest such point is hundreds of times worse than the noise.
 Here the pheromone is an archive of good solutions (ACO_R: Socha and Dorigo, European Journal of Operational Research 185, 2008): an ant

@@ -1,7 +1,7 @@
-"""The open-circuit sweep alone: which of its resonances is the winding's, which the frame's?
+"""The open-circuit sweep alone: the resonances of winding and frame can be exchanged without a change of the curve.
 
 With C = Cr + Cf and p = Cr / C the frame is a capacitance C in series with a parallel resonance of p^2 Rr, p^2 Lr and Cf / p: the same
-circuit as the winding's. So the two may change places, and the curve is the same to the last digit. Only the short-circuit sweep tells.
+circuit as the winding's. So the two may change places, and the curve is the same to the last digit. The short-circuit sweep distinguishes them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def exchanged(elements: Mapping[str, float]) -> dict[str, float]:
 
 
 def may_be_exchanged(problem: Problem) -> bool:
-    """Whether nothing but the order of two resonances is known: the open-circuit sweep alone, no element held."""
+    """Whether both assignments of the resonances must be considered: only the open-circuit sweep, and no element held."""
     return problem.measurement.terminations == ("open",) and {p.name for p in problem.unknowns} >= set(ELEMENTS)
 
 

@@ -51,9 +51,9 @@ from motoremi.threads import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
-# A resonance takes so many points to tell.
+# Number of points that are needed to determine one resonance.
 POINTS_EACH = 3
-# Steps of a look at one of several numbers of parts.
+# Steps that are made to compare several numbers of parts.
 GLANCE_STEPS = 12
 
 
@@ -244,15 +244,15 @@ def trail_to(
         bases += [{**base, **exchanged(base)} for base in bases]
     starts = [with_start(base, start, label) for start in tried for base in bases]
     parts = {
-        name: _as_told(name, fixed[name], before) if name in fixed else _chosen(task, starts, len(bases), name, values, before)
+        name: _checked_parts(name, fixed[name], before) if name in fixed else _chosen(task, starts, len(bases), name, values, before)
         for name, values in unvaried.items()
         if values
     }
     return Trail(dataclasses.replace(task, held={**fixed, **parts}), starts, len(bases), before.sizes)
 
 
-def _as_told(name: str, value: float, before: Fit) -> float:
-    """A number of parts that these data can tell."""
+def _checked_parts(name: str, value: float, before: Fit) -> float:
+    """The number of parts that the user holds; refused if these data cannot determine as many."""
     most = most_parts(before.measurement)
     if not value == round(value) or not 1 <= value <= most:
         raise BadInput(
@@ -262,12 +262,12 @@ def _as_told(name: str, value: float, before: Fit) -> float:
 
 
 def most_parts(measurement: Measurement) -> int:
-    """How many parts, with a resonance each, the points of a sweep can tell."""
+    """The largest number of parts, with a resonance each, that the points of a sweep can determine."""
     return max(len(sweep.frequency_hz) for sweep in measurement.sweeps) // POINTS_EACH
 
 
 def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name: str, values: Sequence[float], before: Fit) -> float:
-    """The value of a parameter that does not vary from which a few steps lead lowest.
+    """The value of a parameter that is not varied with the lowest objective after a few steps.
 
     Where a line misses by far, its resonances hide how many parts there are: each number is looked at with one mode beside it.
     """
@@ -343,7 +343,7 @@ def refit_with(
 
 
 def _shown(fit: Fit, names: Sequence[str]) -> Fit:
-    """A fit with what was held for want of showing free again, where it was last."""
+    """A fit in which parameters that were held because they had no visible influence are free again, at their last values."""
     shown = {name for name in names if name in fit.held and fit.held[name] == _least_value(fit, name)}
     if not shown:
         return fit
@@ -353,7 +353,7 @@ def _shown(fit: Fit, names: Sequence[str]) -> Fit:
 
 
 def _hidden(fit: Fit, names: Sequence[str]) -> Fit:
-    """A fit of what misses by far without the parameters that it does not need: held at their least, if that costs no more than chance."""
+    """A fit with a large error, with parameters that are not needed held at their smallest value, if the error does not rise significantly."""
     loose = {name: _least_value(fit, name) for name in fit.undetermined() if name in names}
     if not loose or not misses_by_far(fit.sizes):
         return fit
@@ -451,12 +451,12 @@ def task_without(before: Fit, gone: str) -> Task:
 
 
 def trail_without(before: Fit, gone: str) -> Trail:
-    """Where to look for a fit with one effect less."""
+    """Start values of a fit with one effect less."""
     task = task_without(before, gone)
     names = {p.name for p in task.motor.parameters}
     own = {name: value for name, value in before.parameters.items() if name in names}
     bases = [own, *({**own, **base} for base in base_starts(own, before.measurement.coarse, few=False))]
-    # With one effect less, more is left than now: how much is not known.
+    # Without the effect the discrepancy is larger, by an unknown amount.
     return Trail(task, bases, len(bases), Sizes(1.0, before.sizes.declared))
 
 

@@ -1,4 +1,4 @@
-"""How likely the data are under a circuit, whatever the size of what no model describes and of the analyser's errors.
+"""The evidence of a circuit, integrated over the sizes of the discrepancy and of the analyser's errors.
 
 Both sizes have wide priors on a grid; the evidence is summed over them. At each pair of sizes the circuit's parameters are integrated by
 Laplace's method round a solution that was found at nearby sizes: there the objective is as good as quadratic in them.
@@ -17,9 +17,9 @@ from motoremi.fitting.problem import AS_DECLARED, Problem
 
 # Relative size of what no model describes, evenly likely in its logarithm: nothing (far below any noise), then three to a decade.
 DISCREPANCIES: FloatArray = np.concatenate([[AS_DECLARED.discrepancy], np.geomspace(3e-5, 1.4, 15)])
-# The smallest that is more than nothing, and as good as that for a search.
+# The smallest nonzero size; a search treats it as none.
 SMALLEST = float(DISCREPANCIES[1])
-# Below this, nothing is left to describe that any analyser would show.
+# A discrepancy below this is invisible to any analyser.
 NOTHING_LEFT = float(DISCREPANCIES[2])
 # Sizes that are this many steps of the grid apart are solved alike.
 NEAR = 1
@@ -29,7 +29,7 @@ FARTHEST = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Marginal:
-    """What a solution says of the sizes, and of the model.
+    """Posterior of the sizes, and evidence of the model, from one solution.
 
     Parameters
     ----------

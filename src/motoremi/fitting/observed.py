@@ -17,7 +17,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import MINIMUM_POINTS
 
 Weights = Literal["likelihood", "log", "relative"]
-# Of a point that stands out, where all others have one.
+# Weight of an outlier; all other points have the weight one.
 OUT_OF_SIGHT = 1e3
 # A point of which a network analyser may err by this much, relative to Z, weighs half of one that it sees well: far from its reference resistance
 # that is tens of per cent.
@@ -139,10 +139,10 @@ class Observed:
         return sum(sweep.expected for sweep in self.sweeps)
 
 
-# A diagnosis uses the same handful of grids again and again.
+# Cached: a diagnosis uses the same few grids repeatedly.
 @lru_cache(maxsize=32)
 def observed(measurement: Measurement, points: int | None, weights: Weights, highest_hz: float) -> Observed:
-    """Points of a measurement.
+    """The points of a measurement that are used, with their weights.
 
     Parameters
     ----------

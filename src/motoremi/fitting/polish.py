@@ -39,7 +39,7 @@ FINE = Precision(1e-3, 1e-5)
 
 @dataclass(frozen=True)
 class Polished:
-    """Where each start ended.
+    """The end point of each start.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def polish(
     live = np.arange(count)
     here = problem.linearised(u)
     damped = np.full(count, damping)
-    # Whether a step fell short of what the linear model promised: only then is the valley bent.
+    # Whether a step fell short of what the linear model promised: only then does the valley curve.
     bent = np.zeros(count, dtype=np.bool_)
     for to_come in range(iterations - 1, -1, -1):
         if not live.size or (here.objective < enough).any():
@@ -141,7 +141,7 @@ def polish(
         trial = problem.clip(u + step)
         expected = _expected(here, right, step)
         evaluations += live.size
-        if not to_come:  # nobody will ask for slopes there
+        if not to_come:  # its slopes are not needed
             reached = problem.objective(trial)
             better = reached <= here.objective
             u, here.objective = np.where(better[:, None], trial, u), np.where(better, reached, here.objective)
@@ -206,7 +206,7 @@ def _expected(here: Linearised, right: FloatArray, step: FloatArray) -> FloatArr
 
 
 def watchdog_step(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
-    """Lead trials that went uphill on by a second step, in place, where its slopes promise less than `before`; how many there were."""
+    """Make a second step, in place, from trials that raised the objective, if it predicts a value below `before`; returns their number."""
     uphill = np.flatnonzero(new.objective > before)
     if not uphill.size:
         return 0

@@ -84,7 +84,7 @@ class Linearised:
         return Linearised(*(getattr(self, name)[index] for name in _MEMBERS))
 
     def put(self, index: np.ndarray, other: Linearised) -> None:
-        """Take some members of another batch."""
+        """Replace some members by those of another batch."""
         if index.any():
             self.take(index, other.subset(index))
 
@@ -166,7 +166,7 @@ class Problem:
         self._tape = Tape([self._circuit(sweep) for sweep in sweeps], names, [sweep.s.size for sweep in sweeps])
 
     def _nuisances(self) -> Sequence[Parameter]:
-        """What stands between analyser and motor, as far as these weights look at it."""
+        """The unknown elements between analyser and motor that are used with these weights."""
         analyser = self.measurement.analyser
         if self.weights == "relative" or analyser.ideal:
             return ()
@@ -286,7 +286,7 @@ class Problem:
         return self.observed.columns.whitening(self.sizes.declared)
 
     def residual(self, u: FloatArray) -> ComplexArray:
-        """What is judged, relative to Z, shape (..., n)."""
+        """The residuals relative to Z, shape (..., n)."""
         if self._quantity is None and self.weights != "relative":
             return self.deviation(u)
         with np.errstate(all="ignore"):

@@ -1,7 +1,7 @@
 """A race of models: start values of many of them on coarse grids, fewer and fewer on finer ones, until a few arrive at the likelihood.
 
 Successive halving (Jamieson and Talwalkar, AISTATS 2016): each round takes what is ahead further, so most work goes to what begins well.
-All that a race is governed by stands in its rounds.
+The rounds contain all settings of a race.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ ARRIVING, ALIKE_ARRIVING = Rounds((), 14, 80), 6
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
-# One model alone, without haste.
+# For a single model, with more steps.
 THOROUGH = Rounds((Round(80, 7, ALL, 1), Round(80, 40, 9, 1)), 1, 120)
 
 
@@ -130,7 +130,7 @@ class Trail:
 
 @dataclass(frozen=True)
 class Standing:
-    """A model in the race. Plain data.
+    """The state of one model in the race, as plain data.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class Standing:
 
 
 class Raced(NamedTuple, Generic[Name]):
-    """What a race leads to: solutions of the models that arrive, the best evidence first, and where each model has got to at last."""
+    """The result of a race: solutions of the models that arrive, the best evidence first, and where each model has got to at last."""
 
     solutions: dict[Name, Solution]
     reached: dict[Name, Standing]
@@ -188,7 +188,7 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
 
 
 def raced_alone(trail: Trail) -> Solution:
-    """The solution of one model, without haste."""
+    """The solution of a single model."""
     return race({"": trail}, THOROUGH).solutions[""]
 
 

@@ -1,4 +1,4 @@
-"""The result of a fit: immutable, speaks for itself in a terminal and a notebook, turns into plain data."""
+"""The result of a fit: immutable, with a text and a notebook representation, and convertible to plain data."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Fit:
     likeliest_parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, object]:
-        """What goes to another process: what follows from it is worked out there."""
+        """The part that is sent to another process; derived values are computed there."""
         return {own.name: getattr(self, own.name) for own in dataclasses.fields(self)}
 
     @property
@@ -125,7 +125,7 @@ class Fit:
 
     @property
     def task(self) -> Task:
-        """What was to be fitted."""
+        """Model, data, bounds and held values of this fit."""
         return Task(self.motor, self.measurement, self.bounds, self.held)
 
     @cached_property
@@ -336,7 +336,7 @@ class Fit:
         }
 
     def determined(self, name: str) -> bool:
-        """Whether the data say anything useful about a parameter: its standard deviation is below half its value.
+        """Whether the data determine a parameter: its standard deviation is below half its value.
 
         A signed number that may well be none (a coupling) is known where its standard deviation is below a tenth of its range.
         """
@@ -406,7 +406,7 @@ class Fit:
 
 
 class OnFits:
-    """What the modules above do with a fit, which its methods only pass on: they register it here when the package is imported."""
+    """Functions of higher modules for the methods of `Fit`; those modules register them when the package is imported."""
 
     refit_with: Callable[[Fit, str, Mapping[str, float] | None, bool], Fit]
     refit_without: Callable[[Fit, str | None], Fit]

@@ -1,4 +1,4 @@
-"""How solutions are searched: ants, start values, continuation in frequency, and the arrival that ends each of them.
+"""The search for solutions: ants, start values, continuation in frequency, and the final refinement (`arrive`) of each.
 
 Searching happens on the residual `log` over a thinned grid, where the landscape is wide; the likelihood has the last word. What no model
 describes, and by how much the analyser's errors exceed those declared, is found on the way: a solution at one pair of sizes tells which
@@ -83,7 +83,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Solution:
-    """Where a search ended. Plain data, which may come from another process.
+    """The result of a search, as plain data, which may come from another process.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
 
 
 def misses_by_far(sizes: Sizes) -> bool:
-    """Whether a model is fitted by its relative error, every point alike."""
+    """Whether a model is fitted by its relative error, with equal weights of all points."""
     return sizes.discrepancy >= PLAIN or sizes.declared >= ABSORBING
 
 

@@ -1,4 +1,4 @@
-"""Start values that the data give away.
+"""Start values from the data.
 
 The short-circuit sweep is b0 + b1 s over 1 + a1 s + a2 s^2, a rational fit. The frame's share of the open-circuit sweep is weaker than
 its noise over much of the band, where that way is biased; but with its resonance and damping given it is linear in 1/(Cr + Cf) and
@@ -26,7 +26,7 @@ _PLACES, _DECADE_AND_HALF = 8, 30.0
 
 @lru_cache(maxsize=8)
 def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], ...]:
-    """Sets of start values in SI units, the likeliest first; possibly none, never complete nonsense."""
+    """Sets of plausible start values in SI units, the likeliest first; possibly none."""
     winding = _winding(measurement)
     if not winding:
         return ()
@@ -56,7 +56,7 @@ def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray
 
 @lru_cache(maxsize=8)
 def seen(measurement: Measurement) -> Seen:
-    """What start values can be read from."""
+    """The data from which start values are computed."""
     apart = open_and_winding(measurement)
     at, open_ohm, through_ohm = apart if apart is not None else (None, None, None)
     return dataclasses.replace(_short(measurement), frame_hz=at, open_ohm=open_ohm, through_ohm=through_ohm)

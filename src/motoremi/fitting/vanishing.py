@@ -13,7 +13,7 @@ from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Solution
 from motoremi.model.effects import find_effect
 
-# An error that is larger by this factor is no matter of which points the likelihood weighs.
+# An error larger by this factor is a real increase, not an effect of the weights of the points.
 LARGER = 1.05
 
 

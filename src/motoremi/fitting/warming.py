@@ -1,4 +1,4 @@
-"""How far what is fitted may be off because the motor moved while it was measured.
+"""Errors of the fitted values because the motor changed during the measurement.
 
 Where the repeats of a sweep drift, their trend says how fast each copper resistance and capacitance moves: a line through them, in terms of
 what those elements do to the impedance. As far as an element went while one sweep was repeated it may have gone between the sweeps too, so

@@ -1,1 +1,1 @@
-"""The next measurement: what conditions and values do to the explanations that stand, and which one would tell most."""
+"""The next measurement: how further data change the probabilities of the explanations, and which measurement gives most information."""

@@ -1,4 +1,4 @@
-"""The sweeps of a measurement that were taken under conditions, thinned and with the noise that counts; and those that would be."""
+"""Sweeps under conditions, thinned and with their noise; also those that a measurement would give, without data."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from motoremi.investigation.responses import ROOM_DEGC
 
 # Points of a sweep that are weighed: changes are smooth but for resonances, which move by more than their width over so many.
 POINTS = 100
-# Points of a sweep that is only thought of.
+# Points of a sweep that is only predicted.
 POINTS_AHEAD = 40
-# A point noisier than this says nothing; but next to nothing is what a shorting bar and an open fixture show.
+# A point with more noise than this is not used, except of a shorting bar and an open fixture, whose impedance or admittance is near zero.
 LARGEST_NOISE = 0.3
 
 
@@ -36,7 +36,7 @@ def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]
 
 
 def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Observed | None:
-    """A sweep as it is weighed; None where nothing stands to hold it against, or all of it is noise."""
+    """A sweep as it is used; None without a reference sweep to compare with, or if it is only noise."""
     sweep, reference = one.sweep, _reference(measurement, one.sweep.termination)
     if reference is None:
         return None

@@ -1,6 +1,6 @@
-"""What can be measured next: what to do, how long it takes, and what it does to the elements of a motor. One row each.
+"""The menu of measurements: for each the instruction, the time, and its effect on the elements of a motor.
 
-What a measurement does to an effect, the effect says (`Effect.responds`). How strongly elements and effects answer to temperature, bias or
+The response of an effect to a measurement is stated by the effect (`Effect.responds`). The size of responses to temperature, bias or
 handling is an estimate from textbooks (unconfirmed for any one motor): it is known within a factor, and the factor is part of the row.
 """
 
@@ -13,16 +13,16 @@ from typing import Literal, NamedTuple, TypeAlias
 from motoremi.data.conditions import CONDITIONS
 
 Kind: TypeAlias = Literal["sweep", "change", "value", "standard", "reference"]
-# What a motor and its contacts repeat to after they were touched, in the logarithm of each element; an estimate.
+# Repeatability of a motor and its contacts after they were touched: change of the logarithm of each element; an estimate.
 REPEATABILITY = 5e-4
-# Effects that a change should not reach move by so much: all rivals have some room for what nobody foresaw.
+# Change of effects that a condition should not influence, as an allowance for unknown influences in every explanation.
 UNREACHED = 3e-3
-# What one sweep takes where the instrument's settings are not known, in minutes.
+# Duration of one sweep in minutes if the settings of the instrument are not known.
 SWEEP_MINUTES = 0.5
 
 
 class Moved(NamedTuple):
-    """What happens to the logarithm of an element: its mean and standard deviation."""
+    """Change of the logarithm of an element: mean and standard deviation."""
 
     mean: float
     sigma: float
@@ -37,7 +37,7 @@ class Option:
     name : str
         Identifier, and that of the condition that its sweeps carry.
     action : str
-        What to do, as one would say it at the bench.
+        The instruction to the operator.
     kind : {"sweep", "change", "value", "standard", "reference"}
         `sweep`: the same motor in another circuit or over another span. `change`: the same sweeps after a change, which the analyser's
         smooth errors survive. `value`: a single number from another meter. `standard`: a known part in the motor's place. `reference`: what
@@ -74,12 +74,12 @@ class Option:
 
     @property
     def reaches_motor(self) -> bool:
-        """Whether it shows the motor in another state or circuit, so that what no catalogue holds may depart from every model there."""
+        """Whether it measures the motor in another state or circuit, in which an effect outside the catalogue may deviate from every model."""
         return self.kind == "sweep" or bool(self.elements)
 
     @property
     def may_change_nothing(self) -> bool:
-        """Whether a motor may be the same under it, though elements may move: warm copper never is."""
+        """Whether the motor may be unchanged under it; with a change of temperature it never is, because of the copper."""
         return bool(self.elements) and self.name != "second-temperature"
 
     @property

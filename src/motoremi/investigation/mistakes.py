@@ -1,4 +1,4 @@
-"""What an operator may have done instead of what was asked: each is an explanation of a sweep, with a small prior."""
+"""Possible mistakes of the operator: each is an explanation of a sweep, with a small prior."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.outcome import SMOOTH, Observed, Outcome
 from motoremi.investigation.weighing import Known, anything, weigh
 
-# One action in twenty goes wrong. An assumption; unconfirmed.
+# Prior of a mistake: one action in twenty. An assumption; unconfirmed.
 WRONG = 0.05
-# A sweep that nothing explains at all is rarer.
+# Prior of a sweep that no known mistake explains.
 STRANGE = 0.005
 # What such a sweep may be off by at each point, as a logarithm; and what a repeated one is.
 STRANGE_BY = (0.3, 1.0, 3.0)
@@ -32,13 +32,13 @@ MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", *STANDARDS)
 
 @dataclass(frozen=True)
 class Mistake:
-    """One explanation of a sweep that is none of what was asked.
+    """A mistake that may explain a sweep.
 
     Parameters
     ----------
     kind : str
     says : str
-        As one would tell the operator.
+        The mistake in words, for the operator.
     log_likelihood : float
         Of the sweep, the prior of the mistake included.
     used : bool

@@ -1,4 +1,4 @@
-"""The next measurement in a word: what the question about the standing explanations asks for, or what would confirm the one that stands."""
+"""The next measurement: the one that distinguishes the remaining explanations, or one that would confirm the only one left."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ CLEAR = 5.0
 
 
 def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
-    """What to measure next.
+    """The next measurement.
 
     Parameters
     ----------
     fit : Fit
-        The model that stands.
+        The accepted model.
     question : Question, optional
-        About the explanations that these data leave standing.
+        About the explanations that remain.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def _share(groups: tuple[tuple[str, ...], ...]) -> float:
 
 
 def _confirming(fit: Fit) -> JsonDict:
-    """The change to which the effect that was added last would answer most."""
+    """The condition to which the effect that was added last responds most."""
     effect = find_effect(fit.effects[-1]).effect
     names = {*effect.responds, *(["second-temperature"] if effect.copper else [])}
     predicted = [(option, _answer(option, fit)) for option in MENU if option.name in names and option.kind == "change"]
@@ -104,7 +104,7 @@ def _confirming(fit: Fit) -> JsonDict:
 
 
 def _answer(option: Option, fit: Fit) -> tuple[float, str, float]:
-    """How much a change would move a model's own impedance, in units of what the motor repeats to: ratio, sweep and frequency."""
+    """Largest change of the model's impedance under a condition, in units of the repeatability: ratio, sweep and frequency."""
     sweeps = ahead(option, fit.measurement)
     if not sweeps:
         return 0.0, "", 0.0

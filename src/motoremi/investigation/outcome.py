@@ -1,4 +1,4 @@
-"""What a measurement under a condition would show if a model were true: its prediction, and how that moves with all that is not known.
+"""Prediction of a measurement under a condition by a model, and its derivatives for all unknowns.
 
 The outcome is a vector of real numbers. Of a sweep it is ln Z at each frequency (real parts, then imaginary parts) less what the model left of
 the reference sweep there, so that whatever both sweeps share (the analyser's smooth errors, what no model describes) is gone. Of a shorting bar
@@ -39,7 +39,7 @@ OPEN_OHM = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """One sweep under a condition, thinned: or where one would be made.
+    """One sweep under a condition, thinned; without data if it is only predicted.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Observed:
     sigma : ndarray, shape (n,)
         Noise of ln Z, that of the reference sweep included where it counts.
     impedance_ohm : ndarray, shape (n,), or None
-        None for a sweep that is only thought of.
+        None for a sweep that is only predicted.
     """
 
     condition: Condition
@@ -60,7 +60,7 @@ class Observed:
 
     @property
     def key(self) -> bytes:
-        """The same for the same data only."""
+        """A cache key that is equal for equal data only."""
         values = b"" if self.impedance_ohm is None else self.impedance_ohm.tobytes()
         return f"{self.condition} {self.termination}".encode() + self.frequency_hz.tobytes() + self.sigma.tobytes() + values
 
@@ -108,7 +108,7 @@ class Outcome:
 
     @property
     def absolute(self) -> bool:
-        """Whether the sweep stands for itself, not against one of the reference state."""
+        """Whether the sweep is used by itself, not relative to a reference sweep."""
         return self.option.kind != "change" or self._bare
 
     @cached_property
@@ -119,7 +119,7 @@ class Outcome:
 
     @property
     def elsewhere(self) -> bool:
-        """Whether the motor is seen in a way in which the model was not fitted."""
+        """Whether the circuit or span differs from that of the fit."""
         return self.option.kind == "sweep" or self._bare
 
     @property
@@ -220,7 +220,7 @@ class Outcome:
 
     @cached_property
     def data(self) -> FloatArray:
-        """What was measured, shape (2 n,): ln Z, of a change less ln Z of the reference sweep."""
+        """The data, shape (2 n,): ln Z, of a change less ln Z of the reference sweep."""
         rows = []
         for sweep, unit in zip(self.sweeps, self._units, strict=True):
             assert sweep.impedance_ohm is not None
@@ -415,7 +415,7 @@ class ValueOutcome:
 
     @property
     def known(self) -> bool:
-        """Whether the model says anything of it at all."""
+        """Whether the model determines the value."""
         needed = "short" if self.value.name == "dc-resistance" else "open"
         return self.value.name == "lead-length" or needed in self.fit.measurement.terminations
 
@@ -465,7 +465,7 @@ NUDGE = 1e-4
 
 
 def _set_up(motor: Motor, option: Option, condition: Condition, termination: str, s: ComplexArray, sound: bool) -> Node:
-    """The circuit that stands before the analyser."""
+    """The circuit that the analyser measures."""
     value = condition.value
     if option.kind == "standard":
         part = _standard(option.name, value, s)

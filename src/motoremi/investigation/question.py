@@ -1,6 +1,6 @@
-"""Which measurement would teach most about the explanations that still stand, for each minute at the bench.
+"""The measurement with the most expected information about the remaining explanations per minute at the bench.
 
-What a measurement can teach is the mutual information between explanation and outcome. Under each explanation the outcome is normal, its
+The expected information is the mutual information between explanation and outcome. Under each explanation the outcome is normal, its
 mean and covariance linear in all that is not known: the model's own parameters, the responses, the analyser's errors, noise, and what no model
 describes; with the responses that effects name, and without. The information in bits follows from draws of outcomes under each explanation.
 """
@@ -31,7 +31,7 @@ from motoremi.threads import one_blas_thread
 
 Stop: TypeAlias = Literal["one-stands", "inseparable", "nothing-missing"]
 
-# An explanation that is so many times as likely as all others together stands.
+# The investigation stops when one explanation is this many times as likely as all others together.
 ODDS = 20.0
 # How probable it is that the catalogue does not hold the explanation where no effect describes the reference sweeps (an answer `unexplained` was
 # true 47 times of 50): enough to stop at, since a measurement under another condition makes none of them describe these sweeps.
@@ -40,9 +40,9 @@ _UNKNOWN = (
     f"{OUTSIDE} stands: no effect of the catalogue describes the sweeps, so a measurement under another condition would not find one that does; "
     "repeat both sweeps, look where the model fails (motoremi inspect), or add an effect of your own (docs/howto/own-effect.md)"
 )
-# Explanations that are asked about, and how little probability one of them may have.
+# Largest number of explanations that are considered, and smallest probability of one.
 MOST_ASKED, LEAST_ASKED = 6, 2e-3
-# Less than this, a measurement teaches nothing; where none teaches more, pairs of them are looked at.
+# A measurement with less information (bits) than the first is useless; if all have less than the second, pairs of measurements are considered.
 NOTHING_BITS, LITTLE_BITS = 0.03, 0.1
 # Size of what no model describes of a change; in another circuit or span; and for a motor that no model describes, each with its share.
 # Of a value, as a logarithm.
@@ -54,20 +54,20 @@ OF_VALUE, OF_VALUE_OUTSIDE = {1e-6: 1.0}, {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 MOVED_AHEAD, MOVED_AHEAD_BESIDE = {0.05: 0.6, 1.0: 0.4}, {0.1: 1.0}
 # Draws of the outcome under each explanation.
 DRAWS = 40
-# Pairs are made of so many measurements that teach most alone.
+# Number of measurements, those with the most information alone, of which pairs are considered.
 PAIRED = 5
 POINTS_OF_A_PAIR, POINTS_LISTED = 20, 14
 # A sweep that is the other one again is asked for so many times; then both terminations of this motor are the same.
 SAME_AGAIN = 2
 # An open direction of a model moves its prediction by no more than so many standard deviations of logarithms.
 OPEN = 2.0
-# Expected log odds that tell two explanations apart: 20 to 1.
+# Expected log odds with which two explanations count as distinguished: 20 to 1.
 APART = 3.0
 
 
 @dataclass(frozen=True)
 class Worth:
-    """What one measurement of the menu would teach.
+    """The expected information of one measurement of the menu.
 
     Parameters
     ----------
@@ -75,11 +75,11 @@ class Worth:
     bits : float
     minutes : float
     separates : tuple of tuple of str
-        Groups of explanations that the outcome would tell apart, by label.
+        Groups of explanations that the outcome would distinguish, by label.
     farthest : float
-        Expected log odds between the pair that it tells apart best.
+        Expected log odds of the pair that it distinguishes best.
     then : str
-        A second measurement, where one alone teaches nothing and both together do.
+        A second measurement, if only both together give information.
     """
 
     option: Option
@@ -95,7 +95,7 @@ class Worth:
         return self.bits / self.minutes
 
     def asks(self) -> JsonDict:
-        """What exactly to measure, as in the contract."""
+        """The measurement in detail: key `asks` of `motoremi.next/2`."""
         option = self.option
         if option.kind == "value":
             return {
@@ -141,7 +141,7 @@ NOTHING_ASKED: JsonDict = {"id": None, "condition_id": None, "asks": None, "minu
 
 @dataclass(frozen=True)
 class Question:
-    """What to measure next, or why nothing.
+    """The next measurement, or the reason to stop.
 
     Parameters
     ----------
@@ -158,16 +158,16 @@ class Question:
 
     @property
     def asked(self) -> Worth | None:
-        """The measurement to make; None where there is nothing left to ask."""
+        """The measurement to make; None if none is requested."""
         return None if self.stop is not None or not self.worths else self.worths[0]
 
     @property
     def outside_stands(self) -> bool:
-        """Whether it stops because what stands is something that the catalogue does not hold."""
+        """Whether it stops because the explanation outside the catalogue is the most probable one."""
         return self.stop == "one-stands" and next(iter(self.standing), "") == OUTSIDE
 
     def to_dict(self) -> JsonDict:
-        """The contract's JSON, `motoremi.next/2`."""
+        """Plain data in the schema `motoremi.next/2`."""
         asked = self.asked
         told = NOTHING_ASKED if asked is None else asked.to_dict()
         others = [one for one in self.worths if one is not asked]
@@ -185,20 +185,20 @@ class Question:
 def next_question(
     rivals: Rivals, measurement: Measurement, without: Iterable[str] = (), odds: float = ODDS, sweep_minutes: float = SWEEP_MINUTES
 ) -> Question:
-    """The measurement that teaches most for each minute.
+    """The measurement with the most expected information per minute.
 
     Parameters
     ----------
     rivals : Rivals
-        With what was learnt so far (`rivals.update`).
+        After all data so far (`rivals.update`).
     measurement : Measurement
-        What is there already: it is not asked for again.
+        The data so far; what is measured already is not requested again.
     without : iterable of str
         Measurements that this bench cannot do, or that somebody refused.
     odds : float
         At which one explanation stands.
     sweep_minutes : float
-        What one sweep takes.
+        Duration of one sweep.
 
     Returns
     -------
@@ -213,7 +213,7 @@ def next_question(
     best = max(rivals.members, key=lambda one: one.log_weight)
     share = rivals.probabilities[best.key]
     stands = share >= odds / (1 + odds)
-    # Where one stands, what is left to measure is only listed.
+    # If one explanation is left, the remaining measurements are only listed.
     points = POINTS_LISTED if stands else POINTS_AHEAD
     worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible if option.predicted]
     ranked = sorted((one for one in worths if one is not None), key=_order, reverse=True)
@@ -241,7 +241,7 @@ def next_question(
 
 
 def _order(worth: Worth) -> tuple[bool, float]:
-    """Bits a minute, where there are any."""
+    """Sort key: bits per minute."""
     teaches = worth.bits >= NOTHING_BITS
     return teaches, worth.rate if teaches else worth.bits
 
@@ -258,7 +258,7 @@ def _needed(measurement: Measurement) -> tuple[Option, str] | None:
 
 
 def _asked_about(rivals: Rivals) -> list[tuple[Rival, float]]:
-    """The likeliest explanations with their probabilities, together one; what the catalogue does not hold is always among them."""
+    """The most probable explanations with probabilities that sum to one; the one outside the catalogue is always included."""
     ranked = sorted(rivals.members, key=lambda one: -one.log_weight)
     kept = [one for one in ranked if rivals.probabilities[one.key] >= LEAST_ASKED][:MOST_ASKED]
     kept += [one for one in ranked if one.outside and one not in kept]
@@ -271,17 +271,17 @@ def _minutes(option: Option, sweep_minutes: float) -> float:
 
 
 def _bits(probabilities: Iterable[float]) -> float:
-    """What it would take to know which: their entropy."""
+    """Entropy of the probabilities, in bits."""
     return float(-sum(p * np.log2(p) for p in probabilities if p > 0))
 
 
 def _all_together(ranked: Sequence[Worth]) -> float:
-    """What all that can still be measured is expected to teach at most: given the explanation, outcomes tell nothing of each other."""
+    """Upper bound of the information of all remaining measurements together: their sum, because outcomes are independent given the explanation."""
     return sum(one.bits for one in ranked)
 
 
 def _bits_at(odds: float) -> float:
-    """What is left to know where one explanation has these odds against another."""
+    """Entropy, in bits, of two explanations with these odds."""
     share = odds / (1 + odds)
     return _bits((share, 1 - share))
 
@@ -304,7 +304,7 @@ class _Component:
 
 
 def _predictions(option: Option, rival: Rival, measurement: Measurement, points: int) -> list[tuple[float, Prediction]]:
-    """What one explanation predicts, with the share of each way in which it may respond."""
+    """Predictions of one explanation, with the probability of each kind of response."""
     if option.kind == "value":
         guess = ValueOutcome(rival.fit, _value(option, rival))
         return [(1.0, guess)] if guess.known else []
@@ -377,7 +377,7 @@ def _distributions(options: Sequence[Option], rival: Rival, measurement: Measure
 
 
 def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float, points: int) -> Worth | None:
-    """What one measurement would teach; None where it cannot be predicted with the sweeps at hand."""
+    """The expected information of one measurement; None if it cannot be predicted from the sweeps so far."""
     told = _information([option], standing, measurement, points)
     return None if told is None else Worth(option, told[0], _minutes(option, sweep_minutes), told[1], told[2])
 
@@ -385,7 +385,7 @@ def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement:
 def _information(
     options: Sequence[Option], standing: Sequence[tuple[Rival, float]], measurement: Measurement, points: int
 ) -> tuple[float, tuple[tuple[str, ...], ...], float] | None:
-    """Bits, the groups told apart, and the largest expected log odds of a pair."""
+    """Bits, the distinguished groups, and the largest expected log odds of a pair."""
     outcomes = [_distributions(options, rival, measurement, points) for rival, _ in standing]
     if not all(outcomes):
         return None
@@ -412,7 +412,7 @@ def _draws(components: Sequence[_Component], normal: FloatArray, rng: np.random.
 
 
 def _groups(labels: Sequence[str], apart: FloatArray) -> tuple[tuple[str, ...], ...]:
-    """Explanations between which the expected odds stay small, together."""
+    """Groups of explanations that the measurement does not distinguish."""
     group = list(range(len(labels)))
     for one, other in combinations(range(len(labels)), 2):
         if apart[one, other] < APART:
@@ -421,7 +421,7 @@ def _groups(labels: Sequence[str], apart: FloatArray) -> tuple[tuple[str, ...], 
 
 
 def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float) -> list[Worth]:
-    """With measurements that teach nothing alone and something together with a second one."""
+    """The ranking with measurements that give information only together with a second one."""
     firsts = sorted((one for one in ranked if one.bits > 0), key=lambda one: -one.bits)[:PAIRED]
     found = list(ranked)
     for one, other in combinations(firsts, 2):

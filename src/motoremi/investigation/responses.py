@@ -20,13 +20,13 @@ from motoremi.model.motor import BASE_PARAMETERS
 
 # Of copper and nearly of aluminium, per kelvin at 20 degC (IEC 60028).
 COPPER_PER_K = 3.93e-3
-# A room where nobody read the thermometer, and how well the winding's own temperature is known; degC and K.
+# Assumed room temperature if it is not stated, and uncertainty of the winding's temperature; degC and K.
 ROOM_DEGC, ROOM_SIGMA_K = 23.0, 3.0
 # The menu's responses to warmth are for so many kelvin.
 WARMED_BY_K = 30.0
 # A response is known within this factor.
 RESPONSE_FACTOR = 2.0
-# One in ten of the responses that the catalogue names does not come. An assumption; unconfirmed.
+# Probability that a response named by the catalogue does not occur. An assumption; unconfirmed.
 NONE_AT_ALL = 0.1
 # What "gone" leaves.
 GONE = 0.05
@@ -68,7 +68,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Responses:
-    """All that a condition changes in one model.
+    """All changes of one model by a condition.
 
     Parameters
     ----------
@@ -90,11 +90,11 @@ class Responses:
 
     @property
     def listed(self) -> bool:
-        """Whether the model has an effect that is known to answer."""
+        """Whether the model has an effect with a stated response."""
         return any(one.listed for one in self.members)
 
     def without_listed(self) -> Responses:
-        """The same where what the effects name does not come."""
+        """The same without the stated responses of effects."""
         return Responses(tuple(one for one in self.members if not one.listed), self.size)
 
 

@@ -1,4 +1,4 @@
-"""The explanations that still stand, and what new data under conditions do to their probabilities.
+"""The remaining explanations, and how data under conditions change their probabilities.
 
 log odds of two rivals change by the difference of log p(new data | rival, sweeps at hand). A motor that the catalogue does not hold is always
 one of the rivals: its prediction is the likeliest model's, with a wide departure. What an operator may have done instead of what was asked
@@ -29,9 +29,9 @@ from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_O
 from motoremi.model.effects import find_effect
 
 Key = tuple[str, ...]
-# Name of the rival that the catalogue does not hold.
+# Label of the explanation by an effect outside the catalogue.
 OUTSIDE = "outside-the-catalogue"
-# Log odds behind the best beyond which a model is not weighed: it keeps its distance.
+# Models further behind the best than this (log odds) are not evaluated; their distance is kept.
 BEHIND = 12.0
 MOST_RIVALS = 10
 # How often the response that is predicted for a true explanation is wrong altogether: no single measurement refutes by more than 50 to 1.
@@ -53,11 +53,11 @@ class Rival:
     Parameters
     ----------
     key : tuple of str
-        Effects that it adds; (OUTSIDE,) for what the catalogue does not hold.
+        Effects that it adds; (OUTSIDE,) for an effect outside the catalogue.
     fit : Fit
     log_weight : float
     known : Known
-        What the data so far say of its unknowns.
+        Distribution of its unknowns after the data so far.
     """
 
     key: Key
@@ -67,12 +67,12 @@ class Rival:
 
     @property
     def outside(self) -> bool:
-        """Whether it stands for what the catalogue does not hold."""
+        """Whether it is the explanation by an effect outside the catalogue."""
         return self.key == (OUTSIDE,)
 
     @property
     def label(self) -> str:
-        """As it is told."""
+        """Its name in output."""
         return " + ".join(self.key) or "nothing missing"
 
     @property
@@ -83,7 +83,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Taught:
-    """What one condition or value taught.
+    """The information from one condition or value.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Taught:
     probabilities : dict
         Afterwards, by label.
     mistakes : tuple of Mistake
-        What was found to be none of what was asked; such sweeps are not used.
+        Mistakes that were found; the sweeps concerned are not used.
     """
 
     id: str
@@ -147,17 +147,17 @@ class Rivals:
 
     @property
     def likeliest(self) -> Rival:
-        """The one of the catalogue that leads."""
+        """The most probable explanation of the catalogue."""
         return max((one for one in self.members if not one.outside), key=lambda one: one.log_weight)
 
     @property
     def nearest(self) -> tuple[Rival, ...]:
-        """Those of the catalogue that lead: what it does not hold is like one of them."""
+        """The most probable explanations of the catalogue; an effect outside it is assumed to resemble one of them."""
         return tuple(sorted((one for one in self.members if not one.outside), key=lambda one: -one.log_weight)[:LIKE])
 
     @property
     def outside(self) -> float:
-        """Probability that the catalogue does not hold it."""
+        """Probability of an effect outside the catalogue."""
         return self.probabilities.get((OUTSIDE,), 0.0)
 
 
@@ -188,7 +188,7 @@ def update(rivals: Rivals, measurement: Measurement) -> Rivals:
     Parameters
     ----------
     rivals : Rivals
-        As the reference sweeps left them.
+        After the reference sweeps.
     measurement : Measurement
         Of which `conditioned` and `values` are new.
     """
@@ -196,7 +196,7 @@ def update(rivals: Rivals, measurement: Measurement) -> Rivals:
 
 
 class Lessons:
-    """What stands after each further measurement, kept: what comes next is weighed on top of it.
+    """The explanations after each further measurement, cached, so that only new data have to be evaluated.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How likely new data are under a model, given what the sweeps at hand say of it: Laplace's method round the best of all unknowns.
+"""Likelihood of new data under a model fitted to the earlier sweeps, by Laplace's method around the most likely unknowns.
 
 Unknown are the model's parameters, normal round the fit with the precision that the sweeps at hand give them (a direction that they leave
 open has its range); the response numbers; the analyser's errors; and what no model describes of the change, whose size is summed over.
@@ -41,11 +41,11 @@ Scale: TypeAlias = tuple[float, float, float]
 
 
 class Prediction(Protocol):
-    """What `Outcome` and `ValueOutcome` have in common."""
+    """The common interface of `Outcome` and `ValueOutcome`."""
 
     @property
     def size(self) -> int:
-        """How many response numbers."""
+        """Number of response numbers."""
 
     @property
     def moving(self) -> BoolArray:
@@ -53,7 +53,7 @@ class Prediction(Protocol):
 
     @property
     def elsewhere(self) -> bool:
-        """Whether the motor is seen in a way in which the model was not fitted."""
+        """Whether the circuit or span differs from that of the fit."""
 
     @property
     def unpredicted(self) -> IntArray:
@@ -84,7 +84,7 @@ class Prediction(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What is known of a model's unknowns: a normal distribution within bounds.
+    """The distribution of a model's unknowns: normal within bounds.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """What new data say of one model.
+    """The result of new data for one model.
 
     Parameters
     ----------
     log_likelihood : float
         Of the data, all unknowns integrated over; comparable among models, and among explanations of the same sweeps.
     known : Known
-        What is then known of the model's own unknowns.
+        Distribution of the model's own unknowns afterwards.
     undescribed : float
         The likeliest size of what the model does not describe of the change.
     unchanged : float
@@ -139,7 +139,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     ----------
     prediction : Outcome or ValueOutcome
     known : Known
-        What is known of the model's unknowns before these data.
+        Distribution of the model's unknowns before these data.
     sizes : dict, optional
         Sizes of what no model describes -> prior.
     """
@@ -168,7 +168,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
 
 
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: FloatArray, at: Scale) -> _System:
-    """The best unknowns for one size of what no model describes (Levenberg and Marquardt)."""
+    """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt)."""
     known, k = best.known, best.known.centre.size
     damping, cost = DAMPING, best.cost(at)
     for _ in range(STEPS):
