@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, own_labels, possible_effects, seen_in, unusual_values
-from motoremi.diagnosis.explore import Key
+from motoremi.diagnosis.explore import Key, best_of
 from motoremi.fitting.beside import Pairs
 from motoremi.fitting.fit import on_all_points, task_without, trail_to
 from motoremi.fitting.race import (
@@ -69,8 +69,11 @@ class MotorBoard:
             raced = race(trails, SINGLES, (), progress, self._each)
             self._reached = {key[-1]: standing for key, standing in raced.reached.items()}
         else:
-            trails = self._leading_pairs(found, part(progress, 0.0, 0.9))
-            raced = race(trails, ARRIVING, (), part(progress, 0.9, 1.0), self._each)
+            pairs = self._leading_pairs(found, part(progress, 0.0, 0.8))
+            raced = race(pairs, ARRIVING, (), part(progress, 0.8, 0.9), self._each)
+            beside = self._beside_the_best(found)
+            raced.solutions.update(race(beside, SINGLES, (), part(progress, 0.9, 1.0), self._each).solutions)
+            trails = {**pairs, **beside}
         leading = self._near_best(size, raced.solutions)
         near = self._refitted(trails, leading)
         others = {key: solution for key, solution in raced.solutions.items() if key not in leading}
@@ -82,6 +85,13 @@ class MotorBoard:
         # Where something is left, laws are not quite the motor's, and the decision asks which values motors have.
         usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
         return near + self._refitted(trails, {key: others[key] for key in usual[: self._further]})
+
+    @staticmethod
+    def _beside_the_best(found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
+        """Each effect beside the best single one, if that leaves little: only the likelihood tells such pairs apart, not points of equal weight."""
+        best = best_of(one for key, one in found.items() if len(key) == 1)
+        trails = {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
+        return {pair: trail for pair, trail in trails.items() if trail.by_likelihood}
 
     def _unusual(self, trail: Trail, solution: Solution) -> bool:
         motor = trail.task.motor
