@@ -323,7 +323,7 @@ def test_an_appended_sweep_without_a_condition_is_one_more_repeat_and_the_ladder
         (["--condition", "second-temperature=-300degC", "--short", "FILE"], "absolute zero"),
         (["--condition", "dc-bias=1V", "--short", "FILE"], "is not in A"),
         (["--condition", "dc-bias=1A"], "is for sweeps"),
-        (["--condition", "dc-bias=1A", "--short", "WARM"], "its header says"),
+        (["--condition", "dc-bias=1A", "--short", "WARM"], "its header states"),
         (["--value", "dc-resistance=12"], "is not in Ohm"),
         (["--limit", "en55032", "--short", "FILE"], "is for a new session"),
     ],
