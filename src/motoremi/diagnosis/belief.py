@@ -36,7 +36,8 @@ NO_ANALYSER_SIGMA = 300.0
 # `adequate` was true 190 times of 190, `unexplained` 47 of 50, with a serious finding each time that it was not. Boards of other seeds confirm or
 # deny them.
 # Two names were the whole truth 61 times of 70, inside the protocol and outside it: two effects easily take up a third.
-# A single effect with values that few motors have, which leaves something, was wrong two times of two (a tapped winding): so few say little.
+# A single effect with values that few motors have was wrong four times of four (a tapped winding; in investigations of seeds 25112602 and 25112603
+# nothing was left): so few say little.
 # A relaxation alone, across the winding or to the frame, was true 8 times of 17 (investigations of seeds 24112603, 24113001 and 24113201, the
 # protocol's seed 24113202), where a tenth of the motors hid what the catalogue does not hold: how many real motors do, nobody knows.
 # That an analyser beyond its specification is to blame, where an effect would do as well and is not named, was wrong three times of three.

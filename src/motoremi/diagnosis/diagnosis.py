@@ -409,7 +409,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if len(named) > 1:
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
-    if named and judgement.model.unusual and judgement.model.fit.marginal.nothing_left < 0.5:
+    if named and judgement.model.unusual:
         kinds.append("unusual values")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")

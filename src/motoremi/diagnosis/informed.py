@@ -33,7 +33,8 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
-    start = rivals_of(credible, OUTSIDE[judgement.standing], 1 - RELIABLE["imitated"])
+    outside = max(OUTSIDE[judgement.standing], 1 - RELIABLE["unusual values"] if judgement.named and judgement.model.unusual else 0.0)
+    start = rivals_of(credible, outside, 1 - RELIABLE["imitated"])
     return update(start, measurement or judgement.base.measurement)
 
 
