@@ -20,9 +20,9 @@ from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTION, column_values, find_pair, impedance_of, reflection_of
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
-from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, refuse_between_ports, used_rows
+from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, used_rows
 from motoremi.data.spectrum import DETECTORS, Spectrum
-from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
+from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, check_order, checked_accuracy
 from motoremi.data.table import Table, parse_table
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import decode, file_name, read_bytes, show_name

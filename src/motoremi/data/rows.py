@@ -76,12 +76,6 @@ def used_rows(frequency_hz: FloatArray, band: Band | None, name: str) -> tuple[N
     return rows, tuple(changes)
 
 
-def check_order(frequency_hz: float, before_hz: float, where: str) -> None:
-    """Raise `BadInput` if the frequency of a row is lower than that of the row before it."""
-    if frequency_hz < before_hz:
-        raise BadInput(f"{where}: frequencies must increase, but {frequency_hz:.12g} Hz follows {before_hz:.12g} Hz; sort the rows")
-
-
 def reflection_warnings(s11: ComplexArray) -> tuple[str, ...]:
     """A sentence if a reflection coefficient, shape (n,), is above 1 at more than a few points."""
     size = np.abs(s11)

@@ -224,6 +224,12 @@ def inside_band(frequency_hz: FloatArray, low_hz: float, high_hz: float) -> tupl
     return inside, "" if count == points else f"{points - count} of {points} points outside {band} left out"
 
 
+def check_order(frequency_hz: float, before_hz: float, where: str) -> None:
+    """Raise `BadInput` if the frequency of a row is lower than that of the row before it."""
+    if frequency_hz < before_hz:
+        raise BadInput(f"{where}: frequencies must increase, but {frequency_hz:.12g} Hz follows {before_hz:.12g} Hz; sort the rows")
+
+
 def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:
     """A copy of a frequency axis after its check; raises `BadInput` if it cannot be one."""
     try:
@@ -240,7 +246,7 @@ def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -
         raise BadInput(f"{what}: the frequency {frequency[where]:g} Hz occurs twice; keep one row for each frequency")
     if np.any(steps < 0):
         where = int(np.flatnonzero(steps < 0)[0])
-        raise BadInput(f"{what}: frequencies must increase, but {frequency[where + 1]:g} Hz follows {frequency[where]:g} Hz; sort the rows")
+        check_order(frequency[where + 1], frequency[where], what)
     return frequency
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.numbers import looks_cut, parse_number
-from motoremi.data.rows import Band, Rows, check_order, reflection_warnings, refuse_between_ports, used_rows
-from motoremi.data.sweep import checked_frequency
+from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, used_rows
+from motoremi.data.sweep import check_order, checked_frequency
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
