@@ -405,6 +405,20 @@ def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_a
         assert set(after.named) == set(named)
 
 
+@pytest.mark.parametrize(("coupling", "quality", "outside"), [(0.3, 5.0, 0.03), (0.83, 0.66, 0.3)])
+def test_values_that_few_motors_have_speak_for_what_the_catalogue_does_not_hold(coupling: float, quality: float, outside: float) -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import decided
+
+    coupled = {"field-coupling": {"coupling": coupling, "resonance_hz": 8e6, "quality": quality}}
+    bare, key = fit(dc_motor(), sweeps(coupled)), ("field-coupling",)
+    named = bare.add(*key)
+    assert named.marginal.nothing_left >= 0.5
+    judgement = decided(bare, {(): Candidate((), bare, 0.0, ()), key: Candidate(key, named, 300.0, ())})
+    assert judgement.named == key
+    assert rivals_in(judgement).outside == pytest.approx(outside)
+
+
 @pytest.mark.slow
 def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
     from motoremi.diagnosis.informed import confidence_of, departs, reasons_of
