@@ -50,7 +50,7 @@ def test_what_the_elements_can_take_over_is_taken():
     fit = me.fit(me.dc_motor(), [s for s in simulated_sweeps(4)[0] if s.termination == "short"])
     size = signature(fit, "brush-contact").sizes[0]
     assert np.abs(size.remaining["short"]).max() < 0.5 * np.abs(size.change["short"]).max()
-    with pytest.raises(me.BadInput, match="none of the sweeps"):
+    with pytest.raises(me.BadInput, match="none of these sweeps"):
         signature(fit, "dielectric-loss@Cf")
 
 

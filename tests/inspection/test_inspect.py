@@ -175,7 +175,7 @@ def test_wrong_elements_are_told():
         inspect(fit, "Lx")
     with pytest.raises(me.BadInput, match="unknown element"):
         inspect(fit, "skin-effect")
-    with pytest.raises(me.BadInput, match="no single part"):
+    with pytest.raises(me.BadInput, match="not a single part"):
         inspect(fit, "distributed-winding")
     sweeps, _ = simulated_sweeps(1)
     with pytest.raises(me.BadInput, match="none of the sweeps"):

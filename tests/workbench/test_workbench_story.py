@@ -139,7 +139,7 @@ def test_the_ladder_is_a_history(at, copied):
         assert says in at(path, count=count)["error"]
     assert at("/redo", count=1)["after"]["effects"] == ["eddy-laminations"]
     assert at("/redo", count=1)["after"]["effects"] == ["eddy-laminations", "core-loss"]
-    assert "not so many" in at("/drop", count=3)["error"]
+    assert "fewer steps" in at("/drop", count=3)["error"]
     assert at("/drop", count=1)["after"]["error"] == added[0]
     assert load(copied).ladder[-1]["fit"]["effects"] == ["eddy-laminations"]
 
@@ -169,7 +169,7 @@ def test_a_ladder_of_the_spectra_that_moved_is_left_alone(at, copied):
         add_source_effect(store, "lisn-deviation")
     for path, body in (("/add", {"effect": "arc-breakdown"}), ("/drop", {}), ("/fit", {}), ("/diagnose", {})):
         told = at(path, of="emission", standing=shown, **body)
-        assert "source and motor alone + lisn-deviation now" in told["error"], path
+        assert "the current model is now source and motor alone + lisn-deviation" in told["error"], path
     assert at("/story?of=emission")["in_model"] == ["lisn-deviation"]
     with opened(copied) as store:
         drop_source_effect(store)
