@@ -18,7 +18,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.kernels import Parts, smooth_basis
-from motoremi.data.quantity import REFLECTION, THROUGH, Quantity
+from motoremi.data.quantity import REFLECTION, SERIES_THROUGH, SHUNT_THROUGH, Quantity, ports_written
 from motoremi.errors import BadInput
 
 # Functions of modules or parts of them, since an analyser is sent to other processes with its measurement.
@@ -109,6 +109,16 @@ class Analyser:
     def by_waves(self) -> bool:
         """Whether it is a real network analyser, whose errors are those of a reflection or a transmission."""
         return bool(self.wave_sigma)
+
+    @property
+    def ports(self) -> str:
+        """Connection of the motor between two ports, a key of `BETWEEN_PORTS`; empty for one port."""
+        return "" if self.quantity is None else ports_written(self.quantity.name)
+
+    @property
+    def instrument(self) -> str:
+        """Name of the instrument alone, a key of `TRANSMISSION` if it measures between two ports."""
+        return self.name.partition("+")[0]
 
     @property
     def named(self) -> bool:
@@ -348,11 +358,13 @@ TRANSMISSION: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     ),
     "none": ("an ideal network analyser: only random noise", "for simulated or corrected data", ()),
 }
-_ENDS = ("the motor in series between the ports", "the motor from the line between the ports to ground")
-# A few picofarads and a few centimetres of wire, as the fixture at one port; unconfirmed.
-_STRAYS = ({"ground_capacitance_f": 4e-12}, {"line_inductance_h": 30e-9})
+# Strays are a few picofarads and a few centimetres of wire, as of the fixture at one port; unconfirmed.
 BETWEEN_PORTS: Mapping[str, BetweenPorts] = {
-    quantity.name: BetweenPorts(quantity, title, stray) for quantity, title, stray in zip(THROUGH, _ENDS, _STRAYS, strict=True)
+    connection.quantity.name: connection
+    for connection in (
+        BetweenPorts(SERIES_THROUGH, "the motor in series between the ports", {"ground_capacitance_f": 4e-12}),
+        BetweenPorts(SHUNT_THROUGH, "the motor from the line between the ports to ground", {"line_inductance_h": 30e-9}),
+    )
 }
 
 

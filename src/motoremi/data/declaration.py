@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from motoremi.data.analyser import BETWEEN_PORTS, DEFAULT_ANALYSER, TRANSMISSION, Analyser, find_analyser
+from motoremi.data.analyser import DEFAULT_ANALYSER, TRANSMISSION, Analyser, find_analyser
+from motoremi.data.quantity import ports_written
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 
@@ -15,10 +16,9 @@ from motoremi.errors import BadInput
 _REFLECTIONS = ("S parameters", "S11")
 
 
-def ports_of(sweep: ImpedanceSweep) -> str | None:
-    """Connection of the motor between two ports, `series-through` or `shunt-through`; None for another one or none."""
-    written = str(sweep.metadata.get("fixture", "")).strip().lower()
-    return written if written in BETWEEN_PORTS else None
+def ports_of(sweep: ImpedanceSweep) -> str:
+    """Connection of the motor between two ports, `series-through` or `shunt-through`; empty for another one or none."""
+    return ports_written(sweep.metadata.get("fixture", ""))
 
 
 def declared_analyser(
@@ -40,21 +40,21 @@ def declared_analyser(
         If the analyser is not known, or its name says another connection than the sweeps.
     """
     name = named or next((str(s.metadata["analyser"]) for s in sweeps if s.metadata.get("analyser")), DEFAULT_ANALYSER)
-    found, first = find_analyser(name), name.partition("+")[0].strip().lower()
+    found = find_analyser(name)
     used = {ports_of(sweep) for sweep in (*sweeps, *conditioned)}
     if len(used) > 1:
         # They share no error model.
         seen = " and ".join(sorted(one or "one port" for one in used))
         remark = f"the sweeps were measured in different ways ({seen}): the size of the analyser's errors is estimated"
         return find_analyser(DEFAULT_ANALYSER), remark
-    ports = next(iter(used), None)
-    if ports is None or found.name == f"{first}+{ports}":
+    ports = next(iter(used), "")
+    if ports in ("", found.ports):
         return found, ""
-    if found.name.partition("+")[2] in BETWEEN_PORTS:
+    if found.ports:
         raise BadInput(f"the sweeps were measured {ports}, but the analyser is declared as {found.name}; correct one of them")
-    if first not in TRANSMISSION:
+    if found.instrument not in TRANSMISSION:
         return found, f"the sweeps were measured {ports}, but {found.name} measures no transmission between two ports: name the network analyser"
-    return find_analyser(f"{first}+{ports}"), ""
+    return find_analyser(f"{found.instrument}+{ports}"), ""
 
 
 def refuse_impossible(sweeps: Sequence[ImpedanceSweep], named: str | None) -> None:
@@ -64,8 +64,8 @@ def refuse_impossible(sweeps: Sequence[ImpedanceSweep], named: str | None) -> No
     analyser = find_analyser(named)
     for sweep in sweeps:
         source, ports = sweep.metadata.get("source", f"the {sweep.termination} sweep"), ports_of(sweep)
-        if ports is not None and named.partition("+")[0].strip().lower() not in TRANSMISSION:
+        if ports and analyser.instrument not in TRANSMISSION:
             takes = ", ".join(TRANSMISSION)
             raise BadInput(f"{source}: was measured {ports}, but {analyser.name} measures no transmission between two ports; use one of {takes}")
-        if analyser.name.partition("+")[2] in BETWEEN_PORTS and str(sweep.metadata.get("read_as", "")).startswith(_REFLECTIONS):
+        if analyser.ports and str(sweep.metadata.get("read_as", "")).startswith(_REFLECTIONS):
             raise BadInput(f"{source}: holds the reflection at one port, but the analyser is declared as {analyser.name}; leave out the fixture")

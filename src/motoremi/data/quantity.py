@@ -146,4 +146,11 @@ def _of_transmission(coefficient: ComplexArray) -> tuple[ComplexArray, ...]:
 
 
 REFLECTION = Reflection()
-THROUGH: tuple[Quantity, ...] = (SeriesThrough(), ShuntThrough())
+SERIES_THROUGH, SHUNT_THROUGH = SeriesThrough(), ShuntThrough()
+THROUGH: tuple[Quantity, ...] = (SERIES_THROUGH, SHUNT_THROUGH)
+
+
+def ports_written(fixture: object) -> str:
+    """Connection between two ports as the header of a file writes it, `series-through` or `shunt-through`; empty for anything else."""
+    written = str(fixture).strip().lower()
+    return written if any(written == quantity.name for quantity in THROUGH) else ""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.quantity import THROUGH
+from motoremi.data.quantity import ports_written
 from motoremi.data.sweep import inside_band
 from motoremi.errors import BadInput
 
@@ -89,6 +89,6 @@ def reflection_warnings(s11: ComplexArray) -> tuple[str, ...]:
 
 def refuse_between_ports(header: Mapping[str, Any], name: str) -> None:
     """Raise `BadInput` if the header of a file of reflections says that the motor was between two ports."""
-    written = next((str(value).strip().lower() for key, value in header.items() if key.lower() == "fixture"), "")
-    if written in {quantity.name for quantity in THROUGH}:
+    written = next((ports_written(value) for key, value in header.items() if key.lower() == "fixture"), "")
+    if written:
         raise BadInput(f"{name}: its header says fixture {written}, but it holds the reflection at one port; save S21 (.s2p), or remove that line")

@@ -81,11 +81,11 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
 def hypotheses(declared: Analyser) -> list[Analyser]:
     """What the analyser could have been instead, for data that were measured at one port or between two as these were."""
     # A network analyser with an uncompensated fixture could absorb a lead or a stray capacitance: only its owner can declare that.
-    named, _, ports = declared.name.partition("+")
-    if ports in BETWEEN_PORTS:
+    named = declared.instrument
+    if declared.ports:
         # The errors of a real one are those of every other, in another size.
         possible = [one for one in ANALYSERS if one.name in TRANSMISSION and one.named and not one.ideal] if declared.ideal else []
-        return [BETWEEN_PORTS[ports].measured_by(one.with_compensated_fixture()) for one in possible]
+        return [BETWEEN_PORTS[declared.ports].measured_by(one.with_compensated_fixture()) for one in possible]
     others = [one.with_compensated_fixture() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", "unknown")]
     return [one for one in others if not (named in ("e4990a", "unknown") and one.name == "4294a")]
 

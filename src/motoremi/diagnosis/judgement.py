@@ -350,8 +350,9 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     if needed < len(judgement.belief.named):
         # What the larger set has more only strains the analyser: the likeliest of those without it may be another.
         fewer = judgement.among({key: one for key, one in judgement.found.items() if len(key) <= needed})
-        larger = {key: one for key, one in judgement.found.items() if len(key) > needed and one.leaves_nothing}
-        judgement = dataclasses.replace(fewer, aside={key: one for key, one in larger.items() if one.score > fewer.best.score})
+        larger = {key: one for key, one in judgement.found.items() if len(key) > needed}
+        aside = {key: one for key, one in larger.items() if one.leaves_nothing and one.score > fewer.best.score}
+        judgement = dataclasses.replace(fewer, aside=aside)
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
     if (enough := judgement.of_accurate) is not None:

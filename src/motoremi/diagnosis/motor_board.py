@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from math import inf
 from typing import TypeVar
 
@@ -66,17 +66,17 @@ class MotorBoard:
         if size == 1:
             self._alone = {name: trail_to(self._base, name) for name in possible_effects(self._base)}
             trails: Mapping[Key, Trail] = {(name,): trail for name, trail in self._alone.items()}
-            raced = race(trails, SINGLES, (), progress, self._each)
-            self._reached = {key[-1]: standing for key, standing in raced.reached.items()}
+            solutions, reached = race(trails, SINGLES, (), progress, self._each)
+            self._reached = {key[-1]: standing for key, standing in reached.items()}
         else:
             pairs = self._leading_pairs(found, part(progress, 0.0, 0.8))
-            raced = race(pairs, ARRIVING, (), part(progress, 0.8, 0.9), self._each)
             beside = self._beside_the_best(found)
-            raced.solutions.update(race(beside, SINGLES, (), part(progress, 0.9, 1.0), self._each).solutions)
+            races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, SINGLES, part(progress, 0.9, 1.0)))
+            solutions = _likeliest_orders([race(each, rounds, (), own, self._each).solutions for each, rounds, own in races])
             trails = {**pairs, **beside}
-        leading = self._near_best(size, raced.solutions)
+        leading = self._near_best(size, solutions)
         near = self._refitted(trails, leading)
-        others = {key: solution for key, solution in raced.solutions.items() if key not in leading}
+        others = {key: solution for key, solution in solutions.items() if key not in leading}
         # One effect more is never less likely than none more: those in false valleys then looked better on few points.
         if max((one.fit.log_evidence for one in near), default=-inf) < max(one.fit.log_evidence for one in found.values()):
             return near + self._refitted(trails, others)
@@ -159,6 +159,15 @@ class MotorBoard:
             held=task.held,
             bounds=task.bounds,
         )
+
+
+def _likeliest_orders(raced: Iterable[Mapping[Key, Solution]]) -> dict[Key, Solution]:
+    """The solutions of several races, the best evidence first; of sets with the same effects only the best one."""
+    ranked = sorted((pair for solutions in raced for pair in solutions.items()), key=lambda pair: -pair[1].log_evidence)
+    best: dict[Key, tuple[Key, Solution]] = {}
+    for key, solution in ranked:
+        best.setdefault(tuple(sorted(key)), (key, solution))
+    return dict(best.values())
 
 
 def _alike(one: str, other: str) -> bool:

@@ -23,6 +23,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import Analyser
 from motoremi.data.covariance import LEAST_SHARE, Sizes, Whitening, orthonormal
 from motoremi.data.measurement import Measurement
+from motoremi.data.quantity import Quantity
 from motoremi.errors import BadInput
 from motoremi.fitting.observed import ObservedSweep, Weights, observed
 from motoremi.fitting.ports import with_ground_capacitance, with_line_inductance
@@ -269,6 +270,16 @@ class Problem:
         return self._quantity.relative(self.observed.smooth)
 
     @cached_property
+    def _coefficient(self) -> ComplexArray:
+        """The measured coefficient, shape (n,)."""
+        assert self._quantity is not None
+        return self._quantity.coefficient_of(self.observed.measured)
+
+    def _of_waves(self, quantity: Quantity, model: ComplexArray) -> ComplexArray:
+        """Residuals of the coefficient that the analyser measures, relative to Z, shape (..., n)."""
+        return self._to_relative * (self._coefficient - quantity.coefficient_of(model))
+
+    @cached_property
     def _directions(self) -> ComplexArray:
         """D, shape (n, q): 1 - D D* is the inverse covariance of weighted residuals."""
         if self.weights != "likelihood":
@@ -293,7 +304,7 @@ class Problem:
             model = self._tape.impedance(self.observed.s, self.physical(u))
             if self._quantity is None:
                 return _repaired(1 - model / self.observed.measured, 1e3)
-            found = self._to_relative * (self._quantity.coefficient_of(self.observed.measured) - self._quantity.coefficient_of(model))
+            found = self._of_waves(self._quantity, model)
         return _repaired(found, 1e3)
 
     def objective(self, u: FloatArray) -> FloatArray:
@@ -332,8 +343,7 @@ class Problem:
             inverse = 1 / model
             return _logarithm(self.observed.measured * inverse), -inverse
         quantity = self._quantity
-        residual = self._to_relative * (quantity.coefficient_of(self.observed.measured) - quantity.coefficient_of(model))
-        return residual, self._to_relative * -quantity.slope_ohm / (model + quantity.pole_ohm) ** 2
+        return self._of_waves(quantity, model), self._to_relative * -quantity.slope_ohm / (model + quantity.pole_ohm) ** 2
 
     def _squared(self, u: FloatArray, deviation: ComplexArray, slopes: ComplexArray, chain: FloatArray) -> Linearised:
         along, residual_along = self._along(slopes), self._along(deviation)
