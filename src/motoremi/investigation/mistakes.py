@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,8 +50,8 @@ class Mistake:
     used: bool = False
 
 
-def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known) -> Mistake:
-    """The likeliest mistake that would give a sweep, and how likely all of them together make it."""
+def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known, again: float) -> Mistake:
+    """The likeliest mistake that would give a sweep, and how likely all of them together make it; `again` as from `repeated`."""
     asked = f"{sweep.termination} sweep, {sweep.condition}"
     shows = option.name in MUST_SHOW or bool(option.elements) or Outcome(likeliest, [sweep]).elsewhere
     found: list[Mistake] = []
@@ -63,7 +62,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             continue
         if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
-        log = _as(reference, sweep, likeliest, known)
+        log = again if same else _as(reference, sweep, likeliest, known)
         what = f"it is the {reference.termination} sweep of the motor as it was"
         found.append(Mistake("nothing-changed" if same else "wrong-termination", f"{asked}: {what}, again", log))
     if option.kind == "standard":
@@ -86,15 +85,12 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
     return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))
 
 
-def as_before(sweeps: Sequence[Observed], fit: Fit, known: Known) -> float:
-    """Log likelihood of sweeps that are those of the motor as it was, of which a fit is; minus infinity where those do not cover them."""
-    total = 0.0
-    for sweep in sweeps:
-        reference = next((one for one in fit.measurement.sweeps if one.termination == sweep.termination), None)
-        if reference is None or not _covers(reference.frequency_hz, sweep.frequency_hz):
-            return float("-inf")
-        total += _as(reference, sweep, fit, known)
-    return total
+def repeated(sweep: Observed, fit: Fit, known: Known) -> float:
+    """Log likelihood of a sweep that is its reference sweep again, although a condition was requested; minus infinity if that does not cover it."""
+    reference = next((one for one in fit.measurement.sweeps if one.termination == sweep.termination), None)
+    if reference is None or not _covers(reference.frequency_hz, sweep.frequency_hz):
+        return float("-inf")
+    return _as(reference, sweep, fit, known)
 
 
 def _as(reference: RepeatedSweep, sweep: Observed, fit: Fit, known: Known) -> float:

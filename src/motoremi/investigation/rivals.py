@@ -22,7 +22,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.fitting.result import Fit
 from motoremi.investigation.conditioned import by_condition
 from motoremi.investigation.menu import BY_NAME, Option
-from motoremi.investigation.mistakes import WRONG, Mistake, as_before, mistakes
+from motoremi.investigation.mistakes import WRONG, Mistake, mistakes, repeated
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
 from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, mixed, weigh
@@ -228,8 +228,10 @@ class Lessons:
 
 def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, sweeps: Sequence[Observed]) -> Rivals:
     leading = rivals.likeliest
-    wrong = {one.termination: mistakes(one, option, measurement, leading.fit, leading.known) for one in sweeps}
-    done = [_weighed(rival, sweeps, rivals) for rival in rivals.members]
+    # All explanations describe the reference sweeps, so the leading one tells for all of them what a repeat would be.
+    again = {one.termination: repeated(one, leading.fit, leading.known) for one in sweeps}
+    wrong = {one.termination: mistakes(one, option, measurement, leading.fit, leading.known, again[one.termination]) for one in sweeps}
+    done = [_weighed(rival, sweeps, rivals, again) for rival in rivals.members]
     right = float(np.log(1 - WRONG))
     logs: list[dict[Key, float]] = [{(): one.log_likelihood + len(sweeps) * right} for one in done]
     learnt: list[dict[Key, Known]] = [{(): one.known} for one in done]
@@ -238,11 +240,11 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
         for left_out in combinations(sorted(wrong), size):
             used = [one for one in sweeps if one.termination not in left_out]
             instead = sum(wrong[name].log_likelihood for name in left_out)
-            guess = _weighed(leading, used, rivals).log_likelihood if used else 0.0
+            guess = _weighed(leading, used, rivals, again).log_likelihood if used else 0.0
             if guess + instead + len(used) * right < best - PLAUSIBLE:
                 continue
             for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
-                found = _weighed(rival, used, rivals) if used else Weighed(0.0, rival.known, 0.0)
+                found = _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known, 0.0)
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
     doubted = _doubted(rivals, [float(logsumexp(list(log.values()))) for log in logs])
@@ -270,10 +272,10 @@ def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
     return [float(np.logaddexp(np.log(1 - DOUBT) + log, np.log(DOUBT) + any_of_them)) for log in logs]
 
 
-def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
+def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Mapping[str, float]) -> Weighed:
     """What sweeps under a condition say of an explanation, whether it responds as it says, or in another way, or not at all."""
     cases = [(1.0, _weighed_outside(sweeps, rivals))] if rival.outside else _responding(rival, sweeps)
-    as_it_was = as_before(sweeps, rival.fit, rival.known) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
+    as_it_was = sum(again[one.termination] for one in sweeps) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
     if np.isneginf(as_it_was):
         return mixed(cases)
     *responding, (silent, other) = [(share * (1 - NOTHING_DONE), case) for share, case in cases]

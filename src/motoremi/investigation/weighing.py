@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
@@ -149,7 +149,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     u, eta = known.centre, np.zeros(prediction.size)
     for blur in BLURS:
         white = _Whitening(prediction, blur)
-        smooth = white(prediction.smooth)
+        smooth = _Smooth.of(white(prediction.smooth))
         best = _best_near(_System(prediction, known, u, eta, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
         u, eta = best.u, best.eta
     best = _best_near(best, prediction, white, smooth, (middle, 1.0, 1.0))
@@ -167,7 +167,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest), likeliest[0])
 
 
-def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: FloatArray, at: Scale) -> _System:
+def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
     """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt)."""
     known, k = best.known, best.known.centre.size
     damping, cost = DAMPING, best.cost(at)
@@ -225,11 +225,22 @@ class _Whitening:
         return weighted
 
 
+class _Smooth(NamedTuple):
+    """Smooth columns, shape (p, n), and their inner products, which are the same at every point of a search."""
+
+    rows: FloatArray
+    gram: FloatArray
+
+    @classmethod
+    def of(cls, rows: FloatArray) -> _Smooth:
+        return cls(rows, rows @ rows.T)
+
+
 class _System:
     """The least-squares problem round one point: unknowns are u less its centre, eta, and coefficients of the smooth columns."""
 
     def __init__(
-        self, prediction: Prediction, known: Known, u: FloatArray, eta: FloatArray, white: Callable[[FloatArray], FloatArray], smooth: FloatArray
+        self, prediction: Prediction, known: Known, u: FloatArray, eta: FloatArray, white: Callable[[FloatArray], FloatArray], smooth: _Smooth
     ) -> None:
         self.known, self.u, self.eta = known, u, eta
         mean, by_u, by_eta = prediction.at(u, eta)
@@ -237,22 +248,22 @@ class _System:
         slopes = white(np.concatenate([by_u, by_eta]))
         # The prediction as if it were linear from the centre on.
         self._left = white(prediction.residual(mean)[None])[0] + away @ slopes
-        self._rows = np.concatenate([slopes, smooth])
-        self._own, self._undescribed = len(slopes), len(smooth)
-        self._gram = self._rows @ self._rows.T
-        self._pull = self._rows @ self._left
+        self._own, self._undescribed = len(slopes), len(smooth.rows)
+        crossed = slopes @ smooth.rows.T
+        self._gram = np.block([[slopes @ slopes.T, crossed], [crossed.T, smooth.gram]])
+        self._pull = np.concatenate([slopes @ self._left, smooth.rows @ self._left])
         self._squares = float(self._left @ self._left)
-        prior = np.eye(len(self._rows))
+        prior = np.eye(len(self._pull))
         k = known.centre.size
         prior[:k, :k] = known.precision
         self._prior = prior
         self._k = k
-        self._unpredicted = np.zeros(len(self._rows), dtype=np.intp)
+        self._unpredicted = np.zeros(len(self._pull), dtype=np.intp)
         self._unpredicted[k : k + eta.size] = prediction.unpredicted
         self._equations: dict[Scale, tuple[FloatArray, FloatArray]] = {}
-        self._away = np.concatenate([away, np.zeros(len(smooth))])
+        self._away = np.concatenate([away, np.zeros(len(smooth.rows))])
         # In these the prediction is looked at where they are, in all others it is linear.
-        self._moving = np.arange(len(self._rows)) < self._own
+        self._moving = np.arange(len(self._pull)) < self._own
         self._moving[:k] &= prediction.moving
 
     def _scales(self, at: Scale) -> FloatArray:
