@@ -34,8 +34,10 @@ MIDDLE = 2e-3
 BLURS = (0.3, 0.03, 0.0)
 # Steps at most of each part, and the damping that each begins with.
 STEPS, DAMPING = 25, 1e-3
-# Standard deviations beyond which no response is looked for; what a step must gain.
-FARTHEST_RESPONSE, CONVERGED = 6.0, 1e-2
+# Standard deviations beyond which no response is looked for.
+FARTHEST_RESPONSE = 6.0
+# What a step must gain, and the same as a share of what is left: an explanation that misses by thousands need not be polished.
+CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
 # Size of what no model describes, and share of what nobody can predict of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
@@ -170,7 +172,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
     """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt)."""
     known, k = best.known, best.known.centre.size
-    damping, cost = DAMPING, best.cost(at)
+    damping, cost, failed = DAMPING, best.cost(at), False
     for _ in range(STEPS):
         wanted = best.damped(at, damping)
         # What the sweeps at hand say of a model's unknowns holds near its fit only: on what hardly depends on them they have no say.
@@ -179,10 +181,11 @@ def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth:
         trial = _System(prediction, known, u, eta, white, smooth)
         gained = cost - trial.cost(at)
         if gained > 0:
-            best, cost, damping = trial, cost - gained, damping / 10
+            # Right after a failure the damping is kept: with less, the next step would fail again.
+            best, cost, damping, failed = trial, cost - gained, damping if failed else damping / 10, False
         else:
-            damping = max(10 * damping, DAMPING)
-        if abs(gained) < CONVERGED:
+            damping, failed = max(10 * damping, DAMPING), True
+        if abs(gained) < max(CONVERGED, CONVERGED_SHARE * cost):
             break
     return best
 
