@@ -372,6 +372,28 @@ def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it(
     assert judgement.named == ()
 
 
+def test_a_likelier_effect_that_is_not_named_is_asked_about_as_is_that_nothing_is_missing() -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import decided
+    from motoremi.investigation.rivals import Taught
+
+    # The bare circuit leaves nothing: an analyser may err by what the leak describes, however much likelier it is.
+    bare, leak, film = base(), ("insulation-leakage@Cf",), ("bearing-film",)
+    fits = rivals().members[1].fit
+    found = {(): Candidate((), bare, 0.0, ()), leak: Candidate(leak, fits, 20.0, ()), film: Candidate(film, fits, 2.0, ())}
+    judgement = decided(bare, found)
+    assert judgement.named == ()
+    before = rivals_in(judgement)
+    assert before.probabilities[()] == pytest.approx(before.probabilities[leak])
+    assert before.probabilities[()] > 0.4
+    for gained, named in ((0.5, ()), (6.0, leak), (-6.0, ())):
+        members = tuple(replace(one, log_weight=one.log_weight + gained) if one.key == leak else one for one in before.members)
+        after = informed(judgement, replace(before, members=members, taught=(Taught("shaft-turned", 1.0, {}),)))
+        assert after.named == named
+        # What is too unlikely to be weighed stays as far behind the likeliest.
+        assert max(after.found[leak].score, after.found[()].score) - after.found[film].score == pytest.approx(18.0)
+
+
 @pytest.mark.slow
 def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_and_named_once_it_is_proven() -> None:
     from motoremi.diagnosis.candidates import Candidate

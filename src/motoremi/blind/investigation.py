@@ -27,6 +27,8 @@ from motoremi.workflow_assess import searched, with_lessons
 ODDS, BUDGET_MINUTES = 20.0, 240.0
 # Largest number of measurements of a run.
 MOST_STEPS = 24
+# Searches that are kept for evidence with the same reference sweeps: each takes up to 100 MB, and the policies of one motor need up to 125.
+SEARCHES_KEPT = 8
 NAMED_GOAL, WRONG_GOAL, CALIBRATION_GOAL, MISTAKES_GOAL = 0.95, 0.02, 0.05, 0.90
 MINUTES_GOALS: Mapping[str, float] = {"fixed order": 0.5, "random": 0.5, "cheapest first": 0.7, "clairvoyant": 1.3}
 SECONDS_GOAL, SURE = 5.0, 0.8
@@ -37,7 +39,7 @@ _Done: TypeAlias = tuple[tuple[str, int], ...]
 
 
 class Product:
-    """The assessment of evidence by this software; the search on the reference sweeps is cached while they do not change."""
+    """The assessment of evidence by this software; the last searches, on the reference sweeps alone, are cached."""
 
     def __init__(self) -> None:
         self._searched: dict[bytes, tuple[Diagnosis, Lessons]] = {}
@@ -48,9 +50,12 @@ class Product:
         reference = [sweep for sweep in evidence.sweeps if sweep.condition is None]
         key = b"".join(sweep.impedance_ohm.tobytes() for sweep in reference)
         started = time.perf_counter()
-        if key not in self._searched:
-            self._searched[key] = with_lessons(searched(Measurement.of(reference)))
-        (found, lessons), ready = self._searched[key], time.perf_counter()
+        kept = self._searched.pop(key) if key in self._searched else with_lessons(searched(Measurement.of(reference)))
+        # The one used last comes last in the dictionary.
+        self._searched[key] = found, lessons = kept
+        if len(self._searched) > SEARCHES_KEPT:
+            del self._searched[next(iter(self._searched))]
+        ready = time.perf_counter()
         rivals = lessons.after(measurement)
         question = next_question(rivals, measurement, (), ODDS).to_dict()
         took = time.perf_counter() - ready

@@ -417,9 +417,9 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append(judgement.standing)
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
         kinds.append("weak")
-    if verdict == "adequate" and judgement.belief.named and not judgement.accurate:
+    if verdict == "adequate" and judgement.undecided:
         kinds.append("adequate, a weak effect unnamed")
-    if verdict == "instrument" and judgement.belief.named and not named:
+    if verdict == "instrument" and judgement.undecided:
         kinds.append("instrument, an effect unnamed")
     # A fixture that nobody compensated is part of every model, so that it leaves doubt only where none stands.
     if any(finding.serious and (finding.id != "not-compensated" or verdict == "unexplained") for finding in findings):

@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import MOST_NAMES, RELIABLE
+from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import Judgement, decided, distributed
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
@@ -27,9 +28,9 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
 
     Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
     """
-    credible = {key: (one.fit, one.score) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
+    scores = _scores(judgement)
+    credible = {key: (one.fit, scores[key]) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
     if judgement.aside:
-        # The reference sweeps do not show whether the analyser errs more than it should or a further effect is missing: both are equally likely.
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
@@ -38,17 +39,27 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
     return update(start, measurement or judgement.base.measurement)
 
 
+def _scores(judgement: Judgement) -> dict[Key, float]:
+    """Log scores of all sets that were found, before anything else is measured.
+
+    Where the reference sweeps do not show whether the analyser errs or an effect is missing, both are equally likely.
+    """
+    scores = {key: one.score for key, one in judgement.found.items()}
+    return scores | {(): judgement.best.score} if judgement.undecided else scores
+
+
 def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     """The judgement with updated scores; unchanged if nothing was measured since."""
     if not rivals.taught:
         return judgement
     weighed = {one.key: one.log_weight for one in rivals.members if not one.outside}
     own = [key for key in weighed if key in judgement.found]
-    best = max(judgement.found[key].score for key in own)
+    scores = _scores(judgement)
+    best = max(scores[key] for key in own)
     # What was too unlikely to be weighed keeps its distance from the one that gained most.
-    most = max(weighed[key] + best - judgement.found[key].score for key in own)
+    most = max(weighed[key] + best - scores[key] for key in own)
     found = {
-        key: dataclasses.replace(one, score=best + weighed[key] if key in weighed else one.score + most) for key, one in judgement.found.items()
+        key: dataclasses.replace(one, score=best + weighed[key] if key in weighed else scores[key] + most) for key, one in judgement.found.items()
     }
     proven = rivals.probabilities[rivals.likeliest.key] >= STANDS
     if proven:

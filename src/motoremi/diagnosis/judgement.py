@@ -106,6 +106,11 @@ class Judgement:
         halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
 
+    @property
+    def undecided(self) -> bool:
+        """Whether effects are likelier than none and not named, since an analyser may do as well what they describe."""
+        return bool(self.belief.named) and not self.named and not self.accurate
+
     @cached_property
     def model(self) -> Candidate:
         """The accepted model: the base if no effect is named."""
