@@ -447,7 +447,7 @@ def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
 
     after = update(rivals(), warmed({"Cf": 0.6, "Lr": 1.5}))
     assert departs(after)
-    assert "departs from what every explanation" in reasons_of(after)[-1]
+    assert "departs from the prediction of every explanation" in reasons_of(after)[-1]
     assert not departs(rivals())
     belief = believe({(): _Scored(0.0)})
     assert confidence_of(rivals(), belief, "adequate", 0.9) == 0.9
@@ -582,7 +582,7 @@ def test_a_strap_carries_what_flows_through_the_frame_also_where_the_far_end_is_
 def test_where_the_whole_menu_would_teach_too_little_it_stops_with_the_proof() -> None:
     found = next_question(rivals(), Measurement.of(sweeps({})), without=[one.name for one in MENU if one.name not in ("dc-resistance", "repeats")])
     assert found.stop == "inseparable"
-    assert "would together teach at most" in found.why
+    assert "all of them together would give at most" in found.why
 
 
 def test_a_change_depends_on_the_unknowns_of_what_answers_to_it() -> None:

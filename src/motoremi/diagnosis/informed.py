@@ -90,9 +90,9 @@ def reasons_of(rivals: Rivals) -> list[str]:
     said = []
     for taught in rivals.taught:
         best, share = max(taught.probabilities.items(), key=lambda pair: pair[1])
-        said.append(f"{taught.id} taught {taught.bits:.2g} bits: then {best} had a probability of {share:.2g}")
+        said.append(f"{taught.id} gave {taught.bits:.2g} bits of information: the probability of {best} was then {share:.2g}")
     if departs(rivals):
-        said.append("it departs from what every explanation of the catalogue foresees")
+        said.append("what was measured departs from the prediction of every explanation of the catalogue")
     return said
 
 

@@ -30,9 +30,9 @@ def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
     Returns
     -------
     dict
-        `id` and `why`; where explanations have to be told apart also `menu`: what each measurement would teach (`id`, `action`, `minutes`,
-        `information_bits`, `separates`: share of the explanations that it tells apart, `ratio`: the largest expected log odds of a pair), best
-        first; `procedure` where the bench can do it.
+        `id` and `why`; where several explanations remain also `menu`, best first: the expected information of each measurement (`id`, `action`,
+        `minutes`, `information_bits`, `separates`: share of the explanations that it distinguishes, `ratio`: the largest expected log odds of a
+        pair); `procedure` where the bench can do it.
     """
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"

@@ -437,16 +437,16 @@ def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]
 
 
 def _why(asked: Worth, labels: Mapping[str, float]) -> str:
-    told = " from ".join(" or ".join(group) for group in asked.separates[:3]) if len(asked.separates) > 1 else " from ".join(list(labels)[:2])
+    groups = [" or ".join(group) for group in asked.separates[:3]] if len(asked.separates) > 1 else list(labels)[:2]
     then = f", and then {asked.then}" if asked.then else ""
-    taught = f"{asked.bits:.2g} of {_bits(labels.values()):.2g} bits in {asked.minutes:.3g} minutes"
-    return f"{asked.option.action}{then}: that is expected to teach {taught}, telling {told}"
+    expected = f"{asked.bits:.2g} of the {_bits(labels.values()):.2g} bits that are missing, in {asked.minutes:.3g} minutes"
+    return f"{asked.option.action}{then}: this should distinguish {' from '.join(groups)}; expected information: {expected}"
 
 
 def _imitated(best: Rival) -> str:
     return (
-        f"nothing on the menu tells {best.label} from {best.imitated_by}, which the catalogue does not hold: it has nearly the same impedance, and "
-        "whatever changes one changes the other alike; no other effect of the catalogue is left"
+        f"no measurement of the menu distinguishes {best.label} from {best.imitated_by}, which the catalogue does not hold: it has nearly the same "
+        "impedance, and whatever changes one changes the other alike; no other effect of the catalogue is left"
     )
 
 
@@ -454,13 +454,13 @@ def _proof(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]], nee
     names = " and ".join(rival.label for rival, _ in standing if not rival.outside)
     best = max(ranked, key=lambda one: one.bits, default=None)
     if best is None:
-        return f"nothing is left on the menu that could tell {names} apart"
+        return f"no measurement is left on the menu that could distinguish {names}"
     if best.bits < NOTHING_BITS:
         return (
-            f"nothing on the menu tells {names} apart: their outcomes coincide; of {len(ranked)} measurements {best.option.name} "
-            f"would teach most, {show(best.bits, '', 2)} bits"
+            f"no measurement of the menu distinguishes {names}: their outcomes coincide; of {len(ranked)} measurements {best.option.name} "
+            f"would give most information, {show(best.bits, '', 2)} bits"
         )
     return (
-        f"nothing on the menu tells {names} apart: all that is left to measure would together teach at most "
-        f"{show(_all_together(ranked), '', 2)} bits, and {show(needed_bits, '', 2)} are needed"
+        f"the measurements left on the menu do not distinguish {names}: all of them together would give at most "
+        f"{show(_all_together(ranked), '', 2)} bits of information, and {show(needed_bits, '', 2)} are needed"
     )
