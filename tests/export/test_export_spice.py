@@ -34,6 +34,9 @@ TOGETHER = [
     ("distributed-winding", "winding-modes"),
     ("distributed-winding", "suppressor-capacitor"),
     ("winding-sections", "winding-modes", "suppressor-capacitor"),
+    ("second-resonance", "suppressor-capacitor"),
+    ("distributed-winding", "ground-strap-inductance"),
+    ("winding-sections", "suppressor-capacitor", "ground-strap-inductance"),
 ]
 
 

@@ -16,6 +16,7 @@ from motoremi.simulate.simulated_motor import SimulatedMotor
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 101)
 # From the motor outwards, as they are connected.
 OUTWARDS = (
+    "second-resonance",
     "suppressor-capacitor",
     "suppressor-capacitor@frame",
     "suppressor-capacitor@pair",
@@ -31,14 +32,24 @@ ORDERS = [
     ("suppressor-capacitor@frame", "suppressor-choke", "ground-strap-inductance"),
     ("terminal-capacitance", "suppressor-capacitor@pair", "ground-strap-inductance"),
     ("lead-inductance", "suppressor-capacitor@frame", "ground-strap-inductance"),
+    ("suppressor-capacitor", "second-resonance", "suppressor-choke"),
 ]
+LINES = ("distributed-winding", "winding-sections", "machine-winding")
+
+
+def values_of(simulated: SimulatedMotor) -> dict[str, float]:
+    """As the catalogue calls them: a cell by its resonance."""
+    values = {**simulated.elements, **{f"{one.name}.{name}": value for one in simulated.effects for name, value in one.sizes.items()}}
+    if (farad := values.pop("second-resonance.capacitance_f", None)) is not None:
+        values["second-resonance.resonance_hz"] = 1 / (2 * np.pi * np.sqrt(values["second-resonance.inductance_h"] * farad))
+    return values
 
 
 @pytest.mark.parametrize("names", ORDERS, ids=" + ".join)
 def test_effects_of_the_connection_are_where_the_simulated_motor_has_them(names: tuple[str, ...]) -> None:
     simulated = SimulatedMotor.random(5, names)
     motor = add_effects(dc_motor(), names)
-    values = {**simulated.elements, **{f"{one.name}.{name}": value for one in simulated.effects for name, value in one.sizes.items()}}
+    values = values_of(simulated)
     parameters = [parameter.name for parameter in motor.parameters]
     netlist = realise(motor, values, (FREQUENCY_HZ[0], FREQUENCY_HZ[-1]))
     for termination in ("short", "open"):
@@ -64,3 +75,23 @@ def test_with_its_far_end_on_the_frame_the_strap_carries_the_suppressor_as_well(
     branch = capacitor["esr_ohm"] + s * capacitor["esl_h"] + 1 / (s * capacitor["capacitance_f"])
     expected = 1 / (1 / bare.impedance("short", FREQUENCY_HZ) + 1 / branch) + strap["resistance_ohm"] + s * strap["inductance_h"]
     np.testing.assert_allclose(seen, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize("across", [(), ("suppressor-capacitor",)], ids=["bare", "suppressor-capacitor"])
+def test_the_slopes_of_a_winding_whose_frame_is_behind_a_strap_are_those_of_finite_differences(line: str, across: tuple[str, ...]) -> None:
+    simulated = SimulatedMotor.random(3, (line, *across, "ground-strap-inductance"))
+    motor = add_effects(dc_motor(), [one.name for one in simulated.effects])
+    values = values_of(simulated)
+    names = [parameter.name for parameter in motor.parameters]
+    tape, s = Tape(motor.circuit("short"), names), 2j * np.pi * FREQUENCY_HZ
+    at = np.array([values[name] for name in names])
+    gradient = tape.gradient(s, at)[1]
+    for place, name in enumerate(names):
+        if name == "winding-sections.sections":
+            continue
+        step = 1e-6 * at[place]
+        apart = [tape.impedance(s, at + sign * step * (np.arange(at.size) == place)) for sign in (1, -1)]
+        # A difference of 1e-6 of a value: its square of what bends, and the last digits of the impedance.
+        allowed = 1e-4 * np.abs(gradient[place]) + 1e-13 * np.abs(apart[0]) / step
+        assert np.all(np.abs(gradient[place] - (apart[0] - apart[1]) / (2 * step)) <= allowed), name

@@ -44,7 +44,7 @@ class Realisation:
     across : Part or None
         Between the ends of a distributed winding.
     strap : Part or None
-        Between the motor's own frame, where `frame` and `housing` parts end, and the frame of the analyser; None where they are one.
+        Between the motor's own frame, where `spread`, `frame` and `housing` parts end, and the frame of the analyser; None where they are one.
     ladder_errors : dict
         Largest relative error of each dispersive element.
     """
@@ -66,18 +66,24 @@ class Realisation:
             if self.frame is None:
                 raise BadInput("no open-circuit sweep: the frame's side of the motor is not known")
             load = self.frame.impedance(s)
-        seen = self._through_winding(s, load)
+        back = None
+        if self.strap is not None and self.frame is not None:
+            back = 1 / (1 / self.strap.impedance(s) + 1 / self.frame.impedance(s))
+        seen = self._through_winding(s, load, back if termination == "short" else None)
         outermost = next((place for place, (kind, _) in enumerate(self.outside) if kind == "housing"), None)
+        if outermost is None and termination == "open" and self.strap is not None:
+            seen = seen + self.strap.impedance(s)
         for place, (kind, part) in reversed(list(enumerate(self.outside))):
             own = part.impedance(s)
-            if kind == "housing" and termination == "short" and self.strap is not None and self.frame is not None:
-                own = own + 1 / (1 / self.strap.impedance(s) + 1 / self.frame.impedance(s))
+            if kind == "housing" and termination == "short" and back is not None:
+                own = own + back
             seen = seen + own if kind == "series" else 1 / (1 / seen + 1 / own)
             if place == outermost and termination == "open" and self.strap is not None:
                 seen = seen + self.strap.impedance(s)
         return seen
 
-    def _through_winding(self, s: ComplexArray, load: ComplexArray | None) -> ComplexArray:
+    def _through_winding(self, s: ComplexArray, load: ComplexArray | None, back: ComplexArray | None) -> ComplexArray:
+        """From the terminal to a far end with a load to the frame, or to one at the analyser, which reaches the frame through `back`."""
         if isinstance(self.winding, Coils):
             own, through = self._coupled_ends(s, self.winding)
         else:
@@ -85,6 +91,10 @@ class Realisation:
             if self.spread is None:
                 return series if load is None else series + load
             own, through = self._ends(s, series, 1 / self.spread.impedance(s))
+        if back is not None:
+            # The currents to the frame from both ends at the same voltage.
+            even = own - through
+            own = own - even**2 / (2 * even + 1 / back)
         if self.across is not None:
             bridge = 1 / self.across.impedance(s)
             own, through = own + bridge, through + bridge
@@ -211,18 +221,17 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
             f"{differing} differs between the short- and the open-circuit sweep: no one network is both; drop common-mode-flux for this export"
         )
     builder = _Builder(values, span_hz)
-    housed = with_frame and motor.outermost_to_frame is not None
+    strap = builder.part(motor.strap) if with_frame and motor.strap is not None else None
     outside = tuple(
-        ("housing", builder.part(one.to_frame)) if housed and one.to_frame is not None else _outside(builder, one.wrap(_PLACEHOLDER))
-        for one in reversed(motor.attachments)
+        ("housing", builder.part(one.to_frame)) if strap is not None and one.to_frame is not None else _outside(builder, one.wrap(_PLACEHOLDER))
+        for one in reversed(motor.outside)
     )
     seen = _bare(motor).circuit("open" if with_frame else "short")
     if isinstance(seen, Sections):
-        return _coupled(builder, outside, seen)
+        return _coupled(builder, outside, seen, strap)
     line, across = _line_of(seen)
-    frame = builder.part(motor.path_to_frame if line is None or line.load is None else line.load) if with_frame else None
+    frame = builder.part(motor.frame if line is None or line.load is None else line.load) if with_frame else None
     if line is None:
-        strap = builder.part(motor.strap) if housed and motor.strap is not None else None
         return Realisation(outside, builder.part(motor.between), frame, strap=strap, ladder_errors=builder.errors)
     winding, spread = builder.part(line.series), builder.part(line.shunt)
     bridge = None if across is None else builder.part(across)
@@ -231,14 +240,15 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
     wanted = {termination: impedance_of(motor.circuit(termination), values, frequency) for termination in terminations}
     sections = 8
     while True:
-        result = Realisation(outside, winding.scaled(1 / sections), frame, sections, spread.scaled(sections), bridge, ladder_errors=builder.errors)
+        part, slots = winding.scaled(1 / sections), spread.scaled(sections)
+        result = Realisation(outside, part, frame, sections, slots, bridge, strap, builder.errors)
         errors = [deviation(result.impedance(termination, frequency), wanted[termination]) for termination in terminations]
         if sections >= _LARGEST_NUMBER_OF_SECTIONS or all(db < _SECTION_DB and deg < _SECTION_DEG for db, deg in errors):
             return result
         sections *= 2
 
 
-def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sections) -> Realisation:
+def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sections, strap: Part | None) -> Realisation:
     """A winding of coils that are coupled by their flux.
 
     Raises
@@ -255,7 +265,7 @@ def _coupled(builder: _Builder, outside: tuple[tuple[str, Part], ...], seen: Sec
     turns = None if seen.turns is None else builder.part(seen.turns).scaled(1 / count)
     coils = Coils(copper, builder.values["La"] / float(linked_flux(count, coupling)[0]), coupling, turns)
     across, frame = (None if node is None else builder.part(node) for node in (seen.across, seen.load))
-    return Realisation(outside, coils, frame, count, spread, across, ladder_errors=builder.errors)
+    return Realisation(outside, coils, frame, count, spread, across, strap, builder.errors)
 
 
 def deviation(got: ComplexArray, wanted: ComplexArray) -> tuple[float, float]:
@@ -268,8 +278,8 @@ _PLACEHOLDER = Leaf("motor", laws.resistor, ())
 
 
 def _bare(motor: Motor) -> Motor:
-    """The motor without attachments."""
-    return dataclasses.replace(motor, open_factors=(), attachments=())
+    """The motor without attachments and strap."""
+    return dataclasses.replace(motor, open_factors=(), attachments=(), strap=None)
 
 
 def _line_of(seen: Node) -> tuple[Line | None, Node | None]:

@@ -106,7 +106,7 @@ def subcircuit(network: Realisation) -> Iterator[str]:
     if network.spread is not None:
         for node in nodes:
             at_end = node in (nodes[0], nodes[-1])
-            yield from (network.spread.scaled(2) if at_end else network.spread).lines(fresh, node, "frame")
+            yield from (network.spread.scaled(2) if at_end else network.spread).lines(fresh, node, housing)
     if network.across is not None:
         yield from network.across.lines(fresh, here, "far_end")
     if network.frame is not None:

@@ -226,6 +226,9 @@ def trail_to(
     task = Task(motor, before.measurement, bounds, fixed)
     own = {**before.parameters, **before.search_parameters}
     tried = scaled_starts(added.effect, before.measurement)
+    if before.motor.across:
+        # The impedance seen is that of what is across the winding; the winding's own is as the catalogue has it.
+        tried += [dict(start) for start in added.effect.starts if start not in tried]
     if added.effect.reader is not None:
         seen_now = [_seen_by(before, added.place), *(() if rival is None else (_seen_in(rival, added.place),))]
         tried += [dict(start) for seen_one in seen_now for start in added.effect.reader(seen_one)]

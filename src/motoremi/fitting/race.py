@@ -76,6 +76,9 @@ LEADERS, IN_FULL = 80, 24
 # Where they arrive: so many of them, and of those with one and the same effect at most so many: beside an effect that describes most by itself,
 # every other one would do.
 ARRIVING, ALIKE_ARRIVING = Rounds((), 14, 80), 6
+# Beside the best single effect, where it leaves little: as single ones, with more steps before any start is left out. A resonance behind a
+# suppressor (seed 25112702) was in a false valley after two steps and after four, not after seven.
+BESIDE = Rounds((Round(40, 7, ALL, ALL), Round(40, 12, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80)
 # From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)

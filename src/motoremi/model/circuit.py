@@ -287,6 +287,40 @@ class Line(Node):
 
 
 @dataclass(frozen=True)
+class FloatingLine(Node):
+    """A uniform line as `Line`, its far end shorted to the analyser, its return (the motor's frame) connected to it through `back` only.
+
+    In the odd mode, opposite voltages at its ends, no current flows through `back`; in the even mode both ends drive it. With u and T of
+    `Line` taken at u / 4, the input is Z_series T in parallel with 4 (Z_shunt / T + Z_back).
+    """
+
+    series: Node
+    shunt: Node
+    back: Node
+
+    @property
+    def children(self) -> tuple[Node, ...]:
+        return (self.series, self.shunt, self.back)
+
+    def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
+        a, y = parts[0], 1 / parts[1]
+        t, dt = Line._tangent(0.25 * a * y)
+        odd, even = a * t, 4 * (parts[1] / t + parts[2])
+        share = even / (odd + even)
+        return odd * share, (y, t, dt, share)
+
+    def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
+        a, (y, t, dt, share) = parts[0], kept
+        by_odd, by_even = share**2, (1 - share) ** 2
+        # With respect to u / 4, which goes with the series impedance and against the shunt impedance.
+        by_quarter = by_odd * a * dt - by_even * 4 * parts[1] * dt / t**2
+        return [by_odd * t + by_quarter * 0.25 * y, by_even * 4 / t - by_quarter * 0.25 * a * y**2, 4 * by_even], ()
+
+    def rebuilt(self, children: tuple[Node, ...]) -> Node:
+        return FloatingLine(*children)
+
+
+@dataclass(frozen=True)
 class Bridged(Node):
     """A uniform line as `Line`, terminated by `load`, with a branch `across` it from end to end.
 

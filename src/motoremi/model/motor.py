@@ -11,7 +11,20 @@ from typing import Literal, TypeAlias
 
 from motoremi.errors import BadInput
 from motoremi.model import laws
-from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, is_element, replace_element, replace_leaf, walk
+from motoremi.model.circuit import (
+    Bridged,
+    FloatingLine,
+    Leaf,
+    Line,
+    Node,
+    Parallel,
+    Scaled,
+    Series,
+    is_element,
+    replace_element,
+    replace_leaf,
+    walk,
+)
 from motoremi.model.laws import Law
 from motoremi.model.parameter import Parameter
 from motoremi.model.sections import Sections
@@ -109,26 +122,26 @@ class Motor:
         """
         if termination not in (*BOTH, "grounded"):
             raise BadInput(f"unknown termination {termination!r}: use 'short', 'open' or 'grounded'")
-        winding, frame = self.winding, self.path_to_frame
+        winding, frame = self.winding, self.frame
         if termination != "short":
             for factor in self.open_factors:
                 winding = replace_leaf(winding, factor.element, lambda leaf, factor=factor: Scaled(leaf, factor.law, factor.parameters))  # type: ignore[misc]
         seen: Node
         if self.spread is not None:
             copper, *beside = winding.children
-            seen = self._distributed(copper, (), self.spread, (*beside, *self.across), frame if termination == "open" else None)
+            seen = self._distributed(termination, copper, (), self.spread, (*beside, *self.across), frame)
         elif (share := self.distribution) is not None:
             spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
             rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
             copper, *turns = winding.children
-            seen = self._distributed(copper, turns, spread, self.across, rest if termination == "open" else None)
+            seen = self._distributed(termination, copper, turns, spread, self.across, rest)
         else:
             whole = self._with_across(winding)
             seen = Series((whole, frame)) if termination == "open" else whole
         outermost = self.outermost_to_frame
-        if termination == "grounded" and self.strap is not None and outermost is None:
+        if termination != "short" and self.strap is not None and outermost is None:
             seen = Series((seen, self.strap))
-        for attachment in self.attachments:
+        for attachment in self.outside:
             if ("short" if termination == "short" else "open") not in attachment.terminations:
                 continue
             if outermost is None or attachment.to_frame is None:
@@ -146,22 +159,29 @@ class Motor:
 
     @property
     def outermost_to_frame(self) -> Attachment | None:
-        """The last part that ends at the frame inside a strap; None without either.
-
-        Of a distributed winding the strap is taken for a part of what is at its far end.
-        """
-        if self.strap is None or self.is_line:
+        """The last part that ends at the frame inside a strap; None without either."""
+        if self.strap is None:
             return None
         return next((one for one in reversed(self.attachments) if one.to_frame is not None), None)
 
-    @property
-    def path_to_frame(self) -> Node:
-        """From the far end of the winding to the analyser; only to the frame where other parts share the strap."""
-        return self.frame if self.strap is None or self.outermost_to_frame is not None else Series((self.frame, self.strap))
-
     def _with_across(self, winding: Node) -> Node:
-        """A winding with the parts that are connected from end to end of it."""
-        return Parallel((*winding.children, *self.across)) if self.across else winding
+        """A winding with the parts that are connected from end to end of it, its first turns included."""
+        if not self.across:
+            return winding
+        inside = winding
+        for attachment in self._within_across:
+            inside = attachment.wrap(inside)
+        return Parallel((*(winding.children if inside is winding else (inside,)), *self.across))
+
+    @property
+    def _within_across(self) -> tuple[Attachment, ...]:
+        """First turns between parts across the winding. Of a distributed winding they are taken to be outside of those: then it is a line."""
+        return tuple(one for one in self.attachments if one.place == Outwards.FIRST_TURNS) if self.across and not self.is_line else ()
+
+    @property
+    def outside(self) -> tuple[Attachment, ...]:
+        """The parts between motor and analyser that are not within parts across the winding."""
+        return self.attachments[len(self._within_across) :]
 
     @property
     def between(self) -> Node:
@@ -173,16 +193,23 @@ class Motor:
         """Whether the winding has a distributed capacitance to the frame."""
         return self.spread is not None or self.distribution is not None
 
-    def _distributed(self, copper: Node, turns: Sequence[Node], spread: Node, across: Sequence[Node], frame: Node | None) -> Node:
-        """A distributed winding: copper and core, `turns` in parallel with every turn, `spread` to the frame, `across` from end to end."""
+    def _distributed(self, termination: str, copper: Node, turns: Sequence[Node], spread: Node, across: Sequence[Node], frame: Node) -> Node:
+        """A distributed winding: copper and core, `turns` in parallel with every turn, `spread` to the frame, `across` from end to end.
+
+        With the far end at the analyser, the current to the frame comes back through the strap and from the far end. A part to the frame
+        and the winding then both drive that way, each as if the other did not.
+        """
         bridge = _parallel(across)
+        load = frame if termination == "open" else None
+        back = None if termination != "short" or self.strap is None else Parallel((self.strap, frame))
         if self.coupled is not None:
             resistance, flux = copper.children
-            return Sections(resistance, flux, spread, *self.coupled, _parallel(turns), bridge, frame)
+            return Sections(resistance, flux, spread, *self.coupled, _parallel(turns), bridge, load, back)
         series = Parallel((copper, *turns)) if turns else copper
-        if bridge is None:
-            return Line(series, spread, frame)
-        return Parallel((Line(series, spread), bridge)) if frame is None else Bridged(series, spread, bridge, frame)
+        if bridge is not None and load is not None:
+            return Bridged(series, spread, bridge, load)
+        line: Node = Line(series, spread, load) if back is None else FloatingLine(series, spread, back)
+        return line if bridge is None else Parallel((line, bridge))
 
     def _insulation(self, name: str) -> Node:
         """The element with all laws that effects have added to it, such as dielectric loss."""
@@ -232,7 +259,7 @@ class Motor:
         return dataclasses.replace(self, across=(*self.across, branch))
 
     def with_first_turns(self, cell: Node) -> Motor:
-        """The motor with a lumped part in series at the winding's terminal, inside all other attachments."""
+        """The motor with a lumped part in series at the winding's terminal, inside all other attachments and parts across the winding."""
         return self._with(Attachment(lambda seen: Series((seen, cell)), place=Outwards.FIRST_TURNS))
 
     def __repr__(self) -> str:

@@ -48,13 +48,15 @@ def _geometry(s: ComplexArray, sections: Any, coupling: Any) -> ValueAndSlopes:
 class Sections(Node):
     """A chain of coupled sections, terminated by `load` or shorted, with a branch `across` from end to end.
 
+    If it is shorted, its frame may be connected to the far end through `back` only.
+
     Parameters
     ----------
     copper, flux, shunt : Node
         Totals of the whole winding: the part in series with the flux, the part that is coupled by it, and the impedance to the frame.
     number, coupling : Parameter
-    turns, across, load : Node, optional
-        In parallel with copper and flux of every section; in parallel with the whole chain; at the far end.
+    turns, across, load, back : Node, optional
+        In parallel with copper and flux of every section; in parallel with the whole chain; at the far end; from the frame to a shorted far end.
     """
 
     copper: Node
@@ -65,6 +67,7 @@ class Sections(Node):
     turns: Node | None = None
     across: Node | None = None
     load: Node | None = None
+    back: Node | None = None
 
     @property
     def children(self) -> tuple[Node, ...]:
@@ -72,10 +75,10 @@ class Sections(Node):
 
     @property
     def _others(self) -> tuple[Node | None, ...]:
-        return (self.turns, self.across, self.load)
+        return (self.turns, self.across, self.load, self.back)
 
     def _sorted(self, parts: Sequence[Any]) -> list[Any]:
-        """The entries for turns, branch across and load out of the entries for all children; None for a missing part."""
+        """The entries for turns, branch across, load and return out of the entries for all children; None for a missing part."""
         rest = iter(parts[3:])
         return [None if node is None else next(rest) for node in self._others]
 
@@ -91,22 +94,25 @@ class Sections(Node):
         k, (n,) = given
         total, by_coupling = linked_flux(n, k)
         share = (1 - k**2) / total
-        turns, across, closing = self._sorted(parts)
+        turns, across, closing, returning = self._sorted(parts)
         chain = _Chain(parts[0] / n, parts[1] * share, 0.0 if turns is None else n / turns, 1 / (n * parts[2]), k, n)
         even_mode, odd_mode = chain.mode(even=True), chain.mode(even=False)
         bridge = 0.0 if across is None else 1 / across
         load = None if closing is None else 1 / closing
         even, odd = even_mode.admittance, odd_mode.admittance + 2 * bridge
-        own = 0.5 * (even + odd)
+        # In the even mode both ends drive what the frame is connected through.
+        passed = 1.0 if returning is None else 1 / (1 + 2 * even * returning)
+        own = 0.5 * (even * passed + odd)
         bottom = own if load is None else even * odd + own * load
         impedance = 1 / bottom if load is None else (own + load) / bottom
-        kept = (chain, even_mode, odd_mode, even, odd, bridge, load, bottom, share, -(2 * k + share * by_coupling) / total)
+        kept = (chain, even_mode, odd_mode, even, odd, bridge, load, bottom, passed, share, -(2 * k + share * by_coupling) / total)
         return impedance, kept
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
-        chain, even_mode, odd_mode, even, odd, bridge, load, bottom, share, share_slope = kept
+        chain, even_mode, odd_mode, even, odd, bridge, load, bottom, passed, share, share_slope = kept
         if load is None:
-            by_even = by_odd = -0.5 * impedance**2
+            by_odd = -0.5 * impedance**2
+            by_even = by_odd * passed**2
         else:
             by_even = (0.5 - impedance * (odd + 0.5 * load)) / bottom
             by_odd = (0.5 - impedance * (even + 0.5 * load)) / bottom
@@ -118,6 +124,8 @@ class Sections(Node):
             slopes.append(-2 * by_odd * bridge**2)
         if load is not None:
             slopes.append((0.5 * (odd - even) * load / bottom) ** 2)
+        if self.back is not None:
+            slopes.append((impedance * even * passed) ** 2)
         return slopes, (np.zeros(1, dtype=np.complex128), by_k + by_flux * parts[1] * share_slope)
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:

@@ -120,10 +120,12 @@ def _apply_machine(network: Network, elements: Elements, sizes: Sizes) -> Networ
         .resistor("cage", "rotor", OUT, 2 * np.pi * sizes["cage_hz"] * sizes["cage_share"] * coil.value)
     )
     spread = replaced(network, "La", core)
-    winding = Network(tuple(spread.item(name) for name in own)).with_node("X", IN).with_node("Y", OUT)
+    # The terminal, or the end of first turns.
+    start = network.item("Ra").positive
+    winding = Network(tuple(spread.item(name) for name in own)).with_node(start, IN).with_node("Y", OUT)
     rest = dataclasses.replace(spread, items=tuple(item for item in spread.items if item.name not in own))
     path = Network().capacitor("c", IN, "iron", sizes["slots_f"]).resistor("r", "iron", OUT, sizes["path_ohm"])
-    return rest.plus(*ladders.winding_line(winding, Block("slots", "X", "G", path), "X", "Y", MACHINE_CELLS))
+    return rest.plus(*ladders.winding_line(winding, Block("slots", start, "G", path), start, "Y", MACHINE_CELLS))
 
 
 # Order: loops and flux before parts in parallel with the whole of La; modes after effects that replace Ca.

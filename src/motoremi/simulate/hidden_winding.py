@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, beside, log_uniform, replaced, uniform
-from motoremi.simulate.parts import IN, OUT, Network, Part
+from motoremi.simulate.parts import IN, OUT, Network
 
 
 def _draw_skin(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -123,7 +123,8 @@ def _apply_distributed(network: Network, elements: Elements, sizes: Sizes) -> Ne
     winding = Network(tuple(network.item(name) for name in own)).with_node("X", IN).with_node("Y", OUT)
     rest = dataclasses.replace(network, items=tuple(item for item in network.items if item.name not in own))
     lumped = network.item("Cf").scaled(1 / (1 - sizes["share"]))
-    slots = Part("C", "slots", "X", "G", sizes["share"] * elements["Cf"])
+    # The same insulation, with the same losses.
+    slots = dataclasses.replace(network.item("Cf"), name="slots", positive="X").scaled(1 / sizes["share"])
     line = ladders.winding_line(winding, slots, "X", "Y", ladders.LINE_CELLS)
     return rest.with_item("Cf", lumped).plus(*line)
 
