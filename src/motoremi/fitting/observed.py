@@ -19,8 +19,8 @@ from motoremi.data.sweep import MINIMUM_POINTS
 Weights = Literal["likelihood", "log", "relative"]
 # Weight of an outlier; all other points have the weight one.
 OUT_OF_SIGHT = 1e3
-# A point of which a network analyser may err by this much, relative to Z, weighs half of one that it sees well: far from its reference resistance
-# that is tens of per cent.
+# A point of which the analyser may err by this much, relative to Z, weighs half of one that it sees well: that is tens of per cent far from the
+# reference resistance of a network analyser, and where a suppressor's resonance leaves a tenth of an ohm.
 BLURRED = 0.1
 
 
@@ -161,7 +161,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
         frequency, impedance, sigma = sweep.frequency_hz[chosen], mean[chosen], noise.sigma[chosen]
         systematic = measurement.analyser.uncertainty(frequency, impedance)
         alike = 1 / np.sqrt(sweep.counts[chosen]) if weights == "relative" and sweep.counts is not None else 1.0
-        blurred = np.hypot(1.0, systematic / BLURRED) if weights == "log" and measurement.analyser.by_waves else 1.0
+        blurred = np.hypot(1.0, systematic / BLURRED) if weights == "log" else 1.0
         outlying = noise.outliers[chosen] if noise.outliers is not None else np.zeros(chosen.size, dtype=np.bool_)
         prepared.append(
             ObservedSweep(
