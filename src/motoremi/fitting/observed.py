@@ -141,7 +141,7 @@ class Observed:
 
 # Cached: a diagnosis uses the same few grids repeatedly.
 @lru_cache(maxsize=32)
-def observed(measurement: Measurement, points: int | None, weights: Weights, highest_hz: float) -> Observed:
+def observed(measurement: Measurement, points: int | None, weights: Weights, highest_hz: float, blur: float = 0.0) -> Observed:
     """The points of a measurement that are used, with their weights.
 
     Parameters
@@ -152,6 +152,8 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
         Over the noise, or every point alike.
     highest_hz : float
         Use points up to here only.
+    blur : float
+        White noise that is added, relative to Z.
     """
     prepared = []
     for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True):
@@ -170,7 +172,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 s=2j * np.pi * frequency,
                 measured=impedance,
                 # A search that counts all points alike leaves out those that stand out, and those of which the analyser sees nothing.
-                sigma=sigma if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
+                sigma=np.hypot(sigma, blur) if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
                 smooth=measurement.analyser.smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
                 systematic=systematic,

@@ -121,6 +121,8 @@ class Problem:
         Of what no model describes, and of the analyser's errors against those declared.
     least_share : float
         Smooth directions that hold less than this share of the noise's variance are left out of the objective.
+    blur : float
+        White noise that is added to that of the measurement, relative to Z.
 
     Attributes
     ----------
@@ -139,6 +141,7 @@ class Problem:
         highest_hz: float = np.inf,
         sizes: Sizes = AS_DECLARED,
         least_share: float = LEAST_SHARE,
+        blur: float = 0.0,
     ) -> None:
         self.motor, self.measurement, self.weights, self.sizes = motor, measurement, weights, sizes
         self._least_share = least_share
@@ -160,7 +163,7 @@ class Problem:
             np.where(self._log, np.log(np.where(self._log, limit, 1.0)), limit / self._scale) for limit in (self._low_si, self._high_si)
         )
         self.precision, self.centre = self._priors()
-        self.observed = observed(measurement, points, weights, highest_hz)
+        self.observed = observed(measurement, points, weights, highest_hz, blur)
         self.size = self.observed.size
         sweeps = self.observed.sweeps
         self._quantity = analyser.quantity if weights == "likelihood" else None

@@ -52,6 +52,9 @@ LITTLE_LEFT = 3e-3
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
 ABSORBING = 10.0
+# White noise that is added at first where the analyser may err by so much, and taken away in stages: its errors are then found before every point is
+# to be met.
+BLURS = (0.3, 0.03)
 # Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
 MOST_DECLARED = 2.0
 
@@ -76,9 +79,9 @@ class Task:
         """The search problem on about `points` points a sweep."""
         return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
 
-    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED, least_share: float = LEAST_SHARE) -> Problem:
+    def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED, least_share: float = LEAST_SHARE, blur: float = 0.0) -> Problem:
         """The likelihood on all points, or on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, sizes=sizes, least_share=least_share)
+        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, sizes=sizes, least_share=least_share, blur=blur)
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,12 @@ def arrive(
     problem = task.likelihood(points, sizes or AS_DECLARED, ROUGH_SHARE)
     u = problem.vectors(starts)
     evaluations = 0
+    if sizes is None and poorly_seen(problem):
+        softened = u
+        for blur in BLURS:
+            ends = polish(task.likelihood(points, AS_DECLARED, ROUGH_SHARE, blur), softened, iterations=steps, precision=CLOSE)
+            softened, evaluations = ends.distinct(2), evaluations + ends.evaluations
+        u = np.concatenate([u, softened])
     if sizes is None:
         looks = [marginal(problem, row) for row in u]
         sizes = max(looks, key=lambda look: look.log_evidence).likeliest
@@ -179,6 +188,12 @@ def arrive(
     values, at, told, converged = best
     problem = task.likelihood(points, at)
     return Solution(problem.named(values), at, told, converged, evaluations)
+
+
+def poorly_seen(problem: Problem) -> bool:
+    """Whether an impedance analyser may err by more than a part of Z at some points: a resonance there moves by more than its width."""
+    observed = problem.observed
+    return not observed.measurement.analyser.by_waves and float(np.max(observed.systematic)) > BLURS[0]
 
 
 def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Sizes | None = None) -> Solution:
