@@ -52,8 +52,8 @@ LITTLE_LEFT = 3e-3
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
 PLAIN = 1e-2
 ABSORBING = 10.0
-# White noise that is added at first where the analyser may err by so much, and taken away in stages: its errors are then found before every point is
-# to be met.
+# White noise that is added at first where the analyser may err by so much, and taken away in stages: its errors are then found before every
+# point is to be met.
 BLURS = (0.3, 0.03)
 # Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
 MOST_DECLARED = 2.0
