@@ -19,7 +19,7 @@ def test_a_resonance_that_the_fixture_moves_is_found(left_h: float) -> None:
     motor = SimulatedMotor(**ELEMENTS, effects=(type(drawn)(drawn.name, sizes),))
     rng = np.random.default_rng(1)
     sweeps = []
-    # What compensation leaves at each connection, within a tenth of the specification's 3 nH and 10 mOhm.
+    # What compensation leaves at each connection, within the standard deviations of the specification, 3 nH and 10 mOhm.
     for termination, inductance_h in (("short", -0.3e-9), ("open", left_h)):
         seen = motor.impedance(termination, FREQUENCY_HZ) + 2j * np.pi * FREQUENCY_HZ * inductance_h - 5e-3
         noise = 2e-4 * (rng.standard_normal(FREQUENCY_HZ.size) + 1j * rng.standard_normal(FREQUENCY_HZ.size))

@@ -419,7 +419,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("weak")
     if verdict == "adequate" and judgement.undecided:
         kinds.append("adequate, a weak effect unnamed")
-    if verdict == "instrument" and judgement.undecided:
+    if verdict == "instrument" and judgement.belief.named and not named:
         kinds.append("instrument, an effect unnamed")
     # A fixture that nobody compensated is part of every model, so that it leaves doubt only where none stands.
     if any(finding.serious and (finding.id != "not-compensated" or verdict == "unexplained") for finding in findings):

@@ -175,7 +175,7 @@ class Motor:
 
     @property
     def _within_across(self) -> tuple[Attachment, ...]:
-        """First turns between parts across the winding. Of a distributed winding they are taken to be outside of those: then it is a line."""
+        """First turns inside the parts across the winding; none beside a distributed winding, whose first turns are taken to be outside of them."""
         return tuple(one for one in self.attachments if one.place == Outwards.FIRST_TURNS) if self.across and not self.is_line else ()
 
     @property
@@ -196,8 +196,8 @@ class Motor:
     def _distributed(self, termination: str, copper: Node, turns: Sequence[Node], spread: Node, across: Sequence[Node], frame: Node) -> Node:
         """A distributed winding: copper and core, `turns` in parallel with every turn, `spread` to the frame, `across` from end to end.
 
-        With the far end at the analyser, the current to the frame comes back through the strap and from the far end. A part to the frame
-        and the winding then both drive that way, each as if the other did not.
+        With the far end at the analyser, the current to the frame comes back through the strap and the path from frame to far end. A suppressor
+        to the frame uses the same way back; that the two influence each other there is neglected.
         """
         bridge = _parallel(across)
         load = frame if termination == "open" else None

@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, beside, log_uniform, replaced, uniform
-from motoremi.simulate.parts import IN, OUT, Network
+from motoremi.simulate.parts import IN, OUT, Block, Network, Part
 
 
 def _draw_skin(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -118,13 +118,23 @@ def _draw_distributed(rng: np.random.Generator, elements: Elements) -> dict[str,
     return {"share": log_uniform(rng, 0.03, 0.3)}
 
 
+def _without_leak(insulation: Part | Block) -> Part | Block:
+    """Insulation without the resistor in parallel that a leak adds last (`hidden.beside`); losses of the material have more than one part."""
+    if isinstance(insulation, Block):
+        beside_it = [item for item in insulation.network.items if item.name == "beside"]
+        if any(isinstance(item, Block) and len(item.network.items) == 1 for item in beside_it):
+            return insulation.network.item("Cf")
+    return insulation
+
+
 def _apply_distributed(network: Network, elements: Elements, sizes: Sizes) -> Network:
     own = ("Ra", "La", "Ca")
     winding = Network(tuple(network.item(name) for name in own)).with_node("X", IN).with_node("Y", OUT)
     rest = dataclasses.replace(network, items=tuple(item for item in network.items if item.name not in own))
     lumped = network.item("Cf").scaled(1 / (1 - sizes["share"]))
-    # The same insulation, with the same losses.
-    slots = dataclasses.replace(network.item("Cf"), name="slots", positive="X").scaled(1 / sizes["share"])
+    # The same insulation, with the same losses; a leak is at one place, in the lumped part.
+    insulation = _without_leak(network.item("Cf"))
+    slots = dataclasses.replace(insulation, name="slots", positive="X", negative="G").scaled(1 / sizes["share"])
     line = ladders.winding_line(winding, slots, "X", "Y", ladders.LINE_CELLS)
     return rest.with_item("Cf", lumped).plus(*line)
 
