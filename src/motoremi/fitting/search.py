@@ -161,13 +161,13 @@ def arrive(
     problem = task.likelihood(points, sizes or AS_DECLARED, ROUGH_SHARE)
     u = problem.vectors(starts)
     evaluations = 0
-    if sizes is None and poorly_seen(problem):
-        softened = u
-        for blur in BLURS:
-            ends = polish(task.likelihood(points, AS_DECLARED, ROUGH_SHARE, blur), softened, iterations=steps, precision=CLOSE)
-            softened, evaluations = ends.distinct(2), evaluations + ends.evaluations
-        u = np.concatenate([u, softened])
     if sizes is None:
+        if poorly_seen(problem):
+            softened = u
+            for blur in BLURS:
+                ends = polish(task.likelihood(points, AS_DECLARED, ROUGH_SHARE, blur), softened, iterations=steps, precision=CLOSE)
+                softened, evaluations = ends.distinct(2), evaluations + ends.evaluations
+            u = np.concatenate([u, softened])
         looks = [marginal(problem, row) for row in u]
         sizes = max(looks, key=lambda look: look.log_evidence).likeliest
     best: tuple[FloatArray, Sizes, Marginal, bool] | None = None
@@ -191,7 +191,7 @@ def arrive(
 
 
 def poorly_seen(problem: Problem) -> bool:
-    """Whether an impedance analyser may err by more than a part of Z at some points: a resonance there moves by more than its width."""
+    """Whether an impedance analyser may err by a large part of Z (the first of `BLURS`) at some points: a resonance there may move by its width."""
     observed = problem.observed
     return not observed.measurement.analyser.by_waves and float(np.max(observed.systematic)) > BLURS[0]
 
