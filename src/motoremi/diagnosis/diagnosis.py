@@ -413,6 +413,10 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("unusual values")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
+    if named and judgement.strains:
+        kinds.append("names beyond the specification")
+    if named and any(finding.id == "not-as-declared" for finding in findings):
+        kinds.append("names, not as declared")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):

@@ -137,6 +137,11 @@ class Judgement:
         return fit.analyser_sigma > BEYOND_SIGMA and fit.rms_error_percent > self.base.rms_error_percent
 
     @property
+    def strains(self) -> bool:
+        """Whether the accepted model needs errors far beyond the specification of the analyser that was named: more is missing, or it is not that one."""
+        return self.model.fit.measurement.analyser.named and self.model.fit.analyser_sigma > BEYOND_SIGMA
+
+    @property
     def leaves_something(self) -> bool:
         """Whether something is left beyond noise and analyser, and beyond a stated accuracy."""
         return self.model.fit.marginal.nothing_left < 0.5 and not accurate(self.model.fit)
@@ -151,7 +156,7 @@ class Judgement:
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
         allowed = fit.within_specification if fit.measurement.analyser.named else slight
         enough = allowed or not self.leaves_something
-        return enough and not self.model.unusual and not self.distributed
+        return enough and not self.strains and not self.model.unusual and not self.distributed
 
     @property
     def distributed(self) -> bool:

@@ -466,7 +466,8 @@ def trail_without(before: Fit, gone: str) -> Trail:
 def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
     """The fit that a trail leads to, on all points; where that leaves something, a `thorough` one sends ants out as well."""
     started = time.perf_counter()
-    solution = arrived_on_all(trail.task, [raced_alone(trail).values])
+    raced = raced_alone(trail)
+    solution = arrived_on_all(trail.task, [raced.values], searched=raced.searched)
     searched = _searched(trail.task, solution)
     if thorough and solution.marginal.nothing_left < 0.5:
         search = trail.task.thinned(SEARCH_POINTS)
@@ -488,7 +489,7 @@ def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
 def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
     """A solution on a thinned grid, taken to all points, as a fit like the one before."""
     trail, solution, before = job
-    whole = arrived_on_all(trail.task, [solution.values], solution.sizes)
+    whole = arrived_on_all(trail.task, [solution.values], solution.sizes, solution.searched)
     return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
 
 

@@ -261,13 +261,17 @@ def _arrive(job: tuple[Trail, tuple[Standing, int]]) -> Solution:
     problem = trail.problem(points)
     starts = problem.vectors(standing.starts)
     order = np.argsort(problem.objective(starts))[:3]
+    searched = standing.starts[order[0]]
     solution = arrive(trail.task, [standing.starts[i] for i in order], points, most=1, steps=15)
-    if trail.by_likelihood or solution.sizes.discrepancy < PLAIN:
+    if trail.by_likelihood:
+        return solution
+    solution = dataclasses.replace(solution, searched=searched)
+    if solution.sizes.discrepancy < PLAIN:
         return solution
     found = rough(solution.marginal, problem, starts[order[0]])
     if found.log_evidence == solution.log_evidence:
         return solution
-    return dataclasses.replace(solution, values={**solution.values, **standing.starts[order[0]]}, marginal=found, rough=True)
+    return dataclasses.replace(solution, values={**solution.values, **searched}, marginal=found, rough=True)
 
 
 def _reach(solution: Solution) -> float:
@@ -279,8 +283,5 @@ def _finish(job: tuple[Trail, tuple[Solution, int]]) -> Solution:
     trail, (solution, points) = job
     if solution.converged and solution.marginal.settled(solution.sizes):
         return solution
-    return max(
-        solution,
-        arrive(trail.task, [solution.values], points, most=3, sizes=solution.marginal.likeliest, steps=25),
-        key=lambda one: one.log_evidence,
-    )
+    further = arrive(trail.task, [solution.values], points, most=3, sizes=solution.marginal.likeliest, steps=25)
+    return max(solution, dataclasses.replace(further, searched=solution.searched), key=lambda one: one.log_evidence)

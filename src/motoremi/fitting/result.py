@@ -22,7 +22,7 @@ from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
-from motoremi.fitting.search import PLAIN, Found, Solution, Task
+from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
 Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
-# The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
-BEYOND_SIGMA = 6.0
 # Standard deviations of the analyser's errors that its specification stands for.
 SPECIFIED_SIGMA = 3.0
 # An analyser may be worse than declared: by so many times the declared variance is that of its errors larger, on average over the prior `DECLARED`.

@@ -57,6 +57,10 @@ ABSORBING = 10.0
 BLURS = (0.3, 0.03)
 # Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
 MOST_DECLARED = 2.0
+# The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
+BEYOND_SIGMA = 6.0
+# A circuit that errs by less than this share of what another of the same elements does comes closer, whatever the analyser may take up of either.
+CLOSER = 0.5
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,8 @@ class Solution:
     likeliest : dict
         Parameters and nuisances of the likelihood's own solution, where `values` are those of the least relative error: it may lie in another
         valley.
+    searched : dict
+        Where a race had got to with every point alike, before the likelihood: near the least relative error.
     """
 
     values: dict[str, float]
@@ -111,6 +117,7 @@ class Solution:
     evaluations: int
     rough: bool = False
     likeliest: Mapping[str, float] = field(default_factory=dict)
+    searched: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def log_evidence(self) -> float:
@@ -196,11 +203,14 @@ def poorly_seen(problem: Problem) -> bool:
     return not observed.measurement.analyser.by_waves and float(np.max(observed.systematic)) > BLURS[0]
 
 
-def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Sizes | None = None) -> Solution:
-    """`arrive` on all points, to the last digit; where the model misses by far, the least relative error instead.
+def arrived_on_all(
+    task: Task, starts: Sequence[Mapping[str, float]], sizes: Sizes | None = None, searched: Mapping[str, float] | None = None
+) -> Solution:
+    """`arrive` on all points, to the last digit; where the model misses by far, the least relative error instead, sought from `searched` too.
 
     Without `sizes`, which are of a solution near by, on few points first: there each step costs a fifth.
     """
+    also = [*starts, searched] if searched else starts
     if sizes is None:
         near = arrive(task, starts, ARRIVAL_POINTS)
         solution = arrive(task, [near.values], sizes=near.marginal.likeliest)
@@ -211,7 +221,7 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
         if poor and solution.sizes.discrepancy < PLAIN:
             solution = arrive(task, [solution.values], sizes=solution.marginal.likeliest)
     if misses_by_far(solution.sizes):
-        return least_relative(task, solution, starts)
+        return least_relative(task, solution, also)
     # The likeliest pair may be the neighbour of the one at which the search settled.
     sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
     problem = task.likelihood(None, sizes)
@@ -220,8 +230,17 @@ def arrived_on_all(task: Task, starts: Sequence[Mapping[str, float]], sizes: Siz
     if sharp.marginal.nothing_left >= 0.5:
         return sharp
     # What is left may be no smooth error: models are comparable only where each is weighed both ways.
-    plain = least_relative(task, sharp, starts)
-    return plain if plain.log_evidence > sharp.log_evidence else sharp
+    plain = least_relative(task, sharp, also)
+    return plain if plain.log_evidence > sharp.log_evidence or _absorbed(task, sharp, plain) else sharp
+
+
+def _absorbed(task: Task, sharp: Solution, plain: Solution) -> bool:
+    """Whether a likelihood lets the analyser absorb most of the motor: errors far beyond its specification, where the circuit alone can come close."""
+    problem, relative = task.likelihood(None, sharp.sizes), task.relative()
+    if problem.analyser_sigma(problem.vector(sharp.values)) <= BEYOND_SIGMA:
+        return False
+    errors = relative.objective(relative.vectors([sharp.values, plain.values]))
+    return bool(errors[1] <= CLOSER**2 * errors[0])
 
 
 def misses_by_far(sizes: Sizes) -> bool:
