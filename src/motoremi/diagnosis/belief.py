@@ -40,9 +40,9 @@ NO_ANALYSER_SIGMA = 300.0
 # nothing was left): so few say little.
 # A relaxation alone, across the winding or to the frame, was true 8 times of 17 (investigations of seeds 24112603, 24113001 and 24113201, the
 # protocol's seed 24113202), where a tenth of the motors hid what the catalogue does not hold: how many real motors do, nobody knows.
-# Names beside errors far beyond an impedance analyser's specification were the whole truth 0 times of 6 (seed 25113003, three hidden effects), one of
-# two or three more often. Beside data that deny the declared analyser they were right 4 times of 7 (there
-# and in seed 25113001): what the catalogue does not hold can look like another analyser.
+# Names beside errors far beyond an impedance analyser's specification were the whole truth 0 times of 6 (seed 25113003, three hidden effects), one
+# of two or three more often. Beside data that deny the declared analyser they were right 4 times of 7 (there and in seed 25113001): what the
+# catalogue does not hold can look like another analyser.
 # That an analyser beyond its specification is to blame, where an effect would do as well and is not named, was wrong three times of three.
 RELIABLE: Mapping[str, float] = {
     "adequate": 0.98,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, TRANSMISSION, Analyser
 from motoremi.diagnosis.judgement import ALIKE, GLANCE, Judgement, accurate, judge
-from motoremi.fitting.result import BEYOND_SIGMA, SPECIFIED_SIGMA, Fit, summarise
-from motoremi.fitting.search import Found, Task, arrived_on_all
+from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
+from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
 from motoremi.progress import part
 from motoremi.workers import Map
 

@@ -34,8 +34,8 @@ from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit as fit_again
-from motoremi.fitting.result import BEYOND_SIGMA, Fit
-from motoremi.fitting.search import Task, arrived_on_all
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import BEYOND_SIGMA, Task, arrived_on_all
 from motoremi.inspection.compare import compare
 from motoremi.inspection.unexplained import Remainder, remainder
 from motoremi.investigation.next_measurement import next_measurement

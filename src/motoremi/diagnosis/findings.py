@@ -11,7 +11,8 @@ from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
-from motoremi.fitting.result import BEYOND_SIGMA, Fit
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.inspection.unexplained import Remainder
 from motoremi.quantities import show
 

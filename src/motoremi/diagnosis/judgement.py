@@ -15,8 +15,8 @@ from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE,
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
-from motoremi.fitting.result import BEYOND_SIGMA, Fit
-from motoremi.fitting.search import PLAIN
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import BEYOND_SIGMA, PLAIN
 from motoremi.model.effects import find_effect
 from motoremi.workers import Map
 
@@ -210,8 +210,8 @@ class Judgement:
     def of_closest(self) -> Judgement | None:
         """The judgement among the single effects that come closest, where the likeliest does not; None where none of those stands.
 
-        Where every single effect leaves more than a per cent, the laws are not quite the motor's. The likeliest may then only let the analyser take up
-        more, and what removes most of the circuit's own error, with values that motors have, tells more.
+        Where every single effect leaves more than a per cent, the laws are not quite the motor's. The likeliest may then only let the analyser
+        take up more, and what removes most of the circuit's own error, with values that motors have, tells more.
         """
         singles = {key: one for key, one in self.found.items() if len(key) == 1}
         close = {key: one for key, one in singles.items() if one.plausible and not one.unusual}

@@ -235,7 +235,7 @@ def arrived_on_all(
 
 
 def _absorbed(task: Task, sharp: Solution, plain: Solution) -> bool:
-    """Whether a likelihood lets the analyser absorb most of the motor: errors far beyond its specification, where the circuit alone can come close."""
+    """Whether the likelihood lets the analyser err far beyond its specification although the circuit alone can come close."""
     problem, relative = task.likelihood(None, sharp.sizes), task.relative()
     if problem.analyser_sigma(problem.vector(sharp.values)) <= BEYOND_SIGMA:
         return False
