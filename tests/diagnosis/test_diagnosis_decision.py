@@ -137,6 +137,33 @@ def test_a_larger_error_that_a_strained_analyser_takes_up_is_not_believed(error_
     assert judgement.stands == stands
 
 
+@pytest.mark.parametrize(("by_waves", "sigma", "stands"), [(False, 14.0, False), (False, 4.0, True), (True, 14.0, True)])
+def test_what_leaves_more_than_an_impedance_analyser_could_do_is_not_all_that_is_missing(by_waves, sigma, stands):
+    """A tapped winding, or three effects at once: one law removes nineteen parts of twenty, and the rest is no error of a 4294A."""
+    loss = model(("dielectric-loss@Ca",), 5300.0, 2.8, 2.3)
+    loss.fit.analyser_sigma = sigma
+    loss.fit.measurement.analyser = SimpleNamespace(named=True, by_waves=by_waves)
+    found = of(model((), 0.0, 44.8, 44.8), loss)
+    assert Judgement(found[()].fit, found, believe(found)).stands == stands  # type: ignore[arg-type]
+
+
+def test_a_pair_with_values_that_few_motors_have_does_not_hide_the_closest_effect():
+    """A binocular core on an analyser that nobody named: two effects leave almost nothing, and the likeliest single one errs by 42 %."""
+    found = of(
+        model((), 0.0, 59.7, 59.0),
+        model(("proximity-effect",), 619.0, 41.6, 41.4),
+        model(("permeability-relaxation",), 604.0, 3.05, 2.95),
+        model(("field-coupling", "permeability-relaxation"), 721.0, 0.79, 0.68, ("field-coupling.coupling",)),
+    )
+    for one in found.values():
+        one.plausible = True
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert not judgement.stands
+    closest = judgement.of_closest
+    assert closest is not None
+    assert closest.named == ("permeability-relaxation",)
+
+
 def test_a_law_with_unusual_values_that_leaves_a_per_cent_only_bends():
     """A cell of salt water as the winding of a machine."""
     for left_percent, standing in ((8.6, "not"), (0.9, "mostly")):
