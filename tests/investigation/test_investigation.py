@@ -427,7 +427,7 @@ def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_a
         assert set(after.named) == set(named)
 
 
-@pytest.mark.parametrize(("coupling", "quality", "outside"), [(0.3, 5.0, 0.03), (0.83, 0.66, 0.3)])
+@pytest.mark.parametrize(("coupling", "quality", "outside"), [(0.3, 5.0, 0.03), (0.83, 0.66, 0.5)])
 def test_values_that_few_motors_have_speak_for_what_the_catalogue_does_not_hold(coupling: float, quality: float, outside: float) -> None:
     from motoremi.diagnosis.candidates import Candidate
     from motoremi.diagnosis.judgement import decided
