@@ -215,8 +215,10 @@ class Judgement:
         """
         singles = {key: one for key, one in self.found.items() if len(key) == 1}
         close = {key: one for key, one in singles.items() if one.plausible and not one.unusual}
-        likeliest = best_of(singles.values()) if singles else None
-        if not close or likeliest is None or self.distributed or likeliest.fit.unexplained_percent["value"] < 100 * PLAIN:
+        if not close or self.distributed:
+            return None
+        likeliest = best_of(singles.values())
+        if likeliest.fit.unexplained_percent["value"] < 100 * PLAIN:
             return None
         least = min(one.fit.rms_error_percent for one in close.values())
         close = {key: one for key, one in close.items() if one.fit.rms_error_percent <= ALIKE * least}

@@ -261,10 +261,10 @@ def _arrive(job: tuple[Trail, tuple[Standing, int]]) -> Solution:
     problem = trail.problem(points)
     starts = problem.vectors(standing.starts)
     order = np.argsort(problem.objective(starts))[:3]
-    searched = standing.starts[order[0]]
     solution = arrive(trail.task, [standing.starts[i] for i in order], points, most=1, steps=15)
     if trail.by_likelihood:
         return solution
+    searched = standing.starts[order[0]]
     solution = dataclasses.replace(solution, searched=searched)
     if solution.sizes.discrepancy < PLAIN:
         return solution

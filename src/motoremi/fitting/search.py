@@ -59,7 +59,8 @@ BLURS = (0.3, 0.03)
 MOST_DECLARED = 2.0
 # The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
 BEYOND_SIGMA = 6.0
-# A circuit that errs by less than this share of what another of the same elements does comes closer, whatever the analyser may take up of either.
+# A circuit that errs by less than this share of another's error comes closer: half, as is asked of an effect that is to be named. Less could be
+# what other values of the same elements gain by taking up the analyser's smooth errors.
 CLOSER = 0.5
 
 
@@ -231,16 +232,16 @@ def arrived_on_all(
         return sharp
     # What is left may be no smooth error: models are comparable only where each is weighed both ways.
     plain = least_relative(task, sharp, also)
-    return plain if plain.log_evidence > sharp.log_evidence or _absorbed(task, sharp, plain) else sharp
+    # Nor may the analyser err far beyond its specification where the circuit alone can come close.
+    absorbed = problem.analyser_sigma(u) > BEYOND_SIGMA and _comes_closer(task, plain, sharp)
+    return plain if absorbed or plain.log_evidence > sharp.log_evidence else sharp
 
 
-def _absorbed(task: Task, sharp: Solution, plain: Solution) -> bool:
-    """Whether the likelihood lets the analyser err far beyond its specification although the circuit alone can come close."""
-    problem, relative = task.likelihood(None, sharp.sizes), task.relative()
-    if problem.analyser_sigma(problem.vector(sharp.values)) <= BEYOND_SIGMA:
-        return False
-    errors = relative.objective(relative.vectors([sharp.values, plain.values]))
-    return bool(errors[1] <= CLOSER**2 * errors[0])
+def _comes_closer(task: Task, one: Solution, other: Solution, share: float = CLOSER) -> bool:
+    """Whether the relative error of one circuit alone is less than a share of another's."""
+    relative = task.relative()
+    errors = relative.objective(relative.vectors([one.values, other.values]))
+    return bool(errors[0] < share**2 * errors[1])
 
 
 def misses_by_far(sizes: Sizes) -> bool:
@@ -380,9 +381,7 @@ def _frames_tried(task: Task, best: Solution) -> Solution:
 def _better(task: Task, one: Solution, other: Solution) -> bool:
     """Whether one base fit is to be preferred: the likelier, but of two that miss by far the one with the smaller relative error."""
     if misses_by_far(one.sizes) and misses_by_far(other.sizes):
-        relative = task.relative()
-        errors = relative.objective(relative.vectors([one.values, other.values]))
-        return bool(errors[0] < errors[1])
+        return _comes_closer(task, one, other, share=1.0)
     return one.log_evidence > other.log_evidence
 
 
