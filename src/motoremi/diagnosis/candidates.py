@@ -28,6 +28,10 @@ BOUND_PENALTY = 5.0
 ALLOWED_SIGMA = 4.0
 # A law with this many parameters can imitate another one.
 BENDING = 3
+# Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
+UNSURE = 2.0
+# An exponent that is large enough for any value to be possible.
+FAR = 100.0
 # A lead's resistance below a milliohm is none at all.
 _SOFT = frozenset({"resistance_ohm"})
 
@@ -74,8 +78,8 @@ class Candidate:
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Parameters of the effects whose laws bend that lie beyond where most motors have them."""
-        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters)
+        """Parameters of the effects whose laws bend that lie beyond where most motors have them, by more than the data leave open."""
+        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, self.fit.sigma)
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
@@ -98,12 +102,30 @@ class Candidate:
         return ", ".join(f"{name} = {show(entry['value'], entry['unit'])}" for name, entry in self.parameters().items())
 
 
-def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float]) -> tuple[str, ...]:
-    """Parameters of effects whose laws bend (three parameters or more) that lie beyond where most motors have them."""
+def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float], sigma: Mapping[str, float] | None = None) -> tuple[str, ...]:
+    """Parameters of effects whose laws bend (three parameters or more) that lie beyond where most motors have them.
+
+    Parameters
+    ----------
+    values : mapping
+        In SI units.
+    sigma : mapping, optional
+        Their standard deviations: two of them beyond are then needed.
+    """
     own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels]
     counts = Counter(p.name.rpartition(".")[0] for p in own)
-    bending = [p for p in own if p.usual is not None and counts[p.name.rpartition(".")[0]] >= BENDING]
-    return tuple(p.name for p in bending if p.usual is not None and not p.usual[0] <= values[p.name] <= p.usual[1])
+    bending = [p for p in own if counts[p.name.rpartition(".")[0]] >= BENDING]
+    return tuple(p.name for p in bending if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name]))
+
+
+def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:
+    if parameter.usual is None:
+        return False
+    low, high = parameter.usual
+    if parameter.scale == "log":
+        factor = float(np.exp(min(uncertainty / value, FAR)))
+        return not low / factor <= value <= high * factor
+    return not low - uncertainty <= value <= high + uncertainty
 
 
 def candidate(fit: Fit, base: Fit) -> Candidate:

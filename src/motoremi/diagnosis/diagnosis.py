@@ -327,7 +327,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
         + of_the_analyser(judgement.model.fit, judgement.stands)
         + of_the_sweeps(left)
     )
-    found += of_the_labels(fit.measurement) + of_the_amount(fit, judgement.model.fit if judgement.stands else fit)
+    found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.stands else judgement.closest).fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
     return tuple(found)

@@ -214,15 +214,15 @@ def of_the_labels(measurement: Measurement) -> list[Finding]:
     ]
 
 
-def of_the_amount(fit: Fit, model: Fit) -> list[Finding]:
-    """Findings on data that are too few, or show no circuit: neither the one that was fitted nor the accepted one with its effects, `model`."""
+def of_the_amount(fit: Fit, nearest: Fit) -> list[Finding]:
+    """Findings on data that are too few, or show no circuit: neither the one that was fitted nor `nearest`, the accepted or else the closest one."""
     found = []
     for sweep in fit.measurement.sweeps:
         count = sweep.frequency_hz.size
         if count < FEW_POINTS:
             why = f"the {sweep.termination} sweep has {count} points: too few to tell most effects apart"
             found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
-    if shows_nothing(fit) and shows_nothing(model):
+    if shows_nothing(fit) and shows_nothing(nearest):
         why = "these sweeps show no circuit: the analyser may err by as much as there is to see"
         found.append(Finding("too-little", why, "compensate at the motor's terminals, and check that the motor is connected", True))
     if len(fit.measurement.sweeps) == 1:
