@@ -10,10 +10,11 @@ import pytest
 import motoremi as me
 from motoremi.blind.cases import draw
 from motoremi.diagnosis.belief import believe, stands
-from motoremi.diagnosis.candidates import Candidate
+from motoremi.diagnosis.candidates import Candidate, unusual_values
 from motoremi.diagnosis.judgement import Judgement, decided, distributed, judge
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
+from motoremi.model.effects import find_effect
 from motoremi.model.motor import dc_motor
 
 
@@ -126,6 +127,29 @@ def test_one_effect_that_errs_less_than_the_likeliest_two_is_named():
     for one in found.values():
         one.plausible = True
     assert decided(found[()].fit, found).named == ("permeability-relaxation",)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("error_of_two", "named"), [(1.9, True), (1.2, False)])
+def test_one_effect_is_named_beside_two_others_that_err_about_as_little(error_of_two, named):
+    """A choke of ferrite: two others are likelier, and take an error of 46 % to 1.9 instead of 2.6 %."""
+    found = of(
+        model((), 0.0, 46.0, 46.0),
+        model(("permeability-relaxation",), 1251.0, 2.6, 2.6),
+        model(("second-resonance", "suppressor-choke"), 1293.0, error_of_two, error_of_two),
+    )
+    single = Judgement(found[()].fit, found, believe(found)).of_singles  # type: ignore[arg-type]
+    assert (single is not None and single.named == ("permeability-relaxation",)) == named
+
+
+@pytest.mark.parametrize(("sigma", "unusual"), [(0.0, True), (0.05, True), (0.22, False), (float("inf"), False)])
+def test_a_value_is_unusual_only_beyond_what_the_data_leave_open(sigma, unusual):
+    """Most relaxations have a strength of 0.02 to 0.5."""
+    label = "dielectric-relaxation@Ca"
+    motor = find_effect(label).added_to(me.dc_motor())
+    values = {f"{label}.strength": 0.6, f"{label}.corner_hz": 1e6, f"{label}.exponent": 0.8}
+    sigmas = dict.fromkeys(values, sigma)
+    assert bool(unusual_values(motor, {label}, values, sigmas)) == unusual
+    assert unusual_values(motor, {label}, values) == (f"{label}.strength",)
 
 
 @pytest.mark.parametrize(("error_percent", "sigma", "stands"), [(100.0, 24.0, False), (100.0, 2.0, True), (20.0, 24.0, True)])

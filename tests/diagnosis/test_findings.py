@@ -8,7 +8,7 @@ from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_resistance
+from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_amount, of_the_resistance
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 
@@ -53,3 +53,14 @@ def test_where_only_the_analyser_is_seen_no_motor_is_called_adequate():
     assert found.verdict in ("instrument", "data")
     assert "too-little" in {finding.id for finding in found.findings if finding.serious}
     assert not found.effects
+
+
+def test_sweeps_that_an_effect_comes_near_show_a_circuit_though_the_seven_elements_do_not():
+    """A core of ferrite alone: no inductance of a constant value comes near it."""
+    frequency = np.geomspace(1e4, 100e6, 101)
+    permeability = 0.001 + 0.999 / (1 + (1j * frequency / 30e3) ** 0.75)
+    noise = np.random.default_rng(3).standard_normal((2, 101)).T @ [1, 1j]
+    sweep = me.ImpedanceSweep("short", frequency, 2j * np.pi * frequency * 1.9e-3 * permeability * (1 + 3e-3 * noise))
+    base = me.fit(me.dc_motor(), [sweep])
+    for nearest, told in ((base, 1), (base.add("permeability-relaxation"), 0)):
+        assert sum("show no circuit" in finding.why for finding in of_the_amount(base, nearest)) == told

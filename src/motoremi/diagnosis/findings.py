@@ -215,7 +215,7 @@ def of_the_labels(measurement: Measurement) -> list[Finding]:
 
 
 def of_the_amount(fit: Fit, nearest: Fit) -> list[Finding]:
-    """Findings on data that are too few, or show no circuit: neither the one that was fitted nor `nearest`, the accepted or else the closest one."""
+    """Findings on data that are too few, or show no circuit: neither the one that was fitted nor `nearest`, the accepted or the closest one."""
     found = []
     for sweep in fit.measurement.sweeps:
         count = sweep.frequency_hz.size

@@ -200,10 +200,12 @@ class Judgement:
     def of_singles(self) -> Judgement | None:
         """The judgement without larger sets, where one effect describes most by itself; None elsewhere.
 
-        It is one of the likeliest set, or its circuit errs about as little as that set's: what the set describes beyond it is a small rest.
+        It is one of the likeliest set, or its circuit errs no more than that set's, with values that motors have about as little: what the set
+        describes beyond it is then a small rest.
         """
         under = self.among({key: one for key, one in self.found.items() if len(key) <= 1})
-        closer = under.model.fit.rms_error_percent <= ALIKE * self.best.fit.rms_error_percent
+        alike = 1.0 if under.model.unusual else ALIKE
+        closer = under.model.fit.rms_error_percent <= alike * self.best.fit.rms_error_percent
         return under if under.stands and not self.distributed and under.named and (closer or set(under.named) & set(self.best.added)) else None
 
     @property
