@@ -17,9 +17,11 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
     Finding,
+    hardly_seen,
     of_the_amount,
     of_the_analyser,
     of_the_declaration,
+    of_the_hardly_seen,
     of_the_labels,
     of_the_noise,
     of_the_resistance,
@@ -328,6 +330,8 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
         + of_the_sweeps(left)
     )
     found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.stands else judgement.closest).fit)
+    if judgement.standing in ("explained", "slight"):
+        found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
     return tuple(found)
@@ -419,6 +423,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("names, not as declared")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
+    if judgement.standing in ("explained", "slight") and hardly_seen(judgement.model.fit):
+        kinds.append("hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
         kinds.append("weak")
     if verdict == "adequate" and judgement.undecided:

@@ -11,10 +11,10 @@ from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.inspection.unexplained import Remainder
-from motoremi.quantities import show
+from motoremi.quantities import show, show_band
 
 # Drift and correlated noise of so many times the white noise could pass for an effect.
 COULD_PASS = 3.0
@@ -238,6 +238,33 @@ def shows_nothing(fit: Fit) -> bool:
     """Whether no parameter of the circuit is determined by the sweeps, or the circuit misses most points by far."""
     undetermined = not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
     return undetermined or float(np.median(np.abs(np.concatenate(list(fit.errors().values()))))) > MISSED
+
+
+def of_the_hardly_seen(model: Fit) -> list[Finding]:
+    """A finding on an accepted circuit that errs far more than noise and analyser would leave as a whole, by what the analyser may err by there."""
+    if not hardly_seen(model):
+        return []
+    allowed = SPECIFIED_SIGMA * model.floor_percent / 100
+    errors = model.errors()
+    beyond = {sweep.termination: np.abs(errors[sweep.termination]) > allowed for sweep in model.measurement.sweeps}
+    index = max(range(len(model.measurement.sweeps)), key=lambda i: np.count_nonzero(beyond[model.measurement.sweeps[i].termination]))
+    sweep, floor = model.measurement.sweeps[index], model.measurement.floors[index]
+    there = beyond[sweep.termination]
+    band = _span(sweep.frequency_hz[there])
+    missed, may_err = (100 * float(np.median(values[there])) for values in (np.abs(errors[sweep.termination]), floor))
+    why = (
+        f"in the {sweep.termination} sweep at {show_band(*band)} the circuit errs by {missed:.2g} % where the analyser may err by {may_err:.2g} %: "
+        "these data do not tell whether it is right there"
+    )
+    remedy = "measure that band with an impedance analyser"
+    if model.measurement.analyser.by_waves:
+        remedy += ", or with the motor between two ports: in series where |Z| is large, in parallel where it is small"
+    return [Finding("too-little", why, remedy, True, sweep.termination, band)]
+
+
+def hardly_seen(fit: Fit) -> bool:
+    """Whether a circuit errs beyond the specification as a whole: then most of its error lies where the analyser sees next to nothing."""
+    return not fit.measurement.analyser.ideal and fit.rms_error_percent > SPECIFIED_SIGMA * fit.floor_percent
 
 
 def _span(frequency_hz: FloatArray) -> tuple[float, float]:

@@ -55,7 +55,8 @@ class Judgement:
     none_named : bool
         Whether the base is to stand without what could be added, since no such model stands and the base errs within the specification.
     proven : bool
-        Whether measurements beside the sweeps speak for the likeliest model: it is then named, however little the sweeps alone show of it.
+        Whether measurements beside the sweeps speak for the likeliest model, or for it and others that cannot be told from it: it is then named,
+        however little the sweeps alone show of it.
     aside : dict
         Likelier models with one more effect that are not believed, since all that it does is to bring the analyser back towards its
         specification: an investigation weighs them as well.
