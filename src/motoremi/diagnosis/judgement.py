@@ -127,8 +127,9 @@ class Judgement:
         poorly = bends and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
         if (poorly and not any(self.belief.families.values())) or self._only_strains:
             return "not"
-        # What removes most of an error and still leaves more than an impedance analyser could do is not all that is missing.
-        if standing == "mostly" and self.strains:
+        # What removes most of an error and still leaves more than an impedance analyser could do is not all that is missing: it is named only where
+        # nothing else comes near it.
+        if standing == "mostly" and self.strains and not self._unrivalled:
             return "not"
         if len(self.model.added) < MOST_NAMES:
             return standing
@@ -201,13 +202,22 @@ class Judgement:
     def of_singles(self) -> Judgement | None:
         """The judgement without larger sets, where one effect describes most by itself; None elsewhere.
 
-        It is one of the likeliest set, or its circuit errs no more than that set's, with values that motors have about as little: what the set
-        describes beyond it is then a small rest.
+        It is one of the likeliest set; or its circuit errs no more than that set's, with values that motors have about as little: what the set
+        describes beyond it is then a small rest; or no other single effect comes near it.
         """
         under = self.among({key: one for key, one in self.found.items() if len(key) <= 1})
+        if not under.named or not under.stands or self.distributed:
+            return None
         alike = 1.0 if under.model.unusual else ALIKE
         closer = under.model.fit.rms_error_percent <= alike * self.best.fit.rms_error_percent
-        return under if under.stands and not self.distributed and under.named and (closer or set(under.named) & set(self.best.added)) else None
+        return under if closer or set(under.named) & set(self.best.added) or under._unrivalled else None
+
+    @property
+    def _unrivalled(self) -> bool:
+        """Whether every other model of as many effects is clearly less likely and errs by a multiple."""
+        own = self.model
+        others = [one for one in self.found.values() if len(one.added) == len(own.added) and one is not own]
+        return all(own.score - one.score > CLEAR_GAIN and one.fit.rms_error_percent > ALIKE * own.fit.rms_error_percent for one in others)
 
     @property
     def of_closest(self) -> Judgement | None:
