@@ -181,7 +181,7 @@ def test_what_leaves_more_than_an_impedance_analyser_could_do_is_not_all_that_is
     loss = model(("dielectric-loss@Ca",), 5300.0, 2.8, 2.3)
     loss.fit.analyser_sigma = sigma
     loss.fit.measurement.analyser = SimpleNamespace(named=True, by_waves=by_waves)
-    found = of(model((), 0.0, 44.8, 44.8), loss)
+    found = of(model((), 0.0, 44.8, 44.8), loss, model(("core-loss",), 5290.0, 3.0, 2.5))
     assert Judgement(found[()].fit, found, believe(found)).stands == stands  # type: ignore[arg-type]
 
 
