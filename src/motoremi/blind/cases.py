@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -22,6 +23,8 @@ POINTS = 401
 SPAN_HZ = (150e3, 30e6)
 REPEATS = 3
 BANDWIDTH_FACTOR = 3
+# Log odds, 20 to 1, by which a hidden effect must describe what is left to count as one that shows.
+SHOWING = 3.0
 SORTS = {"none": 0.2, "one": 0.45, "two": 0.15, "outside": 0.1, "instrument": 0.1}
 
 
@@ -68,6 +71,25 @@ class Case:
 def visible(base: Fit) -> bool:
     """Whether the data show that the seven elements alone are not enough, above noise and specification."""
     return base.marginal.nothing_left < 0.5 or base.analyser_sigma > ALLOWED_SIGMA
+
+
+def shown(base: Fit, hidden: tuple[str, ...]) -> tuple[str, ...]:
+    """The hidden effects that show in data, each beside a model that has all the others.
+
+    One shows if noise and specification do not account for what that model leaves, and if it does: what else may be left is the fine structure of
+    the analyser's errors, which repeats on a handheld one bring out.
+
+    Parameters
+    ----------
+    base : Fit
+        Of the seven elements alone.
+    """
+    others = {name: reduce(Fit.add, (other for other in hidden if other != name), base) for name in hidden}
+    return tuple(name for name, without in others.items() if visible(without) and (name in OUTSIDE_EFFECTS or _describes(name, without)))
+
+
+def _describes(name: str, without: Fit) -> bool:
+    return without.add(name).log_evidence - without.log_evidence > SHOWING
 
 
 def catalogue_kinds() -> dict[str, list[str]]:

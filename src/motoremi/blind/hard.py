@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
-from motoremi.blind.cases import visible
+from motoremi.blind.cases import shown, visible
 from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.departures import DEPARTURES, HardCase, draw_hard_many
 from motoremi.blind.hard_scoring import GOOD, Element, attached, of_the_motor, statement_is_true, strict, sure_and_wrong
@@ -91,10 +91,8 @@ def play_hard(case: HardCase) -> PlayedHard:
 
 
 def _seen(case: HardCase, base: Fit) -> tuple[str, ...]:
-    """The hidden effects that alone cannot be described by the seven elements within noise and specification."""
-    if len(case.hidden) <= 1:
-        return case.hidden if visible(base) else ()
-    return tuple(name for name in case.hidden if visible(fit(dc_motor(), case.sweeps((name,)))))
+    """The hidden effect that the seven elements do not describe within noise and specification; of several those that show beside the others."""
+    return shown(base, case.hidden) if len(case.hidden) > 1 else case.hidden if visible(base) else ()
 
 
 def _elements(case: HardCase, found: Diagnosis) -> tuple[Element, ...]:

@@ -97,7 +97,10 @@ def strict(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequen
     # Only the departure itself was named, which is right for a motor without visible effects.
     if answer.effects and not about_motor.effects and not seen and case.departure in OF_THE_MOTOR:
         return "right"
-    worths = [outcome(hidden, about_motor) for hidden in dict.fromkeys([tuple(case.hidden), tuple(seen)])]
+    # What does not show beside the others need not be named, and may be.
+    named = {*about_motor.effects, *(name for family in about_motor.families for name in family)}
+    told = tuple(name for name in case.hidden if name in seen or name in named)
+    worths = [outcome(hidden, about_motor) for hidden in dict.fromkeys([tuple(case.hidden), told, tuple(seen)])]
     return next((worth for worth in worths if worth in GOOD), worths[0])
 
 

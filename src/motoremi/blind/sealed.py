@@ -5,13 +5,13 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, visible
+from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, shown
 from motoremi.blind.disturbances import ReflectionAnalyser, behind_fixture
 from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import VALUES, Condition, SingleValue
@@ -19,7 +19,6 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit
-from motoremi.fitting.result import Fit
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.arrangement import Analyser, Arrangement
@@ -38,8 +37,6 @@ _FIXTURE = {"resistance_ohm": (20e-3, 300e-3), "inductance_h": (5e-9, 40e-9), "c
 _ERROR_TERMS_DB = (-60.0, -54.0)
 # Both determine the copper resistance, so a motor has at most one of them.
 _COPPER = {"skin-effect", "proximity-effect"}
-# Log odds, 20 to 1, by which a hidden effect must describe what is left to count as one that shows.
-SHOWING = 3.0
 # Largest span of a wide sweep.
 _WIDE_HZ = (400.0, 60e6)
 
@@ -211,15 +208,9 @@ class Sealed:
         return Given(self._measured(arrangement, asked.id, 2 + zlib.crc32(f"{asked.id} {turn}".encode()) % 2**20, 1), arrangement.mistake)
 
     def detectable(self) -> bool:
-        """Whether each hidden effect shows in the sweeps of both terminations, measured three times, with a model that has all the others.
-
-        It shows if noise and specification do not account for what that model leaves, and if the effect does: what else may be left is the
-        fine structure of the analyser's errors, which three sweeps on a handheld one bring out.
-        """
+        """Whether each hidden effect shows in the sweeps of both terminations, measured three times."""
         both = Measurement.of(self._measured(Arrangement(self.specimen), "begin", 0, REPEATS).sweeps)
-        base = fit(dc_motor(), both)
-        others = {name: reduce(Fit.add, (other for other in self.hidden if other != name), base) for name in self.hidden}
-        return all(visible(without) and (name in OUTSIDE_EFFECTS or _describes(name, without)) for name, without in others.items())
+        return shown(fit(dc_motor(), both), self.hidden) == self.hidden
 
     def _measured(self, arrangement: Arrangement, purpose: str, connection: int, repeats: int) -> Evidence:
         span = SPAN_HZ
@@ -229,10 +220,6 @@ class Sealed:
         analyser: Analyser = self.analyser.with_noise(f"{purpose} {arrangement.turn}")
         sweeps = arrangement.sweeps(analyser, np.geomspace(*span, POINTS), connection, repeats, BANDWIDTH_FACTOR)
         return Evidence(tuple(sweep.with_metadata(analyser=self.declared) for sweep in sweeps))
-
-
-def _describes(name: str, without: Fit) -> bool:
-    return without.add(name).log_evidence - without.log_evidence > SHOWING
 
 
 def draw_sealed(seed: int, index: int) -> Sealed:

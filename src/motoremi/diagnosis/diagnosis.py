@@ -280,8 +280,9 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
             # No model will be accepted; single effects are still ranked for display.
             return _informed(Searched(fit, Declared(judge(fit, progress, GLANCE, each))), fit.measurement, each)
         first = judge(fit, search, each=each)
-        if not first.model.done:
-            # A point stands out only if nothing describes it together with the others.
+        if not first.model.done or first.model.unusual:
+            # A point stands out only if nothing that motors have describes it together with the others: a resonance narrower than the distance of
+            # the points describes any single one.
             first = _without_outliers(fit, fit, again, each) or _without_outliers(fit, first.best.fit, again, each) or first
         return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0), each)), fit.measurement, each)
 

@@ -127,9 +127,8 @@ class Judgement:
         poorly = bends and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
         if (poorly and not any(self.belief.families.values())) or self._only_strains:
             return "not"
-        # What removes most of an error and still leaves more than an impedance analyser could do is not all that is missing: it is named only where
-        # nothing else comes near it.
-        if standing == "mostly" and self.strains and not self._unrivalled:
+        # What removes most of an error and still leaves more than an impedance analyser could do is not all that is missing.
+        if standing == "mostly" and self.strains:
             return "not"
         if len(self.model.added) < MOST_NAMES:
             return standing
