@@ -331,7 +331,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
         + of_the_sweeps(left)
     )
     found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.stands else judgement.closest).fit)
-    if judgement.standing in ("explained", "slight"):
+    if judgement.stands and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
@@ -424,8 +424,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("names, not as declared")
     if judgement.standing in ("mostly", "slight"):
         kinds.append(judgement.standing)
-    if judgement.standing in ("explained", "slight") and hardly_seen(judgement.model.fit):
-        kinds.append("hardly seen")
+    if verdict == "adequate" and hardly_seen(judgement.model.fit):
+        kinds.append("adequate, hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
         kinds.append("weak")
     if verdict == "adequate" and judgement.undecided:

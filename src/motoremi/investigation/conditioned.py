@@ -10,6 +10,8 @@ from motoremi.arrays import FloatArray
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition
 from motoremi.data.measurement import Conditioned, Measurement
 from motoremi.data.noise import Noise
+from motoremi.data.quantity import REFLECTION
+from motoremi.data.sweep import RepeatedSweep
 from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.outcome import Observed
 from motoremi.investigation.responses import ROOM_DEGC
@@ -43,10 +45,15 @@ def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Obs
     inside = np.ones(sweep.frequency_hz.size, dtype=np.bool_)
     sigma = np.sqrt(one.noise.variance)
     if option.kind == "change":
-        frequency, noise = reference
+        before, noise = reference
+        frequency = before.frequency_hz
         # Beyond the reference sweep there is no change to see.
         inside &= (sweep.frequency_hz >= frequency[0] * (1 - 1e-9)) & (sweep.frequency_hz <= frequency[-1] * (1 + 1e-9))
-        sigma = np.hypot(sigma, np.interp(np.log(sweep.frequency_hz), np.log(frequency), np.sqrt(noise.variance)))
+        # Of the reference sweep the noise of the coefficient that is compared, in units of what was measured.
+        quantity = measurement.analyser.quantity or REFLECTION
+        of_coefficient = np.sqrt(noise.variance) / np.abs(quantity.relative(before.mean_ohm))
+        there = np.exp(np.interp(np.log(sweep.frequency_hz), np.log(frequency), np.log(of_coefficient)))
+        sigma = np.hypot(sigma, there * np.abs(quantity.relative(sweep.mean_ohm)))
     inside &= one.noise.regular & ((sigma < LARGEST_NOISE) | (option.name in NEXT_TO_NOTHING))
     kept = np.flatnonzero(inside)
     if kept.size < 2:
@@ -55,9 +62,9 @@ def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Obs
     return Observed(one.condition, sweep.termination, sweep.frequency_hz[kept], sigma[kept], sweep.mean_ohm[kept])
 
 
-def _reference(measurement: Measurement, termination: str) -> tuple[FloatArray, Noise] | None:
+def _reference(measurement: Measurement, termination: str) -> tuple[RepeatedSweep, Noise] | None:
     pairs = zip(measurement.sweeps, measurement.noise, strict=True)
-    return next(((sweep.frequency_hz, noise) for sweep, noise in pairs if sweep.termination == termination), None)
+    return next(((sweep, noise) for sweep, noise in pairs if sweep.termination == termination), None)
 
 
 def asked_condition(option: Option) -> Condition:
@@ -75,7 +82,8 @@ def ahead(option: Option, measurement: Measurement, points: int = POINTS_AHEAD) 
         reference = _reference(measurement, termination)
         if reference is None:
             continue
-        frequency, noise = reference
+        before, noise = reference
+        frequency = before.frequency_hz
         low, high = measurement.analyser.span_hz if option.name == "wide-sweep" else (float(frequency[0]), float(frequency[-1]))
         grid = (
             np.geomspace(min(low, frequency[0]), max(high, frequency[-1]), points) if option.name == "wide-sweep" else _thinned(frequency, points)

@@ -1,7 +1,9 @@
 """Prediction of a measurement under a condition by a model, and its derivatives for all unknowns.
 
-The outcome is a vector of real numbers. Of a sweep it is ln Z at each frequency (real parts, then imaginary parts) less what the model left of
-the reference sweep there, so that whatever both sweeps share (the analyser's smooth errors, what no model describes) is gone. Of a shorting bar
+The outcome is a vector of real numbers. Of a sweep it is ln Z at each frequency (real parts, then imaginary parts). Of a change it is the change
+of the coefficient that the analyser measures (a reflection coefficient; for an impedance analyser too, to 50 ohm) in units of a relative change
+of Z: whatever both sweeps share (the analyser's errors, what no model describes) is gone, and a change of some milliohms at a resonance of a
+tenth of an ohm is the same for all models, also for one that misses that resonance by half. Of a shorting bar
 it is Z, of an open fixture 1/Z, in units of what the specification leaves there: a logarithm of next to nothing is anything. What moves
 the prediction: the model's own parameters, as far as the sweeps at hand leave them open; the response numbers of the condition, standard
 normal; what compensation leaves at a connection that is made anew; and smooth errors, standard normal along the columns of a basis.
@@ -19,6 +21,7 @@ from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
+from motoremi.data.quantity import REFLECTION
 from motoremi.fitting.problem import behind_fixture, residual_parameters
 from motoremi.fitting.result import Fit
 from motoremi.investigation.menu import BY_NAME, Option
@@ -33,6 +36,8 @@ from motoremi.model.parameter import Parameter
 SMOOTH: tuple[tuple[float, float], ...] = ((1.0, 0.6),)
 # How well the value of an added part is known, and what a strap of some centimetres has. Assumptions; unconfirmed.
 LEAD_TOLERANCE, CAPACITOR_TOLERANCE, STRAP_H = 0.05, 0.02, 50e-9
+# Smooth errors of the analyser that do not cancel are left out where they are this small beside the noise.
+NEGLIGIBLE = 0.05
 # The analyser reads no infinite impedance.
 OPEN_OHM = 1e9
 
@@ -86,6 +91,7 @@ class Outcome:
         self.condition = self.sweeps[0].condition
         self.option = option or BY_NAME[self.condition.id]
         problem = fit.problem
+        self._quantity = fit.measurement.analyser.quantity or REFLECTION
         # Behind a fixture that nobody compensated, a compensation shows the motor without it for the first time.
         self._bare = self.option.name == "repeat-compensation" and fit.measurement.analyser.fixture is not None
         self._part = _added_part(self.option, self.condition, fit.motor)
@@ -195,20 +201,22 @@ class Outcome:
             moved[place] = mean_value + sigma * eta[number]
             redrawn[place] = True
         means, by_u, by_eta = [], [], []
-        for sweep, tape, before, unit in zip(self.sweeps, self._tapes, self._before, self._units, strict=True):
+        for number, (sweep, tape, before, unit) in enumerate(zip(self.sweeps, self._tapes, self._before, self._units, strict=True)):
             s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
             with np.errstate(all="ignore"):
                 impedance, gradient = tape.gradient(s, moved)
                 relative = gradient / impedance
                 mean = logarithm(impedance)
+                if before is not None:
+                    reference, tilt = before.gradient(s, values)
+                    mean = self._changed(number, reference, impedance)
+                    relative, tilt = gradient * self._steepness(number, impedance), tilt * self._steepness(number, reference)
                 own = np.where(redrawn[:, None], 0.0, relative * factor[:, None])[self._varying] * chain[:, None]
                 response = np.concatenate(
                     [slopes @ (relative * moved[:, None]), *((relative[place] * sigma)[None] for place, _, sigma in self._anew)]
                 )
                 if before is not None:
-                    reference, tilt = before.gradient(s, values)
-                    mean = mean - logarithm(reference)
-                    own = own - (tilt / reference)[self._varying] * chain[:, None]
+                    own = own - tilt[self._varying] * chain[:, None]
                 if unit is not None:
                     mean = unit.number(impedance)
                     own, response = unit.power * own * mean, unit.power * response * mean
@@ -219,16 +227,40 @@ class Outcome:
         return together, own_slopes, answers
 
     @cached_property
+    def _per_coefficient(self) -> list[ComplexArray]:
+        """Relative change of Z for one of the coefficient, of each sweep: where it was measured, else in the reference sweep."""
+        there = [np.exp(reference) if sweep.impedance_ohm is None else sweep.impedance_ohm for sweep, reference in self._compared]
+        return [self._quantity.relative(impedance) for impedance in there]
+
+    def _changed(self, number: int, before: ComplexArray, after: ComplexArray) -> ComplexArray:
+        """A change of impedance in ohm, as it is compared in sweep `number`."""
+        return (self._quantity.coefficient_of(after) - self._quantity.coefficient_of(before)) * self._per_coefficient[number]
+
+    def _steepness(self, number: int, impedance: ComplexArray) -> ComplexArray:
+        """The derivative of `_changed` for an impedance in ohm."""
+        return self._quantity.slope_ohm / (impedance + self._quantity.pole_ohm) ** 2 * self._per_coefficient[number]
+
+    @cached_property
     def data(self) -> FloatArray:
-        """The data, shape (2 n,): ln Z, of a change less ln Z of the reference sweep."""
+        """The data, shape (2 n,): ln Z; of a change the coefficient's."""
         rows = []
-        for sweep, unit in zip(self.sweeps, self._units, strict=True):
+        for number, (sweep, unit) in enumerate(zip(self.sweeps, self._units, strict=True)):
             assert sweep.impedance_ohm is not None
-            measured = logarithm(sweep.impedance_ohm) if unit is None else unit.number(sweep.impedance_ohm)
             if not self.absolute:
-                measured = measured - self._reference(sweep)
+                measured = self._changed(number, np.exp(self._references[number]), sweep.impedance_ohm)
+            else:
+                measured = logarithm(sweep.impedance_ohm) if unit is None else unit.number(sweep.impedance_ohm)
             rows.append(_real(measured))
         return np.concatenate(rows)
+
+    @cached_property
+    def _references(self) -> list[ComplexArray]:
+        """`_reference` of each sweep."""
+        return [self._reference(sweep) for sweep in self.sweeps]
+
+    @property
+    def _compared(self) -> zip[tuple[Observed, ComplexArray]]:
+        return zip(self.sweeps, self._references, strict=True)
 
     def _reference(self, sweep: Observed) -> ComplexArray:
         """ln Z of the reference sweep at a sweep's frequencies: between its points, what the model left of it is straight."""
@@ -251,7 +283,7 @@ class Outcome:
         start = 0
         for sweep, unit in zip(self.sweeps, self._units, strict=True):
             phases = slice(start + sweep.frequency_hz.size, start + 2 * sweep.frequency_hz.size)
-            if unit is None:
+            if unit is None and self.absolute:
                 left[phases] -= 2 * np.pi * np.rint(left[phases] / (2 * np.pi))
             start = phases.stop
         return left
@@ -261,10 +293,10 @@ class Outcome:
         """Columns, shape (p, 2 n), of what no model describes of a condition, for a size of one: in value and in place."""
         count = sum(2 * sweep.frequency_hz.size for sweep in self.sweeps)
         rows, start = [], 0
-        for sweep, impedance in zip(self.sweeps, self._there, strict=True):
+        for number, (sweep, impedance) in enumerate(zip(self.sweeps, self._there, strict=True)):
             with np.errstate(all="ignore"):
                 steepness = slope(sweep.frequency_hz, impedance, float(np.median(sweep.sigma)))
-            columns = smooth_basis(sweep.frequency_hz, SMOOTH).T
+            columns = smooth_basis(sweep.frequency_hz, SMOOTH).T * self._unit_of_change(number)
             place: ComplexArray = np.asarray(np.nan_to_num(steepness) * np.minimum(1.0, 1e3 / np.maximum(np.abs(steepness), 1e-300)) * columns)
             for column in (np.asarray(columns, dtype=np.complex128), np.asarray(1j * columns, dtype=np.complex128), place):
                 wide = np.zeros((len(column), count))
@@ -282,17 +314,18 @@ class Outcome:
             return np.zeros((0, count))
         frequency = np.concatenate([sweep.frequency_hz for sweep in self.sweeps])
         here = _finite(np.concatenate(self._there))
-        basis = error_basis(analyser, frequency, here)
-        if self.absolute:
-            told = [basis]
-        elif self.option.name == "repeat-compensation":
-            told = [np.sqrt(2) * basis]
-        elif analyser.by_waves:
-            before = [self._modelled(sweep.termination, sweep.frequency_hz) for sweep in self.sweeps]
-            told = [basis - error_basis(analyser, frequency, _finite(np.concatenate(before)))]
-        else:
-            return np.zeros((0, count))
-        columns = declared * np.concatenate(told, axis=1).T
+        told = error_basis(analyser, frequency, here)
+        if not self.absolute:
+            told = told * np.concatenate([self._unit_of_change(number) for number in range(len(self.sweeps))])[:, None]
+            if self.option.name == "repeat-compensation":
+                told = np.sqrt(2) * told
+            else:
+                before = np.exp(np.concatenate(self._references))
+                to_coefficient = np.concatenate(self._per_coefficient) / self._quantity.relative(before)
+                told = told - error_basis(analyser, frequency, before) * to_coefficient[:, None]
+                if np.all(np.abs(told) < NEGLIGIBLE * np.concatenate([sweep.sigma for sweep in self.sweeps])[:, None]):
+                    return np.zeros((0, count))
+        columns = declared * told.T
         parts, start = [], 0
         for sweep, unit in zip(self.sweeps, self._units, strict=True):
             own = slice(start, start + sweep.frequency_hz.size)
@@ -300,6 +333,12 @@ class Outcome:
             parts.append(_real(both if unit is None else unit.power * unit.number(here[own]) * both))
             start += sweep.frequency_hz.size
         return np.concatenate(parts, axis=1)
+
+    def _unit_of_change(self, number: int) -> ComplexArray:
+        """What a relative change of Z of one is in a sweep as it is compared, shape (n,): one where it was measured."""
+        if self.absolute:
+            return np.ones(self.sweeps[number].frequency_hz.size, dtype=np.complex128)
+        return self._per_coefficient[number] / self._quantity.relative(_finite(self._there[number]))
 
     @cached_property
     def _there(self) -> list[ComplexArray]:
