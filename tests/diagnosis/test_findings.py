@@ -8,7 +8,7 @@ from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_amount, of_the_resistance
+from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_amount, of_the_hardly_seen, of_the_resistance
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 
@@ -64,3 +64,20 @@ def test_sweeps_that_an_effect_comes_near_show_a_circuit_though_the_seven_elemen
     base = me.fit(me.dc_motor(), [sweep])
     for nearest, told in ((base, 1), (base.add("permeability-relaxation"), 0)):
         assert sum("show no circuit" in finding.why for finding in of_the_amount(base, nearest)) == told
+
+
+@pytest.mark.parametrize(("core_ohm", "found"), [(5e3, 1), (np.inf, 0)])
+def test_a_circuit_that_errs_most_where_its_analyser_sees_nothing_is_told_with_the_place(core_ohm, found):
+    """A resonance at 4.6 MHz of 5 kohm, which a network analyser cannot tell from one of 80 kohm, as a model without a core's loss has it."""
+    frequency = np.geomspace(1e6, 30e6, 101)
+    s = 2j * np.pi * frequency
+    noise = np.random.default_rng(4).standard_normal((2, 101)).T @ [1, 1j]
+    z = 1 / (1 / (100 + s * 100e-6) + s * 12e-12 + 1 / core_ohm)
+    seen = (z - 50) / (z + 50) + 1e-4 * noise
+    fit = me.fit(me.dc_motor(), [me.ImpedanceSweep("short", frequency, 50 * (1 + seen) / (1 - seen))], analyser="nanovna")
+    told = of_the_hardly_seen(fit)
+    assert len(told) == found
+    for finding in told:
+        assert (finding.id, finding.sweep, finding.serious) == ("too-little", "short", True)
+        assert finding.band_hz is not None
+        assert finding.band_hz[0] < 4.6e6 < finding.band_hz[1]

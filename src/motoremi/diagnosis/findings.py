@@ -244,21 +244,20 @@ def of_the_hardly_seen(model: Fit) -> list[Finding]:
     """A finding on an accepted circuit that errs far more than noise and analyser would leave as a whole, by what the analyser may err by there."""
     if not hardly_seen(model):
         return []
-    allowed = SPECIFIED_SIGMA * model.floor_percent / 100
-    errors = model.errors()
-    beyond = {sweep.termination: np.abs(errors[sweep.termination]) > allowed for sweep in model.measurement.sweeps}
-    index = max(range(len(model.measurement.sweeps)), key=lambda i: np.count_nonzero(beyond[model.measurement.sweeps[i].termination]))
-    sweep, floor = model.measurement.sweeps[index], model.measurement.floors[index]
-    there = beyond[sweep.termination]
+    allowed, measurement = SPECIFIED_SIGMA * model.floor_percent / 100, model.measurement
+    errors = {termination: np.abs(values) for termination, values in model.errors().items()}
+    pairs = zip(measurement.sweeps, measurement.floors, strict=True)
+    sweep, floor = max(pairs, key=lambda pair: np.count_nonzero(errors[pair[0].termination] > allowed))
+    there = errors[sweep.termination] > allowed
     band = _span(sweep.frequency_hz[there])
-    missed, may_err = (100 * float(np.median(values[there])) for values in (np.abs(errors[sweep.termination]), floor))
+    missed, may_err = (100 * float(np.median(values[there])) for values in (errors[sweep.termination], floor))
     why = (
         f"in the {sweep.termination} sweep at {show_band(*band)} the circuit errs by {missed:.2g} % where the analyser may err by {may_err:.2g} %: "
         "these data do not tell whether it is right there"
     )
-    remedy = "measure that band with an impedance analyser"
-    if model.measurement.analyser.by_waves:
-        remedy += ", or with the motor between two ports: in series where |Z| is large, in parallel where it is small"
+    remedy = "measure that band with shorter leads, or with an analyser that is made for such impedances"
+    if measurement.analyser.by_waves:
+        remedy = "measure that band between two ports (in series where |Z| is large, in parallel where it is small) or with an impedance analyser"
     return [Finding("too-little", why, remedy, True, sweep.termination, band)]
 
 

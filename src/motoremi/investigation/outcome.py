@@ -229,7 +229,8 @@ class Outcome:
     @cached_property
     def _per_coefficient(self) -> list[ComplexArray]:
         """Relative change of Z for one of the coefficient, of each sweep: where it was measured, else in the reference sweep."""
-        there = [np.exp(reference) if sweep.impedance_ohm is None else sweep.impedance_ohm for sweep, reference in self._compared]
+        pairs = zip(self.sweeps, self._references, strict=True)
+        there = [np.exp(reference) if sweep.impedance_ohm is None else sweep.impedance_ohm for sweep, reference in pairs]
         return [self._quantity.relative(impedance) for impedance in there]
 
     def _changed(self, number: int, before: ComplexArray, after: ComplexArray) -> ComplexArray:
@@ -257,10 +258,6 @@ class Outcome:
     def _references(self) -> list[ComplexArray]:
         """`_reference` of each sweep."""
         return [self._reference(sweep) for sweep in self.sweeps]
-
-    @property
-    def _compared(self) -> zip[tuple[Observed, ComplexArray]]:
-        return zip(self.sweeps, self._references, strict=True)
 
     def _reference(self, sweep: Observed) -> ComplexArray:
         """ln Z of the reference sweep at a sweep's frequencies: between its points, what the model left of it is straight."""
