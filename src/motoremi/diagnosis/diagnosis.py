@@ -445,8 +445,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         tried = len(possible_effects(base))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
         left = closest.fit.unexplained_percent
-        within = ", within it as a whole but not at each frequency" if base.rms_error_percent <= base.floor_percent else ""
-        missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %{within})"
+        less = ", more as a whole but less at some frequencies" if base.rms_error_percent <= base.floor_percent else ""
+        missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %{less})"
         if judgement.described and judgement.distributed:
             pair = judgement.best.added
             imitation = next(text for name in (*pair, "dielectric-relaxation@Cf") if (text := find_effect(name).imitated_by))
