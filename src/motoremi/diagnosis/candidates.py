@@ -78,8 +78,12 @@ class Candidate:
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Parameters of the effects whose laws bend that lie beyond where most motors have them, by more than the data leave open."""
-        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, self.fit.sigma)
+        """Parameters of the effects whose laws bend that lie beyond where most motors have them, by more than the data leave open.
+
+        Where something is left, the laws are not quite the motor's, and their values count as they are.
+        """
+        open_by = self.fit.sigma if self.fit.marginal.nothing_left >= 0.5 else None
+        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, open_by)
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""

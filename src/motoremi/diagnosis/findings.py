@@ -262,8 +262,9 @@ def of_the_hardly_seen(model: Fit) -> list[Finding]:
 
 
 def hardly_seen(fit: Fit) -> bool:
-    """Whether a circuit errs beyond the specification as a whole: then most of its error lies where the analyser sees next to nothing."""
-    return not fit.measurement.analyser.ideal and fit.rms_error_percent > SPECIFIED_SIGMA * fit.floor_percent
+    """Whether a circuit errs beyond the specification as a whole though little is undescribed: what it misses, the analyser hardly sees."""
+    beyond = fit.rms_error_percent > SPECIFIED_SIGMA * fit.floor_percent
+    return beyond and not fit.measurement.analyser.ideal and fit.unexplained_percent["value"] < fit.floor_percent
 
 
 def _span(frequency_hz: FloatArray) -> tuple[float, float]:
