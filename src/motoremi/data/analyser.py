@@ -126,9 +126,14 @@ class Analyser:
         return self.scales != UNKNOWN
 
     @property
+    def coefficient(self) -> Quantity:
+        """The coefficient that it measures; of an impedance analyser the reflection coefficient."""
+        return self.quantity or REFLECTION
+
+    @property
     def standards(self) -> str:
         """What it is calibrated with, for messages."""
-        return (self.quantity or REFLECTION).standards
+        return self.coefficient.standards
 
     def with_compensated_fixture(self) -> Analyser:
         """The same analyser with its fixture compensated."""

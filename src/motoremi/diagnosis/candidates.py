@@ -30,8 +30,6 @@ ALLOWED_SIGMA = 4.0
 BENDING = 3
 # Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
 UNSURE = 2.0
-# An exponent that is large enough for any value to be possible.
-FAR = 100.0
 # A lead's resistance below a milliohm is none at all.
 _SOFT = frozenset({"resistance_ohm"})
 
@@ -127,9 +125,8 @@ def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:
         return False
     low, high = parameter.usual
     if parameter.scale == "log":
-        factor = float(np.exp(min(uncertainty / value, FAR)))
-        return not low / factor <= value <= high * factor
-    return not low - uncertainty <= value <= high + uncertainty
+        return bool(max(np.log(low / value), np.log(value / high)) > uncertainty / value)
+    return max(low - value, value - high) > uncertainty
 
 
 def candidate(fit: Fit, base: Fit) -> Candidate:

@@ -62,8 +62,8 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
         key: dataclasses.replace(one, score=best + weighed[key] if key in weighed else scores[key] + most) for key, one in judgement.found.items()
     }
     # Several explanations of as many effects that cannot be told apart are proven together: one of them it is.
-    size = len(rivals.likeliest.key)
-    proven = sum(rivals.probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= STANDS
+    size, probabilities = len(rivals.likeliest.key), rivals.probabilities
+    proven = sum(probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= STANDS
     if proven:
         found |= {key: dataclasses.replace(one, score=best + weighed[key]) for key, one in judgement.aside.items() if key in weighed}
     return decided(judgement.base, found, STANDS, proven)

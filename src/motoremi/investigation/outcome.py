@@ -21,7 +21,6 @@ from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
 from motoremi.data.conditions import NEXT_TO_NOTHING, Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
-from motoremi.data.quantity import REFLECTION
 from motoremi.fitting.problem import behind_fixture, residual_parameters
 from motoremi.fitting.result import Fit
 from motoremi.investigation.menu import BY_NAME, Option
@@ -91,7 +90,7 @@ class Outcome:
         self.condition = self.sweeps[0].condition
         self.option = option or BY_NAME[self.condition.id]
         problem = fit.problem
-        self._quantity = fit.measurement.analyser.quantity or REFLECTION
+        self._quantity = fit.measurement.analyser.coefficient
         # Behind a fixture that nobody compensated, a compensation shows the motor without it for the first time.
         self._bare = self.option.name == "repeat-compensation" and fit.measurement.analyser.fixture is not None
         self._part = _added_part(self.option, self.condition, fit.motor)
@@ -205,9 +204,9 @@ class Outcome:
             s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
             with np.errstate(all="ignore"):
                 impedance, gradient = tape.gradient(s, moved)
-                relative = gradient / impedance
-                mean = logarithm(impedance)
-                if before is not None:
+                if before is None:
+                    mean, relative = logarithm(impedance), gradient / impedance
+                else:
                     reference, tilt = before.gradient(s, values)
                     mean = self._changed(number, reference, impedance)
                     relative, tilt = gradient * self._steepness(number, impedance), tilt * self._steepness(number, reference)
