@@ -63,9 +63,10 @@ class Case:
                 measured.append(ImpedanceSweep(termination, frequency, seen, metadata={"analyser": "4294a"}))
         return measured
 
-    def detectable(self) -> bool:
-        """Whether each hidden effect alone cannot be described by the seven elements within noise and specification."""
-        return all(visible(fit(dc_motor(), self.sweeps((name,)))) for name in self.hidden)
+    def seen(self) -> tuple[str, ...]:
+        """The hidden effects that show: alone beyond the seven elements within noise and specification, and of two each beside the other."""
+        alone = tuple(name for name in self.hidden if visible(fit(dc_motor(), self.sweeps((name,)))))
+        return shown(fit(dc_motor(), self.sweeps()), alone) if len(self.hidden) > 1 and alone == self.hidden else alone
 
 
 def visible(base: Fit) -> bool:

@@ -24,11 +24,24 @@ CALIBRATION_GOAL = 0.05
 
 @dataclass(frozen=True)
 class Played:
-    """A case with its answer."""
+    """A case with its answer.
+
+    Parameters
+    ----------
+    case : Case
+    answer : Answer
+    seen : tuple of str
+        The hidden effects that show.
+    """
 
     case: Case
     answer: Answer
-    detectable: bool
+    seen: tuple[str, ...]
+
+    @property
+    def detectable(self) -> bool:
+        """Whether all hidden effects show."""
+        return self.seen == self.case.hidden
 
     @property
     def outcome(self) -> Outcome:
@@ -37,30 +50,31 @@ class Played:
 
     @property
     def hit(self) -> bool:
-        """Whether the statement that has the confidence is true."""
-        return hit(self.case.hidden, self.answer, self.detectable)
+        """Whether the statement that has the confidence is true; a hidden effect that does not show beside the other need not be named."""
+        hidden = (self.case.hidden, self.seen) if self.seen else (self.case.hidden,)
+        return any(hit(each, self.answer, self.detectable) for each in hidden)
 
     def to_dict(self) -> JsonDict:
         """As plain data."""
-        return {**asdict(self.case), **asdict(self.answer), "detectable": self.detectable, "outcome": self.outcome, "hit": self.hit}
+        return {**asdict(self.case), **asdict(self.answer), "seen": list(self.seen), "detectable": self.detectable, "outcome": self.outcome, "hit": self.hit}
 
 
 def play(case: Case) -> Played:
     """Diagnose one case as a user would."""
-    detectable = case.detectable()
+    seen = case.seen()
     try:
         base = fit(dc_motor(), case.sweeps())
         started = time.perf_counter()
         found = diagnose(base)
         took = time.perf_counter() - started
     except Exception as error:  # a crash is scored as an answer and must not stop the other cases
-        return Played(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), detectable)
+        return Played(case, Answer("crashed", (), (), 0.0, trouble=f"{type(error).__name__}: {error}"), seen)
     floor = found.best.noise_percent
     answer = Answer(
         found.verdict, found.effects, found.families, found.confidence,
         found.base.corrected_error_percent / floor, found.best.corrected_error_percent / floor, took,
     )  # fmt: skip
-    return Played(case, answer, detectable)
+    return Played(case, answer, seen)
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[Played]:
