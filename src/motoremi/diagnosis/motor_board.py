@@ -48,7 +48,7 @@ class MotorBoard:
     each : callable
         As the built-in `map`: by it models are worked on.
     further : int
-        Of the sets of one size, how many that are not near the best are refitted on all points where none leaves nothing.
+        If no set of one size describes everything: number of further sets with usual values that are refitted on all points.
     """
 
     def __init__(self, base: Fit, each: Map = map, further: int = 0) -> None:
