@@ -551,7 +551,7 @@ def test_a_change_that_changes_nothing_speaks_for_what_foresees_none() -> None:
     assert after.probabilities[("permeability-relaxation",)] > 3 * after.probabilities[("field-coupling",)]
     (taught,) = after.taught
     assert [(one.kind, one.used) for one in taught.mistakes] == [("nothing-changed", True)]
-    assert "weighed as either" in of_the_operator(after)[0].why
+    assert "both possibilities are taken into account" in of_the_operator(after)[0].why
 
 
 @pytest.mark.parametrize(
