@@ -134,7 +134,7 @@ def test_without_new_data_nothing_is_another() -> None:
 
 
 @pytest.mark.slow
-def test_what_every_explanation_foresees_teaches_little() -> None:
+def test_what_every_explanation_predicts_teaches_little() -> None:
     after = update(rivals(), warmed())
     assert after.taught[0].mistakes == ()
     assert after.probabilities[(OUTSIDE,)] < 0.06
@@ -442,7 +442,7 @@ def test_values_that_few_motors_have_speak_for_what_the_catalogue_does_not_hold(
 
 
 @pytest.mark.slow
-def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
+def test_what_no_explanation_predicts_makes_the_verdict_unexplained() -> None:
     from motoremi.diagnosis.informed import confidence_of, departs, reasons_of
 
     after = update(rivals(), warmed({"Cf": 0.6, "Lr": 1.5}))
@@ -541,7 +541,7 @@ def test_explanations_that_answer_alike_stay_as_likely_however_far_the_iron_satu
 
 
 @pytest.mark.slow
-def test_a_change_that_changes_nothing_speaks_for_what_foresees_none() -> None:
+def test_a_change_that_changes_nothing_speaks_for_what_predicts_none() -> None:
     """Shorting a field winding moves a coupled one by far more than anything else."""
     coupled = {"field-coupling": {"coupling": 0.3, "resonance_hz": 3e6, "quality": 5.0}}
     bare = fit(dc_motor(), sweeps(coupled))

@@ -143,9 +143,10 @@ def _share(standing: Standing, label: str) -> float:
     return max((share for name, share in standing.probabilities.items() if " + ".join(sorted(name.split(" + "))) == label), default=0.0)
 
 
-PRODUCT = "information per minute"
+# The policy of this software.
+OWN_POLICY = "information per minute"
 POLICIES: Mapping[str, Policy] = {
-    PRODUCT: _by_rate,
+    OWN_POLICY: _by_rate,
     "information alone": _by_bits,
     "frozen expert": _in_order(EXPERT),
     "cheapest first": _cheapest,

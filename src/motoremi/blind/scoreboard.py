@@ -37,7 +37,7 @@ class Played:
 
     @property
     def hit(self) -> bool:
-        """Whether the statement that has the confidence is true."""
+        """Whether the answer is true in the sense of its stated confidence: as the score, but a family may have any size."""
         return hit(self.case.hidden, self.answer, self.detectable)
 
     def to_dict(self) -> JsonDict:
