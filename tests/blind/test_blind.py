@@ -178,7 +178,7 @@ def test_a_game_is_the_same_in_any_number_of_processes():
 
 @pytest.mark.slow
 def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_away():
-    # A relaxing core, whose curve a damper coupled to a degree that few motors have draws as well.
+    # A relaxing core, whose curve a damper with an unusual coupling has as well.
     found = diagnose(fit(dc_motor(), draw(4711, 1).sweeps()))
     assert found.verdict == "family"
     assert [set(family) for family in found.families] == [{"permeability-relaxation", "field-coupling"}]

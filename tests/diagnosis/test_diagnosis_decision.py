@@ -44,7 +44,7 @@ def of(*models: SimpleNamespace) -> dict[tuple[str, ...], SimpleNamespace]:
 
 @pytest.mark.parametrize(("error_of_other", "standing"), [(1.97, "not"), (7.0, "slight")])
 def test_values_that_few_motors_have_are_doubted_where_another_law_errs_as_little(error_of_other, standing):
-    """A tapped winding, which the catalogue does not hold: two laws bend to it."""
+    """A tapped winding, which is not in the catalogue: two flexible laws fit it."""
     bent = model(("field-coupling",), 500.0, 2.0, 0.03, ("field-coupling.quality",))
     found = of(model((), 0.0, 36.0, 35.0), bent, model(("dielectric-relaxation@Ca",), 485.0, error_of_other, 0.09))
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
@@ -144,7 +144,7 @@ def test_one_effect_is_named_beside_two_others_that_err_about_as_little(error_of
 
 @pytest.mark.parametrize(("next_best", "named"), [((911.0, 38.0), True), ((1160.0, 38.0), False), ((911.0, 20.0), False)])
 def test_one_effect_is_named_beside_two_others_where_no_single_one_comes_near_it(next_best, named):
-    """A choke of nanocrystalline ribbon: two others with values that few motors have take an error of 97 % to 1.4 instead of 11 %."""
+    """A choke of nanocrystalline ribbon: two others with unusual values reduce an error of 97 % to 1.4 instead of 11 %."""
     found = of(
         model((), 754.0, 97.0, 97.0),
         model(("permeability-relaxation",), 1196.0, 10.8, 10.7),

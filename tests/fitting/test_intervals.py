@@ -1,4 +1,4 @@
-"""Intervals where the likelihood alone does not know enough: a motor that moves while it is measured, resonances that may change places."""
+"""Intervals wider than the likelihood gives: a motor that changes while it is measured, resonances that may be exchanged."""
 
 from __future__ import annotations
 

@@ -216,7 +216,7 @@ def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() 
     found = base()
     question = next_question(rivals_of({("core-loss",): (found, 0.0)}, 0.9), found.measurement)
     assert question.stop == "one-stands"
-    assert question.why.startswith(f"{OUTSIDE} stands")
+    assert question.why.startswith(f"{OUTSIDE} is left")
     following = next_measurement(found, question)
     assert following["id"] == "repeats"
     assert "repeat both sweeps" in following["why"]
