@@ -13,7 +13,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability
-from motoremi.blind.policies import OWN_POLICY, POLICIES, Look, Offer, Standing
+from motoremi.blind.policies import OWN_POLICY, POLICIES, Assessment, Look, Offer
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome
 from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
@@ -33,7 +33,7 @@ NAMED_GOAL, WRONG_GOAL, CALIBRATION_GOAL, MISTAKES_GOAL = 0.95, 0.02, 0.05, 0.90
 MINUTES_GOALS: Mapping[str, float] = {"fixed order": 0.5, "random": 0.5, "cheapest first": 0.7, "clairvoyant": 1.3}
 SECONDS_GOAL, SURE = 5.0, 0.8
 
-Judge: TypeAlias = Callable[[Evidence], Standing]
+Judge: TypeAlias = Callable[[Evidence], Assessment]
 # Name and number of each measurement so far, in alphabetical order, so that the order of the requests does not matter.
 _Done: TypeAlias = tuple[tuple[str, int], ...]
 
@@ -44,7 +44,7 @@ class ThisSoftware:
     def __init__(self) -> None:
         self._searched: dict[bytes, tuple[Diagnosis, Lessons]] = {}
 
-    def __call__(self, evidence: Evidence) -> Standing:
+    def __call__(self, evidence: Evidence) -> Assessment:
         """The probabilities of the explanations, and the next measurement."""
         measurement = Measurement.of(evidence.sweeps, values=evidence.values)
         reference = [sweep for sweep in evidence.sweeps if sweep.condition is None]
@@ -60,7 +60,7 @@ class ThisSoftware:
         question = next_question(rivals, measurement, (), ODDS).to_dict()
         took = time.perf_counter() - ready
         listed = ([question] if question["id"] else []) + list(question["alternatives"])
-        return Standing(
+        return Assessment(
             rivals.by_label,
             tuple(Offer.of(one) for one in listed if one.get("asks")),
             lambda: _answer(found.informed_by(measurement)),
@@ -170,10 +170,10 @@ class PlayedRun:
 
 def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
     """Investigate one sealed motor by each policy; evidence that several of them collect is assessed once."""
-    known: dict[_Done, Standing] = {}
+    known: dict[_Done, Assessment] = {}
     assess = judge or ThisSoftware()
 
-    def standing(done: _Done, asked: Mapping[str, Offer]) -> Standing:
+    def assessed(done: _Done, asked: Mapping[str, Offer]) -> Assessment:
         if done not in known:
             evidence = case.begin()
             for name, turn in done:
@@ -182,18 +182,18 @@ def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tup
         return known[done]
 
     detectable = case.detectable()
-    return [PlayedRun(case, _guarded(case, name, standing), detectable) for name in policies]
+    return [PlayedRun(case, _guarded(case, name, assessed), detectable) for name in policies]
 
 
-def _guarded(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
+def _guarded(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offer]], Assessment]) -> Run:
     try:
-        return _run(case, policy, standing)
+        return _run(case, policy, assessed)
     except Exception as error:  # a crash is scored as an answer and must not stop the other cases
         trouble = f"{type(error).__name__}: {error}"
         return Run(policy, (), 0.0, "", Answer("crashed", (), (), 0.0, trouble=trouble))
 
 
-def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
+def _run(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offer]], Assessment]) -> Run:
     rng = np.random.default_rng([case.seed, case.index, zlib.crc32(policy.encode())])
     done: list[tuple[str, int]] = []
     asked: dict[str, Offer] = {}
@@ -208,10 +208,10 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         turn = sum(name == offer.id for name, _ in done)
         return tuple(sorted([*done, (offer.id, turn)]))
 
-    def look(offer: Offer) -> Standing:
-        return standing(with_it(offer), {**asked, offer.id: offer})
+    def look(offer: Offer) -> Assessment:
+        return assessed(with_it(offer), {**asked, offer.id: offer})
 
-    now = standing((), {})
+    now = assessed((), {})
     while True:
         seconds.append(now.seconds)
         searches.append(now.search_seconds)
@@ -228,14 +228,14 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         asked[offer.id] = offer
         order.append(offer.id)
         minutes += offer.minutes
-        now = standing(tuple(done), asked)
+        now = assessed(tuple(done), asked)
     found = tuple(name for name in made if name in noticed)
     alarms = tuple(sorted(noticed - set(made)))
     outside = now.probabilities.get(OUTSIDE, 0.0)
     return Run(policy, tuple(order), minutes, stop, now.conclude(), outside, tuple(made), found, alarms, tuple(seconds), tuple(searches))
 
 
-def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
+def _chosen(policy: str, now: Assessment, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
     return POLICIES[policy](replace(now, offers=tuple(left)), look, case.hidden, rng)
 
 

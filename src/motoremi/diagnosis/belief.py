@@ -17,7 +17,7 @@ import numpy as np
 from motoremi.diagnosis.explore import Key, M
 from motoremi.fitting.result import Fit
 
-Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
+Acceptance: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 
 # An effect, or a further one, is named only if all smaller sets together have less of the posterior than this (odds of 20 to 1).
 LEAST_DOUBT = 0.05
@@ -166,7 +166,7 @@ def _agrees(key: list[str], places: list[set[str]]) -> bool:
     return any(name in places[0] and _agrees(key[:at] + key[at + 1 :], places[1:]) for at, name in enumerate(key))
 
 
-def stands(base: Fit, best: Fit) -> Standing:
+def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     """Whether the remaining error of a model is small enough to accept the model."""
     if best.analyser_sigma > NO_ANALYSER_SIGMA:
         return "not"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, TRANSMISSION, Analyser
-from motoremi.diagnosis.judgement import ALIKE, GLANCE, Judgement, accurate, judge
+from motoremi.diagnosis.judgement import ALIKE, ONE_EFFECT, Judgement, accurate, judge
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -53,7 +53,7 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         As the built-in `map`.
     """
     declared, best, good_enough = first.base.measurement.analyser, first.best.fit, accurate(first.model.fit)
-    enough = (first.standing == "explained" or good_enough) and first.model.fit.analyser_sigma <= BEYOND_SIGMA
+    enough = (first.acceptance == "explained" or good_enough) and first.model.fit.analyser_sigma <= BEYOND_SIGMA
     # An ideal analyser is checked even if a model fits: a flexible law may describe the errors of the real one.
     if first.described or (enough and (good_enough or not declared.ideal)):
         return Declared(first)
@@ -68,12 +68,12 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
         # Only single effects: two of them and the large errors of a network analyser would describe anything.
-        other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), GLANCE, each)
+        other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
         odds = other.best.score - first.best.score
         # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much.
         as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent
         within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and as_close
-        if odds > TAKEN and other.stands and within:
+        if odds > TAKEN and other.accepted and within:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
 

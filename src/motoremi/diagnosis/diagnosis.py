@@ -30,7 +30,7 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, GLANCE, Judgement, judge
+from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, ONE_EFFECT, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
@@ -278,7 +278,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     with own_processes() if map is None else nullcontext(map) as each:
         if the_same_twice(fit.measurement) is not None:
             # No model will be accepted; single effects are still ranked for display.
-            return _informed(Searched(fit, Declared(judge(fit, progress, GLANCE, each))), fit.measurement, each)
+            return _informed(Searched(fit, Declared(judge(fit, progress, ONE_EFFECT, each))), fit.measurement, each)
         first = judge(fit, search, each=each)
         if not first.model.done or first.model.unusual:
             # A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any
@@ -293,7 +293,7 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
     same = the_same_twice(searched.fit.measurement)
-    left = None if judgement.stands or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
+    left = None if judgement.accepted or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
 
@@ -315,8 +315,8 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
         base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
     if quiet is fit.measurement:
         return None
-    found = judge(base, progress, GLANCE, each)
-    if not (found.stands and found.model.done):
+    found = judge(base, progress, ONE_EFFECT, each)
+    if not (found.accepted and found.model.done):
         return None
     model = found.model.fit
     everything = arrived_on_all(Task(model.motor, fit.measurement, model.bounds, model.held), [{**model.parameters, **model.nuisance}])
@@ -328,11 +328,11 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
     found = (
         of_the_noise(judgement.base)
         + of_the_resistance(fit.measurement)
-        + of_the_analyser(judgement.model.fit, judgement.stands)
+        + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
     )
-    found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.stands else judgement.closest).fit)
-    if judgement.stands and not judgement.named:
+    found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit)
+    if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
@@ -346,13 +346,13 @@ def _concluded(
     question = next_question(rivals, measurement)
     base, belief = judgement.base, judgement.belief
     unknown = departs(rivals)
-    named = () if judgement.accurate or not judgement.stands or unknown else judgement.named
-    best = judgement.model if judgement.stands else judgement.closest
+    named = () if judgement.accurate or not judgement.accepted or unknown else judgement.named
+    best = judgement.model if judgement.accepted else judgement.closest
     families = tuple((name, *judgement.families[name])[:LARGEST_FAMILY] for name in named if judgement.families[name])
     verdict: Verdict
     if same is not None:
         verdict = "data"
-    elif unknown and judgement.stands:
+    elif unknown and judgement.accepted:
         verdict = "unexplained"
     else:
         verdict = _verdict(judgement, named, families, findings, left)
@@ -396,7 +396,7 @@ def closeness(one: Candidate) -> float:
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:
     serious = {finding.id for finding in findings if finding.serious}
-    if not judgement.stands:
+    if not judgement.accepted:
         about_data = left is not None and left.about_the_data
         return "data" if about_data or serious & ABOUT_THE_DATA else "unexplained"
     if not named:
@@ -423,8 +423,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("names beyond the specification")
     if named and any(finding.id == "not-as-declared" for finding in findings):
         kinds.append("names, not as declared")
-    if judgement.standing in ("mostly", "slight"):
-        kinds.append(judgement.standing)
+    if judgement.acceptance in ("mostly", "slight"):
+        kinds.append(judgement.acceptance)
     if verdict == "adequate" and hardly_seen(judgement.model.fit):
         kinds.append("adequate, hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):

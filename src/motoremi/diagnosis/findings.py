@@ -109,7 +109,7 @@ def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> F
     )
 
 
-def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
+def of_the_analyser(fit: Fit, accepted: bool) -> list[Finding]:
     """The size of the analyser's errors relative to the specification, and the elements of an uncompensated fixture."""
     found = []
     sigma, analyser = fit.analyser_sigma, fit.measurement.analyser
@@ -128,7 +128,7 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
         if p.name.startswith("fixture ")
     }
     seen = {name: entry for name, entry in fixture.items() if abs(entry[0]) > SEEN * entry[1] and abs(entry[0]) > 0.05}
-    if fixture and (seen or not stands):
+    if fixture and (seen or not accepted):
         parts = ", ".join(f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in seen.items())
         found.append(
             Finding(

@@ -16,7 +16,7 @@ from motoremi.investigation.question import NONE_DESCRIBES, ODDS
 from motoremi.investigation.rivals import Rivals, rivals_of, update
 
 # Probability from which one explanation counts as the only one left (the odds at which an investigation stops).
-STANDS = ODDS / (1 + ODDS)
+ONLY_ONE_LEFT = ODDS / (1 + ODDS)
 # Identifier of the finding that a sweep or value is not what was requested.
 NOT_AS_ASKED = "not-as-asked"
 # Prior that the truth is outside the catalogue, by how far the most probable model is accepted; from `belief.RELIABLE` of such answers.
@@ -34,7 +34,7 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
-    outside = max(OUTSIDE[judgement.standing], 1 - RELIABLE["unusual values"] if judgement.named and judgement.model.unusual else 0.0)
+    outside = max(OUTSIDE[judgement.acceptance], 1 - RELIABLE["unusual values"] if judgement.named and judgement.model.unusual else 0.0)
     start = rivals_of(credible, outside, 1 - RELIABLE["imitated"])
     return update(start, measurement or judgement.base.measurement)
 
@@ -61,12 +61,12 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     found = {
         key: dataclasses.replace(one, score=best + weighed[key] if key in weighed else scores[key] + most) for key, one in judgement.found.items()
     }
-    # If explanations with equally many effects reach `STANDS` only together, one of them is true: they are a family.
+    # If explanations with equally many effects reach `ONLY_ONE_LEFT` only together, one of them is true: they are a family.
     size, probabilities = len(rivals.likeliest.key), rivals.probabilities
-    proven = sum(probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= STANDS
+    proven = sum(probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= ONLY_ONE_LEFT
     if proven:
         found |= {key: dataclasses.replace(one, score=best + weighed[key]) for key, one in judgement.aside.items() if key in weighed}
-    return decided(judgement.base, found, STANDS, proven)
+    return decided(judgement.base, found, ONLY_ONE_LEFT, proven)
 
 
 def departs(rivals: Rivals) -> bool:

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, agreeing, believe, in_place_of, stands
+from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Acceptance, Belief, acceptance_of, agreeing, believe, in_place_of
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
@@ -22,7 +22,7 @@ from motoremi.workers import Map
 
 BUDGET = Budget()
 # A search for one effect.
-GLANCE = Budget(swaps=(0,))
+ONE_EFFECT = Budget(swaps=(0,))
 # Number of further sets of one size that are refitted on all points if none describes everything, as alternatives for the decision.
 FURTHER = 4
 # Largest shares of the undescribed part and of the analyser's error that a named effect may leave. With odds above e^60 the first is not required;
@@ -102,7 +102,7 @@ class Judgement:
         left = before.unexplained_percent["value"]
         seen = left > before.measurement.good_enough_percent or by_waves
         # If little remains compared with the analyser's error, halving it proves nothing: half may be fine structure of that error.
-        halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
+        halved = acceptance_of(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
 
     @property
@@ -116,20 +116,20 @@ class Judgement:
         return self.best if self.named else self.found[()]
 
     @cached_property
-    def standing(self) -> Standing:
+    def acceptance(self) -> Acceptance:
         """Whether its remaining error is small enough to accept it."""
-        standing = stands(self.base, self.model.fit)
+        found = acceptance_of(self.base, self.model.fit)
         bends = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
         # An effect with unusual values is not accepted if others come as close or much remains; if it has a family, the family is named.
         poorly = bends and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
         if (poorly and not any(self.belief.families.values())) or self._only_strains:
             return "not"
         # If most of the error is described but the rest exceeds what an impedance analyser can cause, more is missing.
-        if standing == "mostly" and self.strains:
+        if found == "mostly" and self.strains:
             return "not"
         if len(self.model.added) < MOST_NAMES:
-            return standing
-        return standing if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
+            return found
+        return found if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
 
     @property
     def _only_strains(self) -> bool:
@@ -178,9 +178,9 @@ class Judgement:
         return self.best.done and len(self.best.added) <= MOST_NAMES
 
     @property
-    def stands(self) -> bool:
+    def accepted(self) -> bool:
         """Whether any model is accepted."""
-        return self.standing != "not"
+        return self.acceptance != "not"
 
     @property
     def accurate(self) -> bool:
@@ -205,7 +205,7 @@ class Judgement:
         little; or no other single effect comes near it.
         """
         under = self.among({key: one for key, one in self.found.items() if len(key) <= 1})
-        if not under.named or not under.stands or self.distributed:
+        if not under.named or not under.accepted or self.distributed:
             return None
         alike = 1.0 if under.model.unusual else ALIKE
         closer = under.model.fit.rms_error_percent <= alike * self.best.fit.rms_error_percent
@@ -235,7 +235,7 @@ class Judgement:
         least = min(one.fit.rms_error_percent for one in close.values())
         close = {key: one for key, one in close.items() if one.fit.rms_error_percent <= ALIKE * least}
         closest = self.among({key: one for key, one in self.found.items() if not key or key in close})
-        return closest if likeliest not in close.values() and closest.named and closest.stands else None
+        return closest if likeliest not in close.values() and closest.named and closest.accepted else None
 
     @property
     def of_singles_as_good(self) -> Judgement | None:
@@ -275,7 +275,7 @@ class Judgement:
         if len(enough) == 1 or self.best.done:
             return None
         single = self.among(enough)
-        return single if single.named and single.stands else None
+        return single if single.named and single.accepted else None
 
     def _as_close(self, effect: str) -> Mapping[str, Candidate]:
         """Models with another effect in the place of one of the accepted model's, by its name, whose circuit errs about as little."""
@@ -300,7 +300,7 @@ class Judgement:
         base = self.base
         # Median over the points of what the analyser may err by.
         typical_percent = 100 * float(np.median(np.concatenate(base.measurement.floors)))
-        slight = stands(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
+        slight = acceptance_of(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
         return dataclasses.replace(self, none_named=True) if base.within_specification or slight else None
 
     def rivals(self) -> list[Fit]:
@@ -373,7 +373,7 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, each: Map = map) -> Judgement:
     """Search for the effects that are missing from a fit, and decide."""
     # For a circuit within the stated accuracy, effects are shown and none is named.
-    spent = GLANCE if accurate(base) else budget
+    spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
     return decided(base, explore(board, board.start(), spent, progress))
 
@@ -395,7 +395,7 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     if (single := judgement.of_singles_as_good) is not None:
         return single
     # If a larger set is not accepted and its further effects add little, the effect that does most is named and the rest stays undescribed.
-    return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement.of_closest or judgement
+    return judgement if judgement.accepted else judgement.of_singles or judgement.of_none or judgement.of_closest or judgement
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
@@ -415,6 +415,6 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
             alike = other.model.done and likeliest.score - other.model.score <= ENOUGH_GAIN
         else:
             alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
-        if other.named and other.stands and alike:
+        if other.named and other.accepted and alike:
             return other
     return judgement
