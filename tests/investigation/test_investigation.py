@@ -377,7 +377,7 @@ def test_a_likelier_effect_that_is_not_named_is_asked_about_as_is_that_nothing_i
     from motoremi.diagnosis.judgement import decided
     from motoremi.investigation.rivals import Taught
 
-    # The bare circuit leaves nothing: an analyser may err by what the leak describes, however much likelier it is.
+    # The base describes everything: an analyser may err by what the leak describes, however much more probable that is.
     bare, leak, film = base(), ("insulation-leakage@Cf",), ("bearing-film",)
     fits = rivals().members[1].fit
     found = {(): Candidate((), bare, 0.0, ()), leak: Candidate(leak, fits, 20.0, ()), film: Candidate(film, fits, 2.0, ())}

@@ -80,7 +80,7 @@ class SpectrumBoard:
         return self._weighed(self._base)
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> Iterator[Candidate]:
-        """The likeliest models of one effect less, each with every possible effect added."""
+        """The most probable models of one effect less, each with every possible effect added."""
         beam = self._beam(found, size - 1)
         for place, model in enumerate(beam):
             yield from self._added(model, part(progress, place / len(beam), (place + 1) / len(beam)))
