@@ -16,7 +16,6 @@ from motoremi.fitting.race import (
     ALIKE_ARRIVING,
     ARRIVING,
     BEHIND,
-    BESIDE,
     GLANCE,
     IN_FULL,
     LEADERS,
@@ -72,7 +71,7 @@ class MotorBoard:
         else:
             pairs = self._leading_pairs(found, part(progress, 0.0, 0.8))
             beside = self._beside_the_best(found)
-            races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, BESIDE, part(progress, 0.9, 1.0)))
+            races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, SINGLES, part(progress, 0.9, 1.0)))
             solutions = _likeliest_orders([race(each, rounds, (), own, self._each).solutions for each, rounds, own in races])
             trails = {**pairs, **beside}
         leading = self._near_best(size, solutions)

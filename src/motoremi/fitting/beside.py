@@ -45,6 +45,7 @@ class Pairs:
 
     def __init__(self, base: Fit, alone: Mapping[str, Trail], reached: Mapping[str, Standing], fitted: Mapping[str, Fit], each: Map = map) -> None:
         self._with = {name: _with(base, alone[name], reached[name], fitted.get(name)) for name in alone}
+        self._alone = alone
         self._each = each
 
     def at_a_glance(self) -> dict[Pair, Trail]:
@@ -64,7 +65,9 @@ class Pairs:
 
     def _trails(self, seconds: Mapping[str, Sequence[str]], at_a_glance: bool) -> dict[str, dict[str, Trail]]:
         """By first and second effect, the model with both and start values for adding the second."""
-        jobs = [(self._with[one], others, at_a_glance) for one, others in seconds.items()]
+        # A number of parts takes a search of its own for each value: in the first round it is the one that the effect has by itself.
+        held = {name: trail.task.held for name, trail in self._alone.items()} if at_a_glance else {}
+        jobs = [(self._with[one], {name: held.get(name, {}) for name in others}, at_a_glance) for one, others in seconds.items()]
         return dict(zip(seconds, self._each(_begun, jobs), strict=True))
 
 
@@ -97,10 +100,10 @@ def _with(base: Fit, trail: Trail, reached: Standing, fitted: Fit | None) -> Fit
 
 
 @one_blas_thread
-def _begun(job: tuple[Fit, Sequence[str], bool]) -> dict[str, Trail]:
+def _begun(job: tuple[Fit, Mapping[str, Mapping[str, float]], bool]) -> dict[str, Trail]:
     """Each effect that can be added to one, with all its start values, or for the first round the best of them."""
-    fit, names, at_a_glance = job
-    trails = {name: trail_to(fit, name) for name in names if find_effect(name).fits(fit.motor)}
+    fit, held, at_a_glance = job
+    trails = {name: trail_to(fit, name, own) for name, own in held.items() if find_effect(name).fits(fit.motor)}
     return {name: _best_begun(trail) for name, trail in trails.items()} if at_a_glance else trails
 
 

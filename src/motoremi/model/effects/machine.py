@@ -16,7 +16,7 @@ from motoremi.model.effects.winding import scale
 from motoremi.model.motor import Motor, OpenSweepFactor
 from motoremi.model.parameter import Parameter
 
-# Above this a cage, or a turn of thick copper, is only a constant loss and a smaller La, without a shape by which it could be recognised.
+# Cage and iron of a whole machine are told apart by what they do below this.
 CAGE_SEEN_BELOW_HZ = 20e3
 # A closed loop of solid metal that encloses a part of the flux, in the rotor or in the winding.
 LOOP = "s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))"
@@ -139,7 +139,6 @@ EFFECTS = (
         responds={"dc-bias": {"share": 1.05}, "rotor-out": {"share": 0.0}},
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
-        below_hz=CAGE_SEEN_BELOW_HZ,
     ),
     Effect(
         name="shorted-turn",
@@ -168,7 +167,6 @@ EFFECTS = (
         starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e6, Scale("La"): 1 / (1 - k)} for k in (0.02, 0.2) for f in (300.0, 3e3, 2e4)),
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
-        below_hz=CAGE_SEEN_BELOW_HZ,
     ),
     Effect(
         name="frame-eddy",

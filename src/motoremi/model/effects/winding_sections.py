@@ -11,9 +11,6 @@ from motoremi.model.effects.start import Scale
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
-# Coupling shows as a change of the inductance from its value at low frequency, which sweeps that begin at 150 kHz do not contain.
-SECTIONS_SEEN_BELOW_HZ = 20e3
-
 
 def _sections(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     # A capacitance that is already distributed is divided into the sections; otherwise a share of Cf is.
@@ -57,7 +54,6 @@ EFFECTS = (
         ),
         tried={"sections": (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 16.0, 24.0)},
         reader=rational_starts.winding_sections,
-        below_hz=SECTIONS_SEEN_BELOW_HZ,
         hides=("Ra",),
     ),
 )
