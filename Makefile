@@ -35,7 +35,7 @@ demo: install
 test: install
 	$(BIN)/python -m pytest -n $(WORKERS)
 
-# While one works: without tests of half a second or more, browser and ngspice; one to two minutes on two cores.
+# While one works: without tests of half a second or more, browser and ngspice; about a minute on two cores.
 quick: install
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow'
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator
 from contextlib import nullcontext
 from pathlib import Path
 
-# As the command line does: small matrices want one thread, and the tests run in parallel.
+# One BLAS thread: the matrices are small, and the tests run in parallel.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

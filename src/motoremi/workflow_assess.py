@@ -63,9 +63,9 @@ class Assessor:
         return chosen(question, without, self.own) if self.own else question
 
     def _concluded(self, found: Diagnosis, measurement: Measurement) -> JsonDict:
-        told = found.informed_by(measurement).to_dict()
-        self.store.save_analysis("diagnosis", told)
-        return told
+        document = found.informed_by(measurement).to_dict()
+        self.store.save_analysis("diagnosis", document)
+        return document
 
 
 def searched(reference: Measurement, progress: Progress | None = None) -> Diagnosis:

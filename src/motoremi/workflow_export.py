@@ -20,7 +20,7 @@ class Exported(NamedTuple):
     """The content of a file, and a short description."""
 
     data: bytes
-    told: str
+    description: str
 
 
 class Exporter:
@@ -44,10 +44,10 @@ class Exporter:
 
     def spice(self) -> Exported:
         """The subcircuit."""
-        told = f"netlist within {self.netlist.error_db:.2g} dB and {self.netlist.error_deg:.2g} degree of the model"
+        description = f"netlist within {self.netlist.error_db:.2g} dB and {self.netlist.error_deg:.2g} degree of the model"
         if self.netlist.left_out:
-            told += f"; left out as errors of the meter: {', '.join(self.netlist.left_out)}"
-        return Exported(self.netlist.text.encode(), told)
+            description += f"; left out as errors of the meter: {', '.join(self.netlist.left_out)}"
+        return Exported(self.netlist.text.encode(), description)
 
     def spice_emission(self) -> Exported:
         """The whole emission test, with the fitted motor."""

@@ -36,7 +36,7 @@ def script(driver: type[D], *exchanges: Exchange) -> Iterator[D]:
     transport.finish()
 
 
-def told(fine: Exchange, *commands: str) -> list[Exchange]:
+def acknowledged(fine: Exchange, *commands: str) -> list[Exchange]:
     """Commands, each followed by a look at an empty error queue."""
     return [exchange for command in commands for exchange in ((command, None), fine)]
 
@@ -47,7 +47,7 @@ def block(*values: float) -> bytes:
 
 
 def test_setting_and_reading_one_value() -> None:
-    with script(Agilent4294A, *told(FINE_4294A, "STAR 150000 HZ"), ("STAR?", "+1.5E+05"), FINE_4294A) as analyser:
+    with script(Agilent4294A, *acknowledged(FINE_4294A, "STAR 150000 HZ"), ("STAR?", "+1.5E+05"), FINE_4294A) as analyser:
         analyser.start_hz = 150e3
         assert analyser.start_hz == 150e3
 
@@ -74,8 +74,8 @@ def test_configuring_the_4294a() -> None:
         ("PAVERFACT?", "4"),
     ]
     expected = [
-        *told(FINE_4294A, "MEAS IRIM", "SWPP FREQ", "SWPT LOG", "STAR 150000 HZ", "STOP 30000000 HZ", "POIN 401"),
-        *told(FINE_4294A, "POWMOD VOLT", "POWE 0.5 V", "BWFACT 3"),
+        *acknowledged(FINE_4294A, "MEAS IRIM", "SWPP FREQ", "SWPT LOG", "STAR 150000 HZ", "STOP 30000000 HZ", "POIN 401"),
+        *acknowledged(FINE_4294A, "POWMOD VOLT", "POWE 0.5 V", "BWFACT 3"),
         *[exchange for pair in answers for exchange in (pair, FINE_4294A)],
     ]
     with script(Agilent4294A, *expected) as analyser:
@@ -85,16 +85,16 @@ def test_configuring_the_4294a() -> None:
 def test_a_sweep_of_the_4294a_clears_the_status_before_the_trigger() -> None:
     deadline = [("POIN?", "2"), FINE_4294A, ("BWFACT?", "5"), FINE_4294A]
     expected = [
-        *told(FINE_4294A, "*CLS", "ESNB 1", "SING"),
+        *acknowledged(FINE_4294A, "*CLS", "ESNB 1", "SING"),
         *deadline,
         ("ESB?", "0"),
         ("ESB?", "+1"),
         FINE_4294A,
-        *told(FINE_4294A, "TRAC A"),
+        *acknowledged(FINE_4294A, "TRAC A"),
         ("FORM3", None),
         ("OUTPDTRC?", block(1.0, 0.0, 2.0, 0.0)),
         FINE_4294A,
-        *told(FINE_4294A, "TRAC B"),
+        *acknowledged(FINE_4294A, "TRAC B"),
         ("FORM3", None),
         ("OUTPDTRC?", block(-3.0, 0.0, 4.0, 0.0)),
         FINE_4294A,
@@ -108,14 +108,14 @@ def test_a_sweep_of_the_4294a_clears_the_status_before_the_trigger() -> None:
 @pytest.mark.parametrize(("standard", "measure", "enable"), [("open", "COMA", "COMSTA ON"), ("short", "COMB", "COMSTB ON")])
 def test_a_compensation_of_the_4294a(standard: str, measure: str, enable: str) -> None:
     expected = [
-        *told(FINE_4294A, "CALP USER", "*CLS", "ESNB 256", measure),
+        *acknowledged(FINE_4294A, "CALP USER", "*CLS", "ESNB 256", measure),
         ("POIN?", "2"),
         FINE_4294A,
         ("BWFACT?", "1"),
         FINE_4294A,
         ("ESB?", "256"),
         FINE_4294A,
-        *told(FINE_4294A, enable),
+        *acknowledged(FINE_4294A, enable),
         ("FORM3", None),
         ("OUTPSWPRM?", block(1e5, 2e5)),
         FINE_4294A,
@@ -158,9 +158,9 @@ def test_a_scan_of_the_esr() -> None:
         ("DET1:REC?", "AVER"),
     ]
     expected = [
-        *told(FINE_ESR, "DET1:REC AVER"),
+        *acknowledged(FINE_ESR, "DET1:REC AVER"),
         *[exchange for pair in settings for exchange in (pair, FINE_ESR)],
-        *told(FINE_ESR, "*CLS"),
+        *acknowledged(FINE_ESR, "*CLS"),
         ("INIT2;*OPC", None),
         ("*ESR?", "0"),
         ("*ESR?", "1"),
@@ -229,7 +229,7 @@ def test_an_error_queue_that_never_empties_ends() -> None:
     ],
 )
 def test_traces_that_are_none(answer: bytes, message: str) -> None:
-    exchanges = [*told(FINE_4294A, "TRAC A"), ("FORM3", None), ("OUTPDTRC?", answer), FINE_4294A]
+    exchanges = [*acknowledged(FINE_4294A, "TRAC A"), ("FORM3", None), ("OUTPDTRC?", answer), FINE_4294A]
     if "5 bytes" in message:
         exchanges.pop()
     with script(Agilent4294A, *exchanges) as analyser:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from motoremi.blind.cases import Case, catalogue_kinds, draw, draw_many
+from motoremi.blind.cases import Case, catalogue_kinds, draw_many
 from motoremi.blind.challenge import SEALED, make_challenge, reveal
 from motoremi.blind.scoreboard import Played, play_all, summary
 from motoremi.blind.scoreboard_text import markdown, write_all
@@ -172,7 +172,7 @@ def test_a_game_is_the_same_in_any_number_of_processes():
 
 @pytest.mark.slow
 def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_away():
-    # A relaxing core, whose curve a damper coupled to a degree that few motors have draws as well.
+    # A relaxing core, whose curve a damper with an unusual coupling has as well.
     found = diagnose(fit(dc_motor(), Case(4711, 1, "one", ("permeability-relaxation",), 1272547239).sweeps()))
     assert found.verdict == "family"
     assert [set(family) for family in found.families] == [{"permeability-relaxation", "field-coupling"}]

@@ -1,4 +1,4 @@
-"""The board of investigations: sealed motors, policies, and what is counted. What the policies hear from the product is scripted here."""
+"""The scoreboard of investigations: sealed motors, policies, and what is counted. The assessments that the policies receive are scripted here."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from motoremi.blind.investigation import BUDGET_MINUTES, play, summary
 from motoremi.blind.investigation_table import markdown
-from motoremi.blind.policies import EXPERT, FIXED, POLICIES, PRODUCT, Offer, Standing
+from motoremi.blind.policies import EXPERT, FIXED, OWN_POLICY, POLICIES, Assessment, Offer
 from motoremi.blind.scoring import Answer
 from motoremi.blind.sealed import OUTSIDE, STARTS, Asked, Evidence, HandheldAnalyser, Sealed, draw_sealed, draw_sealed_many
 from motoremi.data.conditions import CONDITIONS, VALUES, condition
@@ -26,13 +26,13 @@ OFFERS = (
 DECIDES = "second-temperature"
 
 
-def judge(evidence: Evidence) -> Standing:
+def judge(evidence: Evidence) -> Assessment:
     """The second temperature decides, and every mistake is noticed."""
     have = {sweep.condition.id for sweep in evidence.sweeps if sweep.condition is not None} | {value.name for value in evidence.values}
     truth = ("eddy-laminations",)
     decided = DECIDES in have
     answer = Answer("missing-effect", truth, () if decided else (("eddy-laminations", "skin-effect"),), 0.97 if decided else 0.6)
-    return Standing(
+    return Assessment(
         {"eddy-laminations": 0.97 if decided else 0.5, "skin-effect": 0.03 if decided else 0.5},
         tuple(offer for offer in OFFERS if offer.id not in have),
         lambda: answer,
@@ -52,7 +52,7 @@ def test_each_policy_goes_its_own_way_to_the_same_end() -> None:
     assert set(runs) == set(POLICIES)
     assert all(one.settled and one.outcome == "right" for one in runs.values())
     steps = {name: one.run.steps for name, one in runs.items()}
-    assert steps[PRODUCT] == ("dc-bias", DECIDES)
+    assert steps[OWN_POLICY] == ("dc-bias", DECIDES)
     assert steps["information alone"] == (DECIDES,)
     assert steps["clairvoyant"] == (DECIDES,)
     assert steps["cheapest first"] == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
@@ -60,14 +60,14 @@ def test_each_policy_goes_its_own_way_to_the_same_end() -> None:
     assert steps["frozen expert"] == ("dc-resistance", "known-capacitor", "dc-bias", DECIDES)
     assert steps["random"][-1] == DECIDES
     assert runs["cheapest first"].run.minutes == 54.0
-    assert runs[PRODUCT].run.seconds == (0.1,) * 3
+    assert runs[OWN_POLICY].run.seconds == (0.1,) * 3
 
 
 @pytest.mark.slow
 def test_what_one_policy_measured_is_judged_once() -> None:
     count = 0
 
-    def counting(evidence: Evidence) -> Standing:
+    def counting(evidence: Evidence) -> Assessment:
         nonlocal count
         count += 1
         return judge(evidence)
@@ -89,24 +89,24 @@ def test_repeats_of_a_handheld_analyser_have_noise_of_their_own_and_errors_in_co
 
 
 def test_what_the_catalogue_does_not_hold_is_settled_if_it_is_stated_as_inseparable() -> None:
-    def relaxation(outside: float, stop: str) -> Standing:
+    def relaxation(outside: float, stop: str) -> Assessment:
         probabilities = {"dielectric-relaxation@Cf": 1 - outside, OUTSIDE_THE_CATALOGUE: outside}
-        return Standing(probabilities, (), lambda: Answer("missing-effect", ("dielectric-relaxation@Cf",), (), 0.6), stop, (), 0.1)
+        return Assessment(probabilities, (), lambda: Answer("missing-effect", ("dielectric-relaxation@Cf",), (), 0.6), stop, (), 0.1)
 
     unknown = sealed(hidden=("outside-charge-diffusion",))
     for outside, stop, settled in ((0.4, "inseparable", True), (0.4, "one-stands", False), (0.03, "inseparable", False)):
-        run = play(unknown, lambda evidence, outside=outside, stop=stop: relaxation(outside, stop), (PRODUCT,))[0]
+        run = play(unknown, lambda evidence, outside=outside, stop=stop: relaxation(outside, stop), (OWN_POLICY,))[0]
         assert (run.settled, run.wrong) == (settled, not settled)
         assert not run.hit
 
 
 def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
-    def family(stop: str) -> Standing:
+    def family(stop: str) -> Assessment:
         answer = Answer("family", ("skin-effect",), (("skin-effect", "eddy-laminations"),), 0.9)
-        return Standing({"skin-effect": 0.6, "eddy-laminations": 0.4}, (), lambda: answer, stop)
+        return Assessment({"skin-effect": 0.6, "eddy-laminations": 0.4}, (), lambda: answer, stop)
 
-    assert play(sealed(), lambda evidence: family("inseparable"), (PRODUCT,))[0].settled
-    assert not play(sealed(), lambda evidence: family("one-stands"), (PRODUCT,))[0].settled
+    assert play(sealed(), lambda evidence: family("inseparable"), (OWN_POLICY,))[0].settled
+    assert not play(sealed(), lambda evidence: family("one-stands"), (OWN_POLICY,))[0].settled
 
 
 @pytest.mark.slow
@@ -121,10 +121,10 @@ def test_mistakes_are_counted_and_those_that_were_noticed() -> None:
 
 @pytest.mark.slow
 def test_a_judge_that_crashes_is_the_worst_answer_and_stops_nobody_else() -> None:
-    def broken(evidence: Evidence) -> Standing:
+    def broken(evidence: Evidence) -> Assessment:
         raise ValueError("no")
 
-    played = play(sealed(), broken, (PRODUCT, "random"))
+    played = play(sealed(), broken, (OWN_POLICY, "random"))
     assert [one.outcome for one in played] == ["crashed", "crashed"]
     assert summary(played)["troubles"][0]["trouble"] == "ValueError: no"
 
@@ -148,7 +148,7 @@ def test_the_figures_are_what_was_played_and_the_tables_say_so() -> None:
 @pytest.mark.slow
 def test_the_budget_ends_a_run() -> None:
     dear = tuple(dataclasses.replace(offer, minutes=BUDGET_MINUTES + 1) for offer in OFFERS)
-    run = play(sealed(), lambda evidence: dataclasses.replace(judge(evidence), offers=dear), (PRODUCT,))[0].run
+    run = play(sealed(), lambda evidence: dataclasses.replace(judge(evidence), offers=dear), (OWN_POLICY,))[0].run
     assert (run.steps, run.stop) == ((), "budget")
 
 

@@ -1,4 +1,4 @@
-"""Sweeps that are the other termination's sweep again."""
+"""Sweeps that were measured with the wrong termination."""
 
 from __future__ import annotations
 

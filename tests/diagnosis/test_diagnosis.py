@@ -134,7 +134,7 @@ def test_parameter_pushed_against_its_bound_is_told(measure):
     right = fit.add("insulation-leakage@Cf", thorough=False)
     assert at_bounds(right, ("insulation-leakage@Cf",)) == ()
     assert at_bounds(wrong, ("dielectric-relaxation@Cr",))
-    # Where nothing is believed, the smaller error comes first; at the end of what physics allows it has to be smaller by a factor of two.
+    # If no model is accepted, the smaller error comes first; at the end of what physics allows it has to be smaller by a factor of two.
     pushed, free = weighed(wrong, fit), weighed(right, fit)
     assert free.fit.rms_error_percent < pushed.fit.rms_error_percent
     assert closeness(free) < closeness(pushed)

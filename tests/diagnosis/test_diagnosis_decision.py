@@ -9,7 +9,7 @@ import pytest
 
 import motoremi as me
 from motoremi.blind.cases import Case
-from motoremi.diagnosis.belief import believe, stands
+from motoremi.diagnosis.belief import acceptance_of, believe
 from motoremi.diagnosis.candidates import Candidate, unusual_values
 from motoremi.diagnosis.judgement import Judgement, decided, distributed, judge
 from motoremi.fitting.fit import fit
@@ -42,13 +42,13 @@ def of(*models: SimpleNamespace) -> dict[tuple[str, ...], SimpleNamespace]:
     return {tuple(sorted(one.added)): one for one in models}
 
 
-@pytest.mark.parametrize(("error_of_other", "standing"), [(1.97, "not"), (7.0, "slight")])
-def test_values_that_few_motors_have_are_doubted_where_another_law_errs_as_little(error_of_other, standing):
-    """A tapped winding, which the catalogue does not hold: two laws bend to it."""
+@pytest.mark.parametrize(("error_of_other", "acceptance"), [(1.97, "not"), (7.0, "slight")])
+def test_unusual_values_are_not_accepted_if_another_law_errs_as_little(error_of_other, acceptance):
+    """A tapped winding, which is not in the catalogue: two flexible laws fit it."""
     bent = model(("field-coupling",), 500.0, 2.0, 0.03, ("field-coupling.quality",))
     found = of(model((), 0.0, 36.0, 35.0), bent, model(("dielectric-relaxation@Ca",), 485.0, error_of_other, 0.09))
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
-    assert judgement.standing == standing
+    assert judgement.acceptance == acceptance
     assert judgement.families == {"field-coupling": ()}
 
 
@@ -71,7 +71,7 @@ def test_of_laws_that_do_as_well_the_one_with_usual_values_is_named_with_its_fam
     judgement = air_coil(core_share_is_usual=False)
     assert judgement.named == ("skin-effect", "second-resonance")
     assert judgement.families == {"skin-effect": (), "second-resonance": ("dielectric-loss@Ca",)}
-    assert judgement.stands
+    assert judgement.accepted
 
 
 def test_a_law_with_usual_values_is_named_as_before():
@@ -109,11 +109,11 @@ def bead(closest_is_usual: bool = True) -> Judgement:
 
 
 def test_where_nothing_stands_what_removes_most_of_the_circuits_error_is_named():
-    assert not bead().stands
+    assert not bead().accepted
     closest = bead().of_closest
     assert closest is not None
     assert closest.named == ("permeability-relaxation",)
-    assert closest.standing == "mostly"
+    assert closest.acceptance == "mostly"
     assert bead(closest_is_usual=False).of_closest is None
 
 
@@ -144,7 +144,7 @@ def test_one_effect_is_named_beside_two_others_that_err_about_as_little(error_of
 
 @pytest.mark.parametrize(("next_best", "named"), [((911.0, 38.0), True), ((1160.0, 38.0), False), ((911.0, 20.0), False)])
 def test_one_effect_is_named_beside_two_others_where_no_single_one_comes_near_it(next_best, named):
-    """A choke of nanocrystalline ribbon: two others with values that few motors have take an error of 97 % to 1.4 instead of 11 %."""
+    """A choke of nanocrystalline ribbon: two others with unusual values reduce an error of 97 % to 1.4 instead of 11 %."""
     found = of(
         model((), 754.0, 97.0, 97.0),
         model(("permeability-relaxation",), 1196.0, 10.8, 10.7),
@@ -166,23 +166,23 @@ def test_a_value_is_unusual_only_beyond_what_the_data_leave_open(sigma, unusual)
     assert unusual_values(motor, {label}, values) == (f"{label}.strength",)
 
 
-@pytest.mark.parametrize(("error_percent", "sigma", "stands"), [(100.0, 24.0, False), (100.0, 2.0, True), (20.0, 24.0, True)])
-def test_a_larger_error_that_a_strained_analyser_takes_up_is_not_believed(error_percent, sigma, stands):
+@pytest.mark.parametrize(("error_percent", "sigma", "accepted"), [(100.0, 24.0, False), (100.0, 2.0, True), (20.0, 24.0, True)])
+def test_a_larger_error_that_is_described_by_large_analyser_errors_is_not_accepted(error_percent, sigma, accepted):
     named = model(("eddy-laminations",), 500.0, error_percent, 3.0)
     named.fit.analyser_sigma = sigma
     found = of(model((), 0.0, 80.0, 79.0), named)
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
-    assert judgement.stands == stands
+    assert judgement.accepted == accepted
 
 
-@pytest.mark.parametrize(("by_waves", "sigma", "stands"), [(False, 14.0, False), (False, 4.0, True), (True, 14.0, True)])
-def test_what_leaves_more_than_an_impedance_analyser_could_do_is_not_all_that_is_missing(by_waves, sigma, stands):
+@pytest.mark.parametrize(("by_waves", "sigma", "accepted"), [(False, 14.0, False), (False, 4.0, True), (True, 14.0, True)])
+def test_an_error_beyond_what_an_impedance_analyser_can_cause_is_not_accepted(by_waves, sigma, accepted):
     """A tapped winding, or three effects at once: one law removes nineteen parts of twenty, and the rest is no error of a 4294A."""
     loss = model(("dielectric-loss@Ca",), 5300.0, 2.8, 2.3)
     loss.fit.analyser_sigma = sigma
     loss.fit.measurement.analyser = SimpleNamespace(named=True, by_waves=by_waves)
     found = of(model((), 0.0, 44.8, 44.8), loss, model(("core-loss",), 5290.0, 3.0, 2.5))
-    assert Judgement(found[()].fit, found, believe(found)).stands == stands  # type: ignore[arg-type]
+    assert Judgement(found[()].fit, found, believe(found)).accepted == accepted  # type: ignore[arg-type]
 
 
 def test_a_pair_with_values_that_few_motors_have_does_not_hide_the_closest_effect():
@@ -196,7 +196,7 @@ def test_a_pair_with_values_that_few_motors_have_does_not_hide_the_closest_effec
     for one in found.values():
         one.plausible = True
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
-    assert not judgement.stands
+    assert not judgement.accepted
     closest = judgement.of_closest
     assert closest is not None
     assert closest.named == ("permeability-relaxation",)
@@ -204,26 +204,26 @@ def test_a_pair_with_values_that_few_motors_have_does_not_hide_the_closest_effec
 
 def test_a_law_with_unusual_values_that_leaves_a_per_cent_only_bends():
     """A cell of salt water as the winding of a machine."""
-    for left_percent, standing in ((8.6, "not"), (0.9, "mostly")):
+    for left_percent, acceptance in ((8.6, "not"), (0.9, "mostly")):
         found = of(model((), 0.0, 51.0, 50.0), model(("machine-winding",), 900.0, 8.7, left_percent, ("machine-winding.iron_hz",)))
-        assert Judgement(found[()].fit, found, believe(found)).standing == standing  # type: ignore[arg-type]
+        assert Judgement(found[()].fit, found, believe(found)).acceptance == acceptance  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("floor_percent", "stands"), [(9.0, True), (870.0, False)])
-def test_what_is_small_beside_an_error_that_no_analyser_makes_is_not_small(floor_percent, stands):
+@pytest.mark.parametrize(("floor_percent", "accepted"), [(9.0, True), (870.0, False)])
+def test_an_error_is_not_small_by_comparison_with_one_that_no_analyser_has(floor_percent, accepted):
     """A ceramic coil measured between two ports: two effects leave 2 or 3 %, an analyser that nobody named could err by more."""
-    pair = model(("permeability-relaxation", "suppressor-capacitor@frame"), 900.0, 2.2 if stands else 3.3, 3.1)
+    pair = model(("permeability-relaxation", "suppressor-capacitor@frame"), 900.0, 2.2 if accepted else 3.3, 3.1)
     pair.fit.floor_percent, pair.fit.within_specification, pair.distributed = floor_percent, True, False
     found = of(model((), 0.0, 20.4, 20.0), pair)
-    assert Judgement(found[()].fit, found, believe(found)).stands == stands  # type: ignore[arg-type]
+    assert Judgement(found[()].fit, found, believe(found)).accepted == accepted  # type: ignore[arg-type]
 
 
 def test_no_analyser_errs_by_hundreds_of_times_its_specification():
     fit = left(0.0, 30.0, 310.0)
     fit.marginal.nothing_left = 1.0
-    assert stands(fit, fit) == "not"  # type: ignore[arg-type]
+    assert acceptance_of(fit, fit) == "not"  # type: ignore[arg-type]
     fit.analyser_sigma = 290.0
-    assert stands(fit, fit) == "explained"  # type: ignore[arg-type]
+    assert acceptance_of(fit, fit) == "explained"  # type: ignore[arg-type]
 
 
 def test_two_relaxations_at_one_place_are_one_part_of_distributed_resistance():
@@ -252,7 +252,7 @@ def test_a_circuit_within_the_stated_accuracy_is_searched_for_one_effect_only(st
     assert 1 < stated.rms_error_percent < 20
     judgement = judge(stated)
     assert {len(key) for key in judgement.found} == {0, 1}
-    assert judgement.stands
+    assert judgement.accepted
     assert not judgement.named
 
 
@@ -262,7 +262,7 @@ def test_a_circuit_within_the_stated_accuracy_stands_whatever_fits_better_and_is
     pair = Candidate(("range-step", "gain-error"), stated, 100.0, ())
     found = {(): Candidate((), stated, 0.0, ()), ("gain-error", "range-step"): pair}
     judgement = decided(stated, found)
-    assert judgement.stands
+    assert judgement.accepted
     assert not judgement.named
     assert judgement.model.added == ()
 
@@ -272,4 +272,4 @@ def test_a_pair_of_suppressors_is_found_that_the_bare_circuit_misses_by_far():
     case = Case(4711, 9, "one", ("suppressor-capacitor@pair",), 363251374)
     judgement = judge(fit(dc_motor(), case.sweeps()))
     assert judgement.named == case.hidden
-    assert judgement.stands
+    assert judgement.accepted

@@ -25,7 +25,7 @@ def test_a_negative_resistance_is_told_with_its_place():
     (finding,) = of_the_resistance(measurement)
     assert (finding.id, finding.sweep, finding.serious) == ("negative-resistance", "open", True)
     assert finding.band_hz == pytest.approx((1e6, 3e6), rel=0.03)
-    assert "nothing passive" in finding.why
+    assert "a passive motor has none" in finding.why
 
 
 @pytest.mark.parametrize("analyser", ["4294a", "nanovna", "unknown"])

@@ -55,7 +55,7 @@ def test_what_the_data_do_not_ask_for_is_unneeded(steps):
     _, better, _ = steps
     step = ladder_step(better, better.add("insulation-leakage@Cf"))
     assert step.unneeded == ("insulation-leakage@Cf",)
-    assert any("do not ask for it" in note for note in step.notes)
+    assert any("is not needed" in note for note in step.notes)
 
 
 def test_a_wrong_effect_loses_its_support_when_the_right_one_comes(steps):
@@ -64,7 +64,7 @@ def test_a_wrong_effect_loses_its_support_when_the_right_one_comes(steps):
     assert ladder_step(base, first).unneeded == ()
     step = ladder_step(first, first.add("core-loss"))
     assert step.unneeded == ("dielectric-loss@Ca",)
-    assert any("lost its support" in note for note in step.notes)
+    assert any("no longer needed" in note for note in step.notes)
 
 
 def test_the_session_keeps_the_details_of_each_step(tmp_path):

@@ -233,7 +233,7 @@ def trails():
     return {name: trail_to(base, name) for name in EFFECTS}
 
 
-def told(solutions):
+def as_plain_data(solutions):
     return {name: (dict(solution.values), solution.sizes, solution.log_evidence) for name, solution in solutions.items()}
 
 
@@ -244,7 +244,7 @@ def test_a_race_is_the_same_each_time_and_in_another_process(trails):
     alone, reached = race(trails, SHORT_RACE)
     # Also of those that were left out: pairs begin from there.
     assert reached.keys() == trails.keys()
-    assert told(together) == told(again) == told(alone)
+    assert as_plain_data(together) == as_plain_data(again) == as_plain_data(alone)
     assert list(together) == list(alone)
     assert len(alone) == 2
     assert next(iter(alone)) == "core-loss"

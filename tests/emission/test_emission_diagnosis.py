@@ -300,7 +300,7 @@ def test_summary_counts():
     assert result["goals"]["error after adding at most 2 dB rms"]["value"] == 1.0
     assert len(result["wrong"]) == 3
     assert "| chopper |" in markdown(result)
-    assert "1 times what was hidden" in markdown(result)
+    assert "not counted: 1 cases" in markdown(result)
 
 
 def test_what_is_too_weak_to_see_is_told_from_the_truth():

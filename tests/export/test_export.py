@@ -1,4 +1,4 @@
-"""Data on their way to other programs come back as they were."""
+"""Exported data are the same when they are read back."""
 
 from __future__ import annotations
 

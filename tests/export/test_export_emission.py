@@ -1,4 +1,4 @@
-"""The deck of the whole emission test: ngspice gives the transfer that the path computes, and a transient run is stable."""
+"""The deck of the whole emission test: ngspice gives the same transfer function as `Path`, and a transient run is stable."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_transient_run_of_the_whole_test_is_stable(tmp_path: File) -> None:
     lines, _, _ = deck_of(Path(), "skin-effect")
     voltage = run([*without_analysis(lines), *control("tran 5n 60u", "wrdata out.data v(receiver)")], tmp_path)[:, 1]
     assert np.all(np.isfinite(voltage))
-    # Never more than all that switches at once (1 + 15 + 12 V), and something does arrive.
+    # At most the sum of all steps (1 + 15 + 12 V), and not zero.
     assert 0.01 < np.abs(voltage).max() < 28
 
 

@@ -19,7 +19,7 @@ from motoremi.model.effects import catalogue
 from motoremi.model.motor import dc_motor
 from motoremi.model.parameter import Parameter
 
-# La differs between the two sweeps: no one network is both.
+# La differs between the sweeps, so one network cannot represent both.
 TWO_NETWORKS = "common-mode-flux"
 IN_MOTOR = [
     identifier for effect in catalogue() if effect.group != "instrument" and effect.name != TWO_NETWORKS for identifier in effect.identifiers

@@ -1,4 +1,4 @@
-"""Intervals where the likelihood alone does not know enough: a motor that moves while it is measured, resonances that may change places."""
+"""Intervals wider than the likelihood gives: a motor that changes while it is measured, resonances that may be exchanged."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_intervals_of_the_open_sweep_alone_hold_both_assignments(open_alone):
             assert not fit.determined(name) or abs(value - fit.parameters[name]) <= 1.96 * fit.sigma[name], name
     assert {"La", "Ca"} <= set(fit.undetermined())
     assert any("measure the short-circuit sweep" in warning for warning in fit.warnings)
-    assert any("change places" in finding.why for finding in of_the_amount(fit, fit))
+    assert any("can be exchanged" in finding.why for finding in of_the_amount(fit, fit))
     # What does not depend on the assignment is known as well as ever: both resonances together, their order not.
     assert fit.parameters["Cr"] + fit.parameters["Cf"] == pytest.approx(motor.elements["Cr"] + motor.elements["Cf"], rel=1e-2)
 

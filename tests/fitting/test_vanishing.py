@@ -1,4 +1,4 @@
-"""A further effect never fits worse than the circuit without it: where the data leave no room for it, it vanishes."""
+"""A further effect never fits worse than the circuit without it: if the data exclude it, it vanishes."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ def test_without_new_data_nothing_is_another() -> None:
 
 
 @pytest.mark.slow
-def test_what_every_explanation_foresees_teaches_little() -> None:
+def test_what_every_explanation_predicts_teaches_little() -> None:
     after = update(rivals(), warmed())
     assert after.taught[0].mistakes == ()
     assert after.probabilities[(OUTSIDE,)] < 0.06
@@ -216,7 +216,7 @@ def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() 
     found = base()
     question = next_question(rivals_of({("core-loss",): (found, 0.0)}, 0.9), found.measurement)
     assert question.stop == "one-stands"
-    assert question.why.startswith(f"{OUTSIDE} stands")
+    assert question.why.startswith(f"{OUTSIDE} is left")
     following = next_measurement(found, question)
     assert following["id"] == "repeats"
     assert "repeat both sweeps" in following["why"]
@@ -377,7 +377,7 @@ def test_a_likelier_effect_that_is_not_named_is_asked_about_as_is_that_nothing_i
     from motoremi.diagnosis.judgement import decided
     from motoremi.investigation.rivals import Taught
 
-    # The bare circuit leaves nothing: an analyser may err by what the leak describes, however much likelier it is.
+    # The base describes everything: an analyser may err by what the leak describes, however much more probable that is.
     bare, leak, film = base(), ("insulation-leakage@Cf",), ("bearing-film",)
     fits = rivals().members[1].fit
     found = {(): Candidate((), bare, 0.0, ()), leak: Candidate(leak, fits, 20.0, ()), film: Candidate(film, fits, 2.0, ())}
@@ -442,7 +442,7 @@ def test_values_that_few_motors_have_speak_for_what_the_catalogue_does_not_hold(
 
 
 @pytest.mark.slow
-def test_what_no_explanation_foresees_makes_the_verdict_unexplained() -> None:
+def test_what_no_explanation_predicts_makes_the_verdict_unexplained() -> None:
     from motoremi.diagnosis.informed import confidence_of, departs, reasons_of
 
     after = update(rivals(), warmed({"Cf": 0.6, "Lr": 1.5}))
@@ -541,7 +541,7 @@ def test_explanations_that_answer_alike_stay_as_likely_however_far_the_iron_satu
 
 
 @pytest.mark.slow
-def test_a_change_that_changes_nothing_speaks_for_what_foresees_none() -> None:
+def test_a_change_that_changes_nothing_speaks_for_what_predicts_none() -> None:
     """Shorting a field winding moves a coupled one by far more than anything else."""
     coupled = {"field-coupling": {"coupling": 0.3, "resonance_hz": 3e6, "quality": 5.0}}
     bare = fit(dc_motor(), sweeps(coupled))
@@ -551,7 +551,7 @@ def test_a_change_that_changes_nothing_speaks_for_what_foresees_none() -> None:
     assert after.probabilities[("permeability-relaxation",)] > 3 * after.probabilities[("field-coupling",)]
     (taught,) = after.taught
     assert [(one.kind, one.used) for one in taught.mistakes] == [("nothing-changed", True)]
-    assert "weighed as either" in of_the_operator(after)[0].why
+    assert "both possibilities are taken into account" in of_the_operator(after)[0].why
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def squeezed(text: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def told(reported) -> dict[str, str]:
+def texts(reported) -> dict[str, str]:
     """What a person reads: the page and the PDF."""
     pages = [page.get_textpage().get_text_range() for page in pypdfium2.PdfDocument(reported["report.pdf"])]
     return {"html": squeezed("".join(parsed(reported["report.html"].decode()).text)), "pdf": squeezed("".join(pages))}
@@ -78,8 +78,8 @@ def told(reported) -> dict[str, str]:
         "measured by: B. Engineer",
     ],
 )
-def test_report_tells(told, form, what):
-    assert squeezed(what).lower() in told[form].lower()
+def test_report_contains(texts, form, what):
+    assert squeezed(what).lower() in texts[form].lower()
 
 
 def test_machines_read_the_emission(reported):

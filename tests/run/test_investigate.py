@@ -352,7 +352,7 @@ def test_the_simulated_bench_of_a_session_is_kept_and_cannot_be_read_by_accident
 
 
 def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    """`motoremi investigate` with the scripted mind."""
+    """`motoremi investigate` with a scripted `Assess`."""
     monkeypatch.setattr("motoremi.workflow_on_bench.Assessor", lambda store, odds, progress, own: scripted(store))
     monkeypatch.setattr(sys, "argv", ["motoremi", "investigate", *arguments])
     with pytest.raises(SystemExit) as left:

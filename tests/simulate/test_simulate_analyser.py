@@ -35,7 +35,8 @@ def mean_of_repeats(analyser: SimulatedAnalyser, connection: int, repeats: int =
         (1e5, 20e6, 6.5),
     ],
 )
-def test_tolerance_is_the_table_of_the_notes(ohm: float, hertz: float, percent: float) -> None:
+def test_tolerance_is_that_of_a_table_computed_independently(ohm: float, hertz: float, percent: float) -> None:
+    """From the project's physics notes (not in this repository), section B.1, by the formula of the 4294A's operation manual."""
     assert float(tolerance_percent(hertz, ohm, 5, 0.5)) == pytest.approx(percent, abs=0.012 if percent < 1 else 0.06)
 
 

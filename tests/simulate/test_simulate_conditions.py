@@ -1,4 +1,4 @@
-"""How the simulated motor, its leads, its analyser and its operator answer to what is asked of them."""
+"""Reactions of the simulated motor, leads, analyser and operator to requested conditions."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_one_effect_in_ten_does_not_answer_and_the_others_within_a_factor_of_two
 
 
 def responding(condition_name: str, name: str) -> int:
-    """A seed whose motor answers with that part."""
+    """A seed for which this part of the motor responds."""
     return next(seed for seed in range(50) if Responses(SimulatedMotor(), seed).strength(condition_name, name) > 0.7)
 
 
@@ -109,7 +109,7 @@ def test_a_bias_takes_the_iron_down_and_more_of_it_takes_more() -> None:
         biased = answers.under("dc-bias", ampere)
         permeability = answers.permeability(ampere)
         sizes = biased.effects[0].sizes
-        # The air's part of the inductance stays what it is, the iron's goes with its permeability, its corner the other way.
+        # The inductance of the air stays, that of the iron is scaled by its permeability, the corner frequency by the inverse.
         assert biased.La * (1 - sizes["share"]) == pytest.approx(motor.La * (1 - share), rel=1e-12)
         assert biased.La * sizes["share"] == pytest.approx(motor.La * share * permeability, rel=1e-12)
         assert sizes["corner_hz"] == pytest.approx(corner / permeability, rel=1e-12)
@@ -148,7 +148,7 @@ def test_the_far_end_on_the_frame_is_the_winding_behind_the_strap() -> None:
 def test_at_the_commutator_bars_brushes_and_suppressors_are_left_behind() -> None:
     hidden = SimulatedMotor.random(14, ["brush-contact", "suppressor-capacitor@pair"])
     bare = dataclasses.replace(hidden, effects=())
-    # Bars are not quite where brushes were; without that it would be the motor without both.
+    # Except for the new contact positions it is the motor without brushes and suppressor.
     assert np.abs(np.log(seen(hidden, "brushes-lifted", "short") / bare.impedance("short", BAND)))[:20].max() < 0.2
     assert np.abs(np.log(hidden.impedance("short", BAND) / bare.impedance("short", BAND))).max() > 0.5
 
@@ -203,7 +203,7 @@ def test_sweeps_say_what_they_are_under_and_share_the_analysers_errors() -> None
     sweeps = Arrangement(specimen, asked).sweeps(analyser.with_noise("a"), BAND, 7)
     assert [(sweep.termination, sweep.metadata["connection"], sweep.condition) for sweep in sweeps] == [("short", 7, asked), ("open", 8, asked)]
     error = sweeps[0].impedance_ohm / Arrangement(specimen, asked).impedance("short", BAND) - 1
-    # Away from resonance and from what connections leave, it is the gain error of the calibration.
+    # Where residuals of the connection are small, the error is the gain error of the calibration.
     assert np.median(np.abs(error - analyser.gain_error(BAND))) < 1e-3
 
 

@@ -1,4 +1,4 @@
-"""The truth of the emission: events, waveform, network and receiver, checked apart from the formulas that are tested with it."""
+"""The simulated emission (events, waveform, network, receiver), checked without the formulas of `emission`."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def test_it_shares_nothing_with_the_formulas():
                 assert not str(node.module).startswith(("motoremi.emission", "motoremi.model", "motoremi.fitting")), file
 
 
-def test_transfer_of_the_notes():
-    """Section D.4, given to 1 dB; at 150 kHz it says -39 dB, and 16.4 Ohm against 1.65 kOhm are -40.1 dB."""
+def test_transfer_of_an_independent_computation():
+    """From the project's physics notes (not in this repository), section D.4, to 1 dB; at 150 kHz -40.1 dB: 16.4 Ohm against 1.65 kOhm."""
     stand = Stand(1e3, 1.0, 1e-6)
     decibel = 20 * np.log10(np.abs(transfer(SimulatedMotor(), stand, np.array([150e3, 1e6, 1.74e6, 3e6, 5e6, 11e6, 30e6]))))
     np.testing.assert_allclose(decibel, [-40.1, -17, -5, -17.5, -26, -42, -21.5], atol=0.6)
@@ -53,8 +53,8 @@ def test_a_ladder_of_sections_is_a_line():
 
 
 @pytest.mark.slow
-def test_levels_of_the_notes():
-    """Section D.4: a 12 V arc of 20 ns gives 65 dBuV peak at 150 kHz, 78 at 1.74 MHz, 48 at 5 MHz (LISN and detuning to a few dB)."""
+def test_levels_of_an_independent_computation():
+    """From the same source: a 12 V arc of 20 ns gives 65 dBuV peak at 150 kHz, 78 at 1.74 MHz, 48 at 5 MHz (LISN and detuning to a few dB)."""
     stand = Stand(1e3, 0.0, 1e-6, arc_v=12.0, arc_rise_s=2e-8, floor_dbuv=-30.0)
     read = measure(SimulatedMotor(Ra=5.0), stand, 150e3 + 10e3 * np.arange(500), 1, quasi_peak=False)
     found = [read.peak[0], read.peak[140:180].max(), read.peak[485]]

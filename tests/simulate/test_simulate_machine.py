@@ -1,4 +1,4 @@
-"""What machines and suppressors hide: networks of ideal parts against the catalogue's laws, and against finer networks."""
+"""Effects of machines and suppressors: networks of ideal parts against the catalogue's laws, and against finer networks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.virtual.simulated_bench import SimulatedBench
 
 WIDE = np.geomspace(100.0, 30e6, 201)
-# What the catalogue calls a size, where the network's is another.
+# Parameters for which the catalogue's law equals the network.
 OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "shorted-turn": {"skin_hz": 1e12},
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
@@ -82,7 +82,7 @@ def test_the_network_is_what_the_catalogue_says(hidden: tuple[str, ...], termina
         assert worst(motor.impedance(termination, WIDE), in_the_catalogue(motor, termination)) < 2e-4, seed
 
 
-# Of these each takes its share of the whole La in the network, and of what the other leaves in the catalogue: other numbers for the same curve.
+# In the network each takes its share of the whole La, in the catalogue of what the other leaves: the same curve, other parameter values.
 OF_THE_CORE = {"eddy-laminations", "permeability-relaxation", "rotor-cage", "shorted-turn"}
 # The leak across the whole of Cf in the catalogue is across its lumped part in the network: another number for it.
 RENAMED = {("insulation-leakage@Cf", "distributed-winding")}
@@ -146,7 +146,7 @@ def test_a_warm_machine_shares_its_cells_still() -> None:
 
 @pytest.mark.parametrize(("effect", "share"), [("rotor-cage", 0.02), ("shorted-turn", 0.02), ("machine-winding", 0.05)])
 def test_loops_show_in_the_resistance_below_20_khz(effect: str, share: float) -> None:
-    """Which neither Ra nor La can take up: by far more than the 0.1 % of a good analyser."""
+    """The change is far above the 0.1 % of a good analyser, and neither Ra nor La can describe it."""
     for seed in range(10):
         seen = SimulatedMotor.random(seed, [effect]).impedance("short", WIDE[WIDE < 20e3])
         assert np.ptp(seen.real) > share * np.abs(seen).max(), seed
@@ -174,7 +174,7 @@ def test_the_demo_of_nothing_measures_the_usual_band() -> None:
     for effect in ("none", "outside-tapped-winding"):
         told, full = demo.story_procedure(effect), load_procedure("full_motor_test")
         assert told.sweep == full.sweep
-        # The story's own report comes after the last step.
+        # The demo writes its report after the last step.
         assert [*told.steps, full.steps[-1]] == list(full.steps)
 
 

@@ -60,14 +60,14 @@ def test_every_motor_is_passive(effect: str, termination: Termination) -> None:
 @needs_ngspice
 @pytest.mark.parametrize("effect", MOTOR_EFFECTS)
 def test_ngspice_agrees(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Hundreds of cells of iron with resistors of nano-ohms cost ngspice its digits: fewer cells, and none of those far below the band.
+    # Hundreds of cells of iron with resistors of nano-ohms reduce the precision of ngspice: fewer cells, and none of those far below the band.
     monkeypatch.setattr(hidden_machine, "MACHINE_CELLS", 5)
     monkeypatch.setattr(ladders, "LOWEST_HZ", 10e3)
     frequency = [150e3, 1.3e6, 9.1e6, 30e6]
     for seed, termination in zip((3, 4), TERMINATIONS, strict=True):
         motor = SimulatedMotor.random(seed, [effect])
         spice = solve(motor.netlist(termination).splitlines(), "X", "G", frequency)
-        # The long ladders cost ngspice some digits: 2e-8 at worst.
+        # The long ladders reduce the precision of ngspice: 2e-8 at worst.
         assert np.max(np.abs(motor.impedance(termination, frequency) / spice - 1)) < 1e-6
 
 
@@ -80,7 +80,7 @@ def test_every_effect_is_there_and_follows_from_the_seed(effect: str) -> None:
     json.dumps(motor.truth())
     bare = dataclasses.replace(motor, effects=())
     change = max(float(np.max(np.abs(motor.impedance(t, BAND) / bare.impedance(t, BAND) - 1))) for t in TERMINATIONS)
-    # A brush contact is invisible in practice, and the notes say so.
+    # A brush contact hardly changes the impedance.
     assert change > (1e-4 if effect == "brush-contact" else 1e-2)
 
 

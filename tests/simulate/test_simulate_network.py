@@ -59,7 +59,7 @@ def test_transformer(coupling: float) -> None:
     first, second, load = 12e-6, 3e-3, 50.0
     network = Network().inductor("p", "a", "b", first).inductor("q", "c", "d", second).resistor("r", "c", "d", load).couple("p", "q", coupling)
     expected = S * first - S**2 * coupling**2 * first * second / (S * second + load)
-    # With k = 1 the two terms nearly cancel, so that compares with the terms' size.
+    # With k = 1 the two terms nearly cancel, so the error is relative to the size of the terms.
     error = np.abs(impedance(network, "a", "b", FREQUENCY) - expected) / np.abs(S * first)
     assert error.max() < 1e-12
 

@@ -23,7 +23,7 @@ POINTS = 401
 SPAN_HZ = (150e3, 30e6)
 REPEATS = 3
 BANDWIDTH_FACTOR = 3
-# Log odds, 20 to 1, by which a hidden effect must describe what is left to count as one that shows.
+# A hidden effect counts as visible if adding it raises the log evidence by this (odds of 20 to 1).
 SHOWING = 3.0
 SORTS = {"none": 0.2, "one": 0.45, "two": 0.15, "outside": 0.1, "instrument": 0.1}
 
@@ -75,10 +75,10 @@ def visible(base: Fit) -> bool:
 
 
 def shown(base: Fit, hidden: tuple[str, ...]) -> tuple[str, ...]:
-    """The hidden effects that show in data, each beside a model that has all the others.
+    """The hidden effects that are visible in data, each compared with a model that has all the others.
 
-    One shows if noise and specification do not account for what that model leaves, and if it does: what else may be left is the fine structure of
-    the analyser's errors, which repeats on a handheld one bring out.
+    An effect is visible if the model without it leaves more than noise and specification explain, and adding it describes that. Otherwise the
+    rest may be fine structure of a handheld analyser's errors, which repeats reveal.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ class _Bench:
     grids: dict[Termination, FloatArray] = field(default_factory=lambda: {name: np.geomspace(*SPAN_HZ, POINTS) for name in TERMINATIONS})
     repeats: int = REPEATS
     declared: str = "4294a"
-    # Motors of single terminations, if the motor changes between the sweeps.
+    # The motor in each termination, if it changes between the sweeps.
     other: dict[Termination, SimulatedMotor] = field(default_factory=dict)
     # Impedance of a motor that changes from point to point.
     moving: Callable[[Termination, int, FloatArray], ComplexArray] | None = None

@@ -58,7 +58,7 @@ class PlayedHard:
 
     @cached_property
     def hit(self) -> bool:
-        """Whether the statement that has the confidence is true."""
+        """Whether the answer is true in the sense of its stated confidence: as the score, but a family may have any size."""
         return statement_is_true(self.case, self.answer, self.findings, self.seen)
 
     @property
@@ -91,7 +91,10 @@ def play_hard(case: HardCase) -> PlayedHard:
 
 
 def _seen(case: HardCase, base: Fit) -> tuple[str, ...]:
-    """The hidden effect that the seven elements do not describe within noise and specification; of several those that show beside the others."""
+    """The hidden effect that the seven elements do not describe within noise and specification.
+
+    Of several, those that are visible beside a model with all the others.
+    """
     return shown(base, case.hidden) if len(case.hidden) > 1 else case.hidden if visible(base) else ()
 
 

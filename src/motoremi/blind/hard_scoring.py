@@ -57,7 +57,7 @@ class Element:
 
 
 def attached(hidden: Sequence[str]) -> set[str]:
-    """Elements that the hidden effects attach to."""
+    """Elements whose meaning the hidden effects change."""
     places: set[str] = set()
     for name in hidden:
         _, _, place = name.partition("@")
@@ -97,24 +97,24 @@ def strict(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequen
     # Only the departure itself was named, which is right for a motor without visible effects.
     if answer.effects and not about_motor.effects and not seen and case.departure in OF_THE_MOTOR:
         return "right"
-    # What does not show beside the others need not be named, and may be.
+    # An effect that is not visible beside the others may be named but need not be.
     named = {*about_motor.effects, *(name for family in about_motor.families for name in family)}
-    told = tuple(name for name in case.hidden if name in seen or name in named)
-    worths = [outcome(hidden, about_motor) for hidden in dict.fromkeys([tuple(case.hidden), told, tuple(seen)])]
-    return next((worth for worth in worths if worth in GOOD), worths[0])
+    expected = tuple(name for name in case.hidden if name in seen or name in named)
+    scores = [outcome(hidden, about_motor) for hidden in dict.fromkeys([tuple(case.hidden), expected, tuple(seen)])]
+    return next((score for score in scores if score in GOOD), scores[0])
 
 
 def statement_is_true(case: HardCase, answer: Answer, findings: Sequence[str], seen: Sequence[str]) -> bool:
-    """Whether the statement that has the answer's confidence is true: as `strict`, but a family may have any size."""
+    """Whether the answer is true in the sense of its stated confidence: as `strict`, but a family may have any size."""
     if strict(case, answer, findings, seen) in GOOD:
         return True
     return answer.verdict not in ("data", "instrument") and hit(case.hidden, _about_motor(case, answer), detectable=bool(seen) or not case.hidden)
 
 
-def sure_and_wrong(case: HardCase, answer: Answer, worth: Outcome) -> bool:
+def sure_and_wrong(case: HardCase, answer: Answer, score: Outcome) -> bool:
     """Whether the answer is wrong with a confidence of at least `SURE`."""
     excused = answer.verdict in ("unexplained", "data") and case.departure in OF_THE_DATA
-    return answer.confidence >= SURE and worth not in GOOD and not excused
+    return answer.confidence >= SURE and score not in GOOD and not excused
 
 
 def _is_departure(case: HardCase, name: str) -> bool:

@@ -22,7 +22,7 @@ def markdown(result: JsonDict) -> str:
         time = "-" if row["seconds"] is None else f"{row['seconds']:.1f} s"
         lines.append(f"| {departure} | {row['cases']} | {counts} | {100 * row['good']:.0f} % | {time} |")
     lines += calibration_lines(result)
-    lines += ["", "| departure | cases compared | 95 % intervals | that hold the truth | misses |", "|---|---|---|---|---|"]
+    lines += ["", "| departure | cases compared | 95 % intervals | that contain the true value | misses |", "|---|---|---|---|---|"]
     for departure, row in result["coverage"].items():
         if row["intervals"]:
             misses = ", ".join(f"{name} {count}" for name, count in row["missed"].items())

@@ -13,7 +13,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability
-from motoremi.blind.policies import POLICIES, PRODUCT, Look, Offer, Standing
+from motoremi.blind.policies import OWN_POLICY, POLICIES, Assessment, Look, Offer
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, outcome
 from motoremi.blind.sealed import STARTS, Evidence, Sealed, draw_sealed_many
@@ -33,18 +33,18 @@ NAMED_GOAL, WRONG_GOAL, CALIBRATION_GOAL, MISTAKES_GOAL = 0.95, 0.02, 0.05, 0.90
 MINUTES_GOALS: Mapping[str, float] = {"fixed order": 0.5, "random": 0.5, "cheapest first": 0.7, "clairvoyant": 1.3}
 SECONDS_GOAL, SURE = 5.0, 0.8
 
-Judge: TypeAlias = Callable[[Evidence], Standing]
-# The measurements so far by name and turn, in alphabetical order, so that the order of the requests does not matter.
+Judge: TypeAlias = Callable[[Evidence], Assessment]
+# Name and number of each measurement so far, in alphabetical order, so that the order of the requests does not matter.
 _Done: TypeAlias = tuple[tuple[str, int], ...]
 
 
-class Product:
+class ThisSoftware:
     """The assessment of evidence by this software; the last searches, on the reference sweeps alone, are cached."""
 
     def __init__(self) -> None:
         self._searched: dict[bytes, tuple[Diagnosis, Lessons]] = {}
 
-    def __call__(self, evidence: Evidence) -> Standing:
+    def __call__(self, evidence: Evidence) -> Assessment:
         """The probabilities of the explanations, and the next measurement."""
         measurement = Measurement.of(evidence.sweeps, values=evidence.values)
         reference = [sweep for sweep in evidence.sweeps if sweep.condition is None]
@@ -60,7 +60,7 @@ class Product:
         question = next_question(rivals, measurement, (), ODDS).to_dict()
         took = time.perf_counter() - ready
         listed = ([question] if question["id"] else []) + list(question["alternatives"])
-        return Standing(
+        return Assessment(
             rivals.by_label,
             tuple(Offer.of(one) for one in listed if one.get("asks")),
             lambda: _answer(found.informed_by(measurement)),
@@ -96,7 +96,7 @@ class Run:
     answer : Answer
         The final answer.
     outside : float
-        Probability, at the end, of what the catalogue does not hold.
+        Probability, at the end, of an effect outside the catalogue.
     made, found, alarms : tuple of str
         Measurements with a mistake of the operator, those of them that were noticed, and correct ones that were taken for mistakes.
     seconds, search_seconds : tuple of float
@@ -144,14 +144,15 @@ class PlayedRun:
 
     @property
     def hit(self) -> bool:
-        """Whether the statement that has the confidence is true."""
+        """Whether the answer is true in the sense of its stated confidence: a family may have any size."""
         return hit(self.case.hidden, self.run.answer, self.detectable)
 
     @property
     def settled(self) -> bool:
         """Named, or proven inseparable: a family counts only if no measurement of the menu could distinguish its members.
 
-        So does an answer to what the catalogue does not hold that states it as one of the explanations that no measurement distinguishes.
+        For an effect outside the catalogue this also holds if the answer lists "outside the catalogue" among the explanations that cannot be
+        distinguished.
         """
         unknown = any(name.startswith("outside-") for name in self.case.hidden) and self.run.outside > 1 / (1 + ODDS)
         return self.outcome == "right" or (self.run.stop == "inseparable" and (unknown or self.outcome == "family"))
@@ -169,10 +170,10 @@ class PlayedRun:
 
 def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tuple(POLICIES)) -> list[PlayedRun]:
     """Investigate one sealed motor by each policy; evidence that several of them collect is assessed once."""
-    known: dict[_Done, Standing] = {}
-    assess = judge or Product()
+    known: dict[_Done, Assessment] = {}
+    assess = judge or ThisSoftware()
 
-    def standing(done: _Done, asked: Mapping[str, Offer]) -> Standing:
+    def assessed(done: _Done, asked: Mapping[str, Offer]) -> Assessment:
         if done not in known:
             evidence = case.begin()
             for name, turn in done:
@@ -181,18 +182,18 @@ def play(case: Sealed, judge: Judge | None = None, policies: Sequence[str] = tup
         return known[done]
 
     detectable = case.detectable()
-    return [PlayedRun(case, _guarded(case, name, standing), detectable) for name in policies]
+    return [PlayedRun(case, _guarded(case, name, assessed), detectable) for name in policies]
 
 
-def _guarded(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
+def _guarded(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offer]], Assessment]) -> Run:
     try:
-        return _run(case, policy, standing)
+        return _run(case, policy, assessed)
     except Exception as error:  # a crash is scored as an answer and must not stop the other cases
         trouble = f"{type(error).__name__}: {error}"
         return Run(policy, (), 0.0, "", Answer("crashed", (), (), 0.0, trouble=trouble))
 
 
-def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offer]], Standing]) -> Run:
+def _run(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offer]], Assessment]) -> Run:
     rng = np.random.default_rng([case.seed, case.index, zlib.crc32(policy.encode())])
     done: list[tuple[str, int]] = []
     asked: dict[str, Offer] = {}
@@ -207,10 +208,10 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         turn = sum(name == offer.id for name, _ in done)
         return tuple(sorted([*done, (offer.id, turn)]))
 
-    def look(offer: Offer) -> Standing:
-        return standing(with_it(offer), {**asked, offer.id: offer})
+    def look(offer: Offer) -> Assessment:
+        return assessed(with_it(offer), {**asked, offer.id: offer})
 
-    now = standing((), {})
+    now = assessed((), {})
     while True:
         seconds.append(now.seconds)
         searches.append(now.search_seconds)
@@ -227,14 +228,14 @@ def _run(case: Sealed, policy: str, standing: Callable[[_Done, Mapping[str, Offe
         asked[offer.id] = offer
         order.append(offer.id)
         minutes += offer.minutes
-        now = standing(tuple(done), asked)
+        now = assessed(tuple(done), asked)
     found = tuple(name for name in made if name in noticed)
     alarms = tuple(sorted(noticed - set(made)))
     outside = now.probabilities.get(OUTSIDE, 0.0)
     return Run(policy, tuple(order), minutes, stop, now.conclude(), outside, tuple(made), found, alarms, tuple(seconds), tuple(searches))
 
 
-def _chosen(policy: str, now: Standing, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
+def _chosen(policy: str, now: Assessment, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:
     return POLICIES[policy](replace(now, offers=tuple(left)), look, case.hidden, rng)
 
 
@@ -244,18 +245,18 @@ def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None)
 
 
 def summary(played: Sequence[PlayedRun]) -> JsonDict:
-    """The figures of the board.
+    """The figures of the scoreboard.
 
     Returns
     -------
     dict
-        `goals`, as on the other boards, of the product's policy; `by_policy`: share settled, wrong, median minutes, stops; `by_start`: the
-        same for each start of the product's; `reliability` and `kinds_of_verdict`: stated confidence against hit rate; `mistakes`: made and
+        `goals`, as on the other scoreboards, of this software's policy; `by_policy`: share settled, wrong, median minutes, stops; `by_start`: the
+        same for each start of this policy; `reliability` and `kinds_of_verdict`: stated confidence against hit rate; `mistakes`: made and
         noticed; `seconds` a decision and `search_seconds` a search; `unsettled` and `troubles`: runs to look at.
     """
     by_policy = {name: [one for one in played if one.run.policy == name and one.detectable] for name in POLICIES}
     by_policy = {name: ones for name, ones in by_policy.items() if ones}
-    own = by_policy.get(PRODUCT, [])
+    own = by_policy.get(OWN_POLICY, [])
     made = [(one, name) for one in own for name in one.run.made]
     seconds = [second for one in own for second in one.run.seconds]
     searches = [second for one in own for second in one.run.search_seconds if second]
@@ -272,8 +273,8 @@ def summary(played: Sequence[PlayedRun]) -> JsonDict:
     }
     return {
         "schema": "motoremi.scoreboard-investigation/1",
-        "cases": sum(one.run.policy == PRODUCT for one in played),
-        "too_weak_to_see": sum(one.run.policy == PRODUCT and not one.detectable for one in played),
+        "cases": sum(one.run.policy == OWN_POLICY for one in played),
+        "too_weak_to_see": sum(one.run.policy == OWN_POLICY and not one.detectable for one in played),
         "goals": goals,
         "by_policy": {name: _figures(ones) for name, ones in by_policy.items()},
         "by_start": {start: _figures(ones) for start in STARTS if (ones := [one for one in own if one.case.start == start])},
@@ -297,7 +298,7 @@ def _seconds(measured: Sequence[float]) -> JsonDict:
 
 def _minutes_goal(by_policy: Mapping[str, Sequence[PlayedRun]], name: str, wanted: float) -> JsonDict:
     """Median minutes of this software's policy divided by those of another policy, on the same motors."""
-    own, other = by_policy.get(PRODUCT, ()), by_policy.get(name, ())
+    own, other = by_policy.get(OWN_POLICY, ()), by_policy.get(name, ())
     if not own or not other or not (median := _median(other)):
         return goal_of(None, wanted, 0, at_most=True)
     return goal_of(_median(own) / median, wanted, len(own), at_most=True)

@@ -64,7 +64,7 @@ class Offer:
 
 
 @dataclass(frozen=True)
-class Standing:
+class Assessment:
     """The assessment of the evidence so far.
 
     Parameters
@@ -95,43 +95,43 @@ class Standing:
 
 
 # The assessment after a measurement; used only by the policy that knows the truth.
-Look: TypeAlias = Callable[[Offer], Standing]
+Look: TypeAlias = Callable[[Offer], Assessment]
 # (assessment, look-ahead, truth, random stream) -> next measurement
-Policy: TypeAlias = Callable[[Standing, Look, tuple[str, ...], np.random.Generator], Offer]
+Policy: TypeAlias = Callable[[Assessment, Look, tuple[str, ...], np.random.Generator], Offer]
 
 
-def _by_rate(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
-    return standing.offers[0]
+def _by_rate(assessment: Assessment, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return assessment.offers[0]
 
 
-def _by_bits(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
-    return max(standing.offers, key=lambda offer: offer.bits)
+def _by_bits(assessment: Assessment, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return max(assessment.offers, key=lambda offer: offer.bits)
 
 
-def _cheapest(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
-    return min(standing.offers, key=lambda offer: offer.minutes)
+def _cheapest(assessment: Assessment, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return min(assessment.offers, key=lambda offer: offer.minutes)
 
 
-def _random(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
-    return standing.offers[int(rng.integers(len(standing.offers)))]
+def _random(assessment: Assessment, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+    return assessment.offers[int(rng.integers(len(assessment.offers)))]
 
 
 def _in_order(order: tuple[str, ...]) -> Policy:
-    def choose(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
-        return min(standing.offers, key=lambda offer: order.index(offer.id) if offer.id in order else len(order))
+    def choose(assessment: Assessment, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+        return min(assessment.offers, key=lambda offer: order.index(offer.id) if offer.id in order else len(order))
 
     return choose
 
 
-def _clairvoyant(standing: Standing, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
+def _clairvoyant(assessment: Assessment, look: Look, truth: tuple[str, ...], rng: np.random.Generator) -> Offer:
     """The cheapest measurement after which the truth is the only explanation; otherwise the one that most increases its probability per minute."""
     label = " + ".join(sorted(truth))
     best: tuple[float, Offer] | None = None
-    for offer in sorted(standing.offers, key=lambda one: one.minutes)[:TRIED]:
+    for offer in sorted(assessment.offers, key=lambda one: one.minutes)[:TRIED]:
         after = look(offer)
         if after.stop == "one-stands" and _share(after, label) > _HALF:
             return offer
-        gain = (_share(after, label) - _share(standing, label)) / offer.minutes
+        gain = (_share(after, label) - _share(assessment, label)) / offer.minutes
         if best is None or gain > best[0]:
             best = (gain, offer)
     if best is None:
@@ -139,13 +139,14 @@ def _clairvoyant(standing: Standing, look: Look, truth: tuple[str, ...], rng: np
     return best[1]
 
 
-def _share(standing: Standing, label: str) -> float:
-    return max((share for name, share in standing.probabilities.items() if " + ".join(sorted(name.split(" + "))) == label), default=0.0)
+def _share(assessment: Assessment, label: str) -> float:
+    return max((share for name, share in assessment.probabilities.items() if " + ".join(sorted(name.split(" + "))) == label), default=0.0)
 
 
-PRODUCT = "information per minute"
+# The policy of this software.
+OWN_POLICY = "information per minute"
 POLICIES: Mapping[str, Policy] = {
-    PRODUCT: _by_rate,
+    OWN_POLICY: _by_rate,
     "information alone": _by_bits,
     "frozen expert": _in_order(EXPERT),
     "cheapest first": _cheapest,

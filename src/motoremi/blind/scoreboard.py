@@ -50,13 +50,23 @@ class Played:
 
     @property
     def hit(self) -> bool:
-        """Whether the statement that has the confidence is true; a hidden effect that does not show beside the other need not be named."""
+        """Whether the answer is true in the sense of its stated confidence: as the score, but a family may have any size.
+
+        A hidden effect that does not show beside the other one need not be named.
+        """
         hidden = (self.case.hidden, self.seen) if self.seen else (self.case.hidden,)
         return any(hit(each, self.answer, self.detectable) for each in hidden)
 
     def to_dict(self) -> JsonDict:
         """As plain data."""
-        return {**asdict(self.case), **asdict(self.answer), "seen": list(self.seen), "detectable": self.detectable, "outcome": self.outcome, "hit": self.hit}
+        return {
+            **asdict(self.case),
+            **asdict(self.answer),
+            "seen": list(self.seen),
+            "detectable": self.detectable,
+            "outcome": self.outcome,
+            "hit": self.hit,
+        }
 
 
 def play(case: Case) -> Played:

@@ -10,6 +10,13 @@ from motoremi.arrays import JsonDict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# Labels of goals whose keys in the JSON are less plain.
+LABELS = {
+    "error after at most 1.3 noise floors": "error after adding, at most 1.3 times the noise",
+    "calibration of the kind of verdict that is furthest off": "largest calibration error of a kind of verdict",
+    "95 % intervals that hold the truth, worst departure": "95 % intervals that contain the true value, worst departure",
+    "mistakes behind a wrong name stated above 0.8": "operator's mistakes that caused a wrong name stated above 0.8",
+}
 OUTCOMES = ("right", "family", "wrong", "missed", "unexplained", "false alarm", "crashed", "too weak to see")
 
 
@@ -39,7 +46,8 @@ def goal_lines(goals: JsonDict) -> list[str]:
         sign = "<=" if goal["at_most"] else ">="
         value = "-" if goal["value"] is None else f"{100 * goal['value']:.1f} %"
         state = "" if goal["reached"] is None else "yes" if goal["reached"] else "NO"
-        lines.append(f"| {name} | {sign} {100 * goal['wanted']:.0f} % | {value} | {goal['cases']} | {state} |")
+        label = LABELS.get(name, name).replace("median minutes, of those of", "median minutes relative to the policy")
+        lines.append(f"| {label} | {sign} {100 * goal['wanted']:.0f} % | {value} | {goal['cases']} | {state} |")
     return lines
 
 
@@ -75,7 +83,7 @@ def reliability_figure(result: JsonDict) -> Figure:
 
     figure = Figure(figsize=(4.5, 4.2), layout="constrained")
     axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color="0.6", linestyle="--", label="as sure as right")
+    axes.plot([0, 1], [0, 1], color="0.6", linestyle="--", label="stated = reached")
     rows = result["reliability"]
     axes.scatter([r["stated"] for r in rows], [r["hit_rate"] for r in rows], s=[20 + 400 * r["cases"] / result["cases"] for r in rows], alpha=0.7)
     axes.set_xlabel("stated confidence")

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 Outcome: TypeAlias = Literal["right", "family", "wrong", "missed", "false alarm", "unexplained", "crashed"]
 
 # Largest family that counts as an answer.
-LARGEST_FAMILY = 3
+LARGEST_FAMILY_SCORED = 3
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,12 @@ def outcome(hidden: Sequence[str], answer: Answer) -> Outcome:
         return "unexplained"
     if set(hidden) == set(answer.effects) and not answer.families:
         return "right"
-    small = [family for family in answer.families if len(family) <= LARGEST_FAMILY]
+    small = [family for family in answer.families if len(family) <= LARGEST_FAMILY_SCORED]
     return "family" if _held(hidden, answer.effects, small) else "wrong"
 
 
 def hit(hidden: Sequence[str], answer: Answer, detectable: bool) -> bool:
-    """Whether the statement that has the answer's confidence is true: the hidden effects are named, or in a family of any size."""
+    """Whether the answer is true in the sense of its stated confidence: the hidden effects are named, or in a family of any size."""
     if answer.trouble:
         return False
     if any(name.startswith("outside-") for name in hidden):

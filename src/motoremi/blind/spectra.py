@@ -246,8 +246,8 @@ def markdown(result: JsonDict) -> str:
         ]
     weak = sum(counts.get("too weak to see", 0) for counts in result["by_kind"].values())
     if weak:
-        seen = f"changes the readings of no detector by {LEAST_CHANGE_DB:.1f} dB rms in any octave, what the receiver itself is off by"
-        lines += ["", f"{weak} times what was hidden {seen}: too weak to see, and in no goal."]
+        seen = f"changes the readings of no detector by {LEAST_CHANGE_DB:.1f} dB rms in any octave, which is the receiver's own error"
+        lines += ["", f"Too weak to see, and not counted: {weak} cases in which the hidden effect {seen}."]
     lines += ["", f"One diagnosis: median {result['seconds']['median']:.1f} s of processor time."]
     outcomes = sorted({key for counts in result["by_kind"].values() for key in counts})
     lines += ["", "| hidden | " + " | ".join(outcomes) + " | named |", "|---" * (len(outcomes) + 2) + "|"]

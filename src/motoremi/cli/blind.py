@@ -62,7 +62,9 @@ def challenge_(
 def scoreboard_(
     cases: Annotated[int, typer.Option(help="How many blind cases.", min=1)] = 300,
     seed: Annotated[int | None, typer.Option(help="Determines the cases; random by default, and printed.", min=0)] = None,
-    jobs: Annotated[int, typer.Option(help="Number of processes. With 1 each diagnosis may use two cores.", min=1)] = max(1, os.cpu_count() or 1),
+    jobs: Annotated[int, typer.Option(help="Number of processes. With 1, each diagnosis of a motor uses all cores.", min=1)] = max(
+        1, os.cpu_count() or 1
+    ),
     hard: Annotated[bool, typer.Option("--hard", help="Motors measured outside the protocol, one departure each.")] = False,
     spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, in emission spectra.")] = False,
     investigate: Annotated[

@@ -29,7 +29,8 @@ INVESTIGATED = (5, "bearing-film")
 def demo_(
     out: Out = None,
     effect: Annotated[
-        str | None, typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default one whose error is plain to see.")
+        str | None,
+        typer.Option(metavar="ID", help="Effect to hide; 'none' hides nothing; by default, without --seed, one whose error is plain to see."),
     ] = None,
     seed: Annotated[
         int | None,

@@ -63,7 +63,7 @@ def export_(
         emit_json(document)
         return
     for file, made in written:
-        say(f"{file}: {made.told}")
+        say(f"{file}: {made.description}")
 
 
 def register(app: typer.Typer) -> None:

@@ -11,7 +11,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.kernels import interpolated
 from motoremi.data.sweep import RepeatedSweep, Termination
 
-# Two sweeps that differ by less at nine points of ten are one sweep measured twice: the far end of a winding changes more of the band.
+# Two sweeps that differ by less at 90 % of the points are one sweep measured twice: the far end of a winding changes more of the band.
 THE_SAME, OF_POINTS = 0.02, 0.9
 
 

@@ -1,9 +1,9 @@
 """The decision from the probabilities of the models that were found.
 
-Everything rests on one posterior over sets of effects, none among them. A set is named if it is the likeliest, unless the odds against none
-are less than 20 to 1; effects that would do as well in the place of a named one are its family. Whether a named set stands depends on what
-it leaves. How sure that is altogether, `RELIABLE` estimates: the posterior knows which of the models found is meant, not what
-search, catalogue and declaration missed.
+The decision uses one posterior over sets of effects, including the empty set. The most probable set is named if its odds against the empty set
+are at least 20 to 1; effects that could replace a named one are its family. A named set is accepted if its remaining error is small enough.
+The confidence is the set's probability times `RELIABLE`, since the posterior compares only the models that were found and cannot
+contain errors of search, catalogue and declared analyser.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ import numpy as np
 from motoremi.diagnosis.explore import Key, M
 from motoremi.fitting.result import Fit
 
-Standing: TypeAlias = Literal["explained", "slight", "mostly", "not"]
+Acceptance: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 
-# No effect is named, and no further one, unless the doubt of it is smaller: odds of 20 to 1.
+# An effect, or a further one, is named only if all smaller sets together have less of the posterior than this (odds of 20 to 1).
 LEAST_DOUBT = 0.05
-# The likeliest members of a family together have so much of its posterior (as much as an answer that names a family is sure), and each at least
-# this share of the best one's.
+# A family lists its most probable members until they have this share of its posterior (the confidence of such an answer), and only those with at
+# least the second share of the best member's.
 FAMILY_TOGETHER, FAMILY_SHARE = 0.97, 0.01
-# A set of three describes almost any curve, right or wrong.
+# Largest number of named effects: three describe almost any curve, even if they are wrong.
 MOST_NAMES = 2
-# What is left is slight where it is a small part of what noise and specification leave of a perfect model: it could be either.
+# An undescribed part below this share of the floor is `slight`: analyser or motor may have caused it.
 SLIGHT_SHARE = 0.25
-# What is left of what was left before, for a named effect to be most of the truth.
+# A model describes most of the error if its undescribed part is at most this share of the base's.
 MOSTLY = 0.25
-# No analyser that works errs by a hundred times its specification, which is three standard deviations: then the circuit is what is wrong.
+# In standard deviations, of which three are the specification: no working analyser errs by 100 times that: then the circuit is wrong.
 NO_ANALYSER_SIGMA = 300.0
-# How often each kind of answer is true, beyond what the posterior knows. Estimates from the boards of docs/explanation/how_often_right.md:
-# `adequate` was true 190 times of 190, `unexplained` 47 of 50, with a serious finding each time that it was not. Boards of other seeds confirm or
-# deny them.
-# Two names were the whole truth 61 times of 70, inside the protocol and outside it: two effects easily take up a third.
-# A single effect with values that few motors have was wrong six times of six (a tapped winding; investigations of seeds 25112602, 25112603 and
-# 25113021): simulated motors never have such values. How many real motors do, nobody knows: even odds.
-# A relaxation alone, across the winding or to the frame, was true 8 times of 17 (investigations of seeds 24112603, 24113001 and 24113201, the
-# protocol's seed 24113202), where a tenth of the motors hid what the catalogue does not hold: how many real motors do, nobody knows.
-# Names beside errors far beyond an impedance analyser's specification were the whole truth 0 times of 6 (seed 25113003, three hidden effects), one
-# of two or three more often. Beside data that deny the declared analyser they were right 4 times of 7 (there and in seed 25113001): what the
-# catalogue does not hold can look like another analyser.
-# A circuit that errs most where its analyser sees next to nothing (a ferrite core of 5 kohm on a NanoVNA: an error of 87 %) may be right: a guess.
-# That nothing is missing, where an effect is likelier and is not named since the analyser may do the same, was true 3 times of 6 (seed 26112531).
-# That an analyser beyond its specification is to blame, where an effect would do as well and is not named, was wrong three times of three.
+# Share of true answers of each kind, for the errors that the posterior does not contain: estimated from the scoreboards of
+# docs/explanation/how_often_right.md, to be checked with other seeds. `adequate` was true in 190 of 190 cases, `unexplained` in 47 of 50; the other
+# three had a serious finding.
+# Answers with two effects were completely right in 61 of 70 cases, by the protocol and outside it: two effects often describe a third one as well.
+# A single effect with unusual values was wrong in 6 of 6 cases (a tapped winding; investigations of seeds 25112602, 25112603 and 25113021), but
+# simulated motors never have such values and the share of real motors that have them is unknown: 0.5.
+# A relaxation alone, across the winding or to the frame, was true in 8 of 17 cases (investigations of seeds 24112603, 24113001 and 24113201, the
+# protocol's seed 24113202); a tenth of those motors had an effect outside the catalogue, the share of real motors that have one is unknown.
+# If the model needs errors far beyond the specification of an impedance analyser, the named effects were never all of the hidden ones (0 of 6, seed
+# 25113003, three hidden effects), but often one or two of them. If the data fit another analyser better, they were right in 4 of 7 cases (there and
+# in seed 25113001): an effect outside the catalogue can look like another analyser.
+# A circuit whose error lies where the analyser is insensitive (a ferrite core of 5 kohm on a NanoVNA: 87 %) may be right; 0.7 is a guess.
+# `adequate` although an effect is more probable (not named, since analyser errors explain it too) was true in 3 of 6 cases (seed 26112531).
+# `instrument` although an effect explains the error as well was wrong in 3 of 3 cases.
 RELIABLE: Mapping[str, float] = {
     "adequate": 0.98,
     "adequate, with a serious finding": 0.96,
@@ -80,9 +80,9 @@ class Belief:
     named : tuple of str
         The effects, in the order in which they were added; empty for none.
     families : dict
-        For each named effect, the others that describe the data about as well in its place, the likeliest first.
+        For each named effect, the others that describe the data about as well in its place, the most probable first.
     probability : float
-        Of the named set, families included, among all that were found.
+        Of the named set and of those with members of the families instead, among all sets that were found.
     posterior : dict
         Of each set that was found.
     """
@@ -94,7 +94,7 @@ class Belief:
 
     @property
     def inclusion(self) -> dict[str, float]:
-        """Probability of each effect, shared among the effects of a set so that all effects and none add up to one."""
+        """Probability of each effect: each set's is divided equally among its effects, so that with the empty set all add up to one."""
         shared: dict[str, float] = {}
         for key, probability in self.posterior.items():
             for name in key:
@@ -103,14 +103,14 @@ class Belief:
 
 
 def believe(found: Mapping[Key, M], together: float = FAMILY_TOGETHER) -> Belief:
-    """The decision from the models that were found, among them the one with nothing added.
+    """The decision from the models that were found, including the one without added effects.
 
     Parameters
     ----------
     found : mapping
         Models by what they add.
     together : float
-        What the members of a family have of its posterior: one that has so much alone has no family.
+        Share of the family's posterior up to which members are listed; an effect that has it alone has no family.
     """
     scores = np.array([model.score for model in found.values()])
     weights = np.exp(scores - scores.max())
@@ -123,7 +123,7 @@ def believe(found: Mapping[Key, M], together: float = FAMILY_TOGETHER) -> Belief
 
 
 def _smallest_undoubted(found: Mapping[Key, M], posterior: Mapping[Key, float]) -> Key:
-    """The likeliest set of so many effects as are needed: of the smallest number that no larger one beats by 20 to 1."""
+    """The most probable set of the smallest size against which all larger sets have odds below 20 to 1."""
     sets = sorted(found, key=lambda key: (len(key), -found[key].score))
     return next(key for key in sets if sum(share for other, share in posterior.items() if len(other) <= len(key)) >= LEAST_DOUBT)
 
@@ -154,7 +154,7 @@ def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[s
 
 
 def agreeing(posterior: Mapping[Key, float], named: Key, families: Mapping[str, Key]) -> float:
-    """Probability of the sets with each named effect, or one of its family; a further, idle effect does not contradict the answer."""
+    """Probability of the sets with each named effect, or one of its family; sets with a further effect count too."""
     places = [{effect, *families.get(effect, ())} for effect in named]
     return sum(probability for key, probability in posterior.items() if _agrees(list(key), places))
 
@@ -166,13 +166,13 @@ def _agrees(key: list[str], places: list[set[str]]) -> bool:
     return any(name in places[0] and _agrees(key[:at] + key[at + 1 :], places[1:]) for at, name in enumerate(key))
 
 
-def stands(base: Fit, best: Fit) -> Standing:
+def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     """Whether the remaining error of a model is small enough to accept the model."""
     if best.analyser_sigma > NO_ANALYSER_SIGMA:
         return "not"
     left = best.unexplained_percent["value"]
-    # Where only an analyser far beyond its specification is asked for, that is what is wrong, and the findings say so.
-    # An effect that only reaches a stated accuracy may be of another law: it describes most. The base that does needs none.
+    # If nothing remains but the analyser's error is far beyond its specification, the model is accepted and a finding reports the analyser.
+    # An added effect that only reaches a stated accuracy counts as `mostly`, since its law may be wrong; a base that reaches it is `explained`.
     enough = best.explained and (best is base or best.measurement.accuracy_percent is None)
     if best.marginal.nothing_left >= 0.5 or enough:
         return "explained"

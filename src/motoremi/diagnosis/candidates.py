@@ -1,4 +1,4 @@
-"""A model with some effects added, and how likely it is: its evidence, and what is known beforehand of effects and their values."""
+"""A model with some effects added and its score: evidence times the prior of the effects and of their values."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from motoremi.quantities import show
 
 Effects = tuple[str, ...]
 
-# Prior of the number of effects that a motor lacks in the circuit: half of the motors none. An assumption; unconfirmed.
+# Prior of the number of effects that are missing in the circuit: none for half of the motors. An assumption; unconfirmed.
 PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
 # A parameter that the data push against a physical bound costs as much as odds of 150 to 1.
 BOUND_PENALTY = 5.0
-# Three standard deviations are the analyser's specification; from here it is worth telling that more is needed.
+# In standard deviations, of which three are the analyser's specification: above this a finding says that larger errors are needed.
 ALLOWED_SIGMA = 4.0
 # A law with this many parameters can imitate another one.
 BENDING = 3
 # Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
 UNSURE = 2.0
-# A lead's resistance below a milliohm is none at all.
+# Parameters whose lower bound means zero (a lead below 1 mOhm): being at that bound costs nothing.
 _SOFT = frozenset({"resistance_ohm"})
 
 
@@ -66,19 +66,19 @@ class Candidate:
 
     @cached_property
     def done(self) -> bool:
-        """Whether nothing is left that another effect could describe: neither a discrepancy nor an analyser far beyond what is declared."""
+        """Whether nothing remains for another effect: neither an undescribed part nor analyser errors beyond `ALLOWED_SIGMA`."""
         return self.fit.marginal.nothing_left >= 0.5 and self.fit.analyser_sigma <= ALLOWED_SIGMA
 
     @property
     def leaves_nothing(self) -> bool:
-        """Whether no error remains, with values that are usual for motors."""
+        """Whether the model describes everything, with usual values."""
         return self.done and self.plausible and not self.unusual
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Parameters of the effects whose laws bend that lie beyond where most motors have them, by more than the data leave open.
+        """Parameters of flexible laws (`BENDING`) outside their usual range by more than their uncertainty.
 
-        Where something is left, the laws are not quite the motor's, and their values count as they are.
+        If an error remains undescribed, the laws are approximate and the uncertainty is ignored.
         """
         open_by = self.fit.sigma if self.fit.marginal.nothing_left >= 0.5 else None
         return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, open_by)
@@ -105,14 +105,14 @@ class Candidate:
 
 
 def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float], sigma: Mapping[str, float] | None = None) -> tuple[str, ...]:
-    """Parameters of effects whose laws bend (three parameters or more) that lie beyond where most motors have them.
+    """Parameters of laws with three or more parameters (`BENDING`) that are outside their usual range.
 
     Parameters
     ----------
     values : mapping
         In SI units.
     sigma : mapping, optional
-        Their standard deviations: two of them beyond are then needed.
+        Standard deviations; a value is then unusual only if it is two of them outside the range.
     """
     own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels]
     counts = Counter(p.name.rpartition(".")[0] for p in own)
@@ -130,7 +130,7 @@ def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:
 
 
 def candidate(fit: Fit, base: Fit) -> Candidate:
-    """A fit with effects on top of those of `base`, weighed."""
+    """The candidate for a fit with more effects than `base`, with its score."""
     added = fit.effects[len(base.effects) :]
     bounds = at_bounds(fit, added)
     score = fit.log_evidence + prior_of_set(base, len(added)) + prior_of_values(fit, added) - BOUND_PENALTY * len(bounds)
@@ -148,7 +148,7 @@ def prior_of_size(size: int, possible: int) -> float:
 
 
 def prior_of_values(fit: Fit, added: Sequence[str]) -> float:
-    """What is known of the values of effects and elements beyond their ranges, as a change of the log evidence."""
+    """Change of the log evidence by priors narrower than the parameter ranges."""
     labels = own_labels(fit.effects, added)
     gained = 0.0
     variances = np.diag(fit.covariance)
@@ -159,7 +159,7 @@ def prior_of_values(fit: Fit, added: Sequence[str]) -> float:
         if parameter.usual is not None and (label in labels or "." not in parameter.name):
             gained += _usual_size(fit, index, parameter, variances)
     effects = [find_effect(name).effect for name in added]
-    # What was found by a scan could have been at any of its places: all frequencies, or the values that are tried.
+    # A scanned parameter has a uniform prior over the values tried, or over all frequencies.
     scanned = [
         len(effect.tried.get(p.name, ())) or np.unique(fit.problem.observed.frequency_hz).size
         for effect in effects
@@ -184,7 +184,7 @@ def _simplest_form(fit: Fit, index: int, parameter: Parameter, variances: FloatA
 
 
 def _usual_size(fit: Fit, index: int, parameter: Parameter, variances: FloatArray) -> float:
-    """Half of the prior lies where most motors have it: an effect that fits only beside a rotor of 1 uF is none that most motors have."""
+    """Half of the prior is on the usual range: an effect that needs an element of unusual size, such as 1 uF to the rotor, becomes improbable."""
     assert parameter.usual is not None
     problem = fit.problem
     low, high = (problem.unknown(index, value) for value in parameter.usual)
@@ -222,7 +222,7 @@ def own_labels(effects: Sequence[str], added: Sequence[str]) -> set[str]:
 
 
 def possible_effects(fit: Fit) -> list[str]:
-    """Effects that could be the cause of what a fit leaves, given its sweeps."""
+    """Effects that could be missing from a fit, given its sweeps."""
     lowest = min(float(sweep.frequency_hz[0]) for sweep in fit.measurement.sweeps)
     return [name for name in identifiers() if _possible(fit, name, lowest) and seen_in(fit, name)]
 
@@ -235,6 +235,6 @@ def _possible(fit: Fit, name: str, lowest_hz: float) -> bool:
 
 
 def seen_in(fit: Fit, effect: str) -> frozenset[str]:
-    """Terminations of the sweeps in which an effect, added to a fit, would show."""
+    """Terminations of the sweeps in which an effect, added to a fit, is visible."""
     motor, label = find_effect(effect).added_to(fit.motor), find_effect(effect).label_in(fit.motor)
     return frozenset(t for t in fit.measurement.terminations if any(name.startswith(f"{label}.") for name in motor.used_parameters(t)))

@@ -30,7 +30,7 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, GLANCE, Judgement, judge
+from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, ONE_EFFECT, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.drawing import figure_of
@@ -57,24 +57,24 @@ Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument
 
 # Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
-# Serious findings that say why no model stands.
+# Serious findings for which the verdict is `data` if no model is accepted.
 ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
-# How often points that stand out are looked for, each time without those found before.
+# Number of searches for outliers, each without those found before.
 LOOKS = 3
 # Sets of effects that are listed.
 LISTED = 12
-# Shares of the longest diagnosis: where the search ends, and the one without points that only its best model sees.
+# Progress, as shares of the longest diagnosis, at the end of the search and of the second one without outliers.
 SEARCH, AGAIN = 0.6, 0.75
 
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """What a search found in reference sweeps, before anything else was looked at.
+    """Result of the search in the reference sweeps, without the other measurements.
 
     Parameters
     ----------
     fit : Fit
-        What it began with.
+        The fit from which the search started.
     declared : Declared
     """
 
@@ -89,22 +89,22 @@ class Diagnosis:
     Parameters
     ----------
     verdict : str
-        `adequate`, `missing-effect`, `family` (these data cannot tell its members apart), `instrument`, `data` (they contradict
+        `adequate`, `missing-effect`, `family` (these data do not distinguish its members), `instrument`, `data` (they contradict
         themselves) or `unexplained`.
     effects : tuple of str
         What to add, the best of each family.
     families : tuple of tuple of str
-        For each place where several would do: all of them, the best first.
+        For each named effect with alternatives: all of them, the best first.
     confidence : float
-        How often such an answer is true.
+        Probability that the answer is true.
     base, best : Fit
         Before, and with the named effects (for `unexplained`: with the best that was found).
     candidates : tuple of Candidate
-        Single effects on top of `base`, the likeliest first.
+        Single effects added to `base`, the most probable first.
     probabilities : dict
         Posterior of each effect, shared among the effects of a set.
     posterior : dict
-        Of each set of effects that was tried to its end.
+        Posterior of each set that was fitted on all points.
     steps : tuple of Fit
         From base to best, one effect at a time.
     where : tuple of dict
@@ -116,15 +116,15 @@ class Diagnosis:
     reasons : tuple of str
         The verdict in words.
     validation : dict
-        How much better `best` predicts left-out data than `base`, in nats: `bands` and `short_to_open`; empty where they are the same.
+        How much better `best` predicts left-out data than `base`, in nats: `bands` and `short_to_open`; empty if they are the same.
     left_over : Remainder, optional
-        Where nothing explains the data: what any causal model would reach, where the rest is, where to look.
+        If nothing explains the data: error of the best causal model, frequencies of the rest, elements to inspect.
     rivals : Rivals, optional
-        The explanations that stand, with what sweeps under conditions and single values taught (`rivals.taught`).
+        The remaining explanations, with the information of sweeps under conditions and single values (`rivals.taught`).
     question : Question, optional
-        What to measure next about them.
+        The next measurement to distinguish them.
     searched : Searched, optional
-        What the diagnosis rests on.
+        The search from which the diagnosis was made.
     """
 
     verdict: Verdict
@@ -221,7 +221,7 @@ class Diagnosis:
 
     @property
     def likeliest_sets(self) -> list[tuple[Key, float]]:
-        """Sets of effects and their probabilities, the likeliest first."""
+        """Sets of effects and their probabilities, the most probable first."""
         return sorted(self.posterior.items(), key=lambda pair: -pair[1])[:LISTED]
 
     def __repr__(self) -> str:
@@ -240,7 +240,7 @@ class Diagnosis:
         return f"<b>{html.escape(self.verdict)}</b> {html.escape('; '.join(self.said))}<table>{head}{rows}</table>"
 
     def plot(self) -> Figure:
-        """The candidates by evidence, those named and those not told apart marked."""
+        """The candidates by evidence; named effects and their families are marked."""
         return figure_of(self)
 
 
@@ -265,10 +265,10 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     fit : Fit
         The model to start from: the paper's circuit, or one with effects already.
     progress : callable, optional
-        Told what is being tried, how much is done, and of how much.
+        Called with a text, the work done and its total.
     map : callable, optional
-        Shares the work out: takes a function and the jobs, and gives the results in their order, as `Executor.map` does. By default processes
-        of its own, one for each core, where that is safe. The result does not depend on it.
+        Distributes the work: takes a function and the jobs, and returns the results in their order, as `Executor.map` does. By default processes
+        of its own, one for each core, if that is safe. The result does not depend on it.
 
     Returns
     -------
@@ -278,11 +278,11 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     with own_processes() if map is None else nullcontext(map) as each:
         if the_same_twice(fit.measurement) is not None:
             # No model will be accepted; single effects are still ranked for display.
-            return _informed(Searched(fit, Declared(judge(fit, progress, GLANCE, each))), fit.measurement, each)
+            return _informed(Searched(fit, Declared(judge(fit, progress, ONE_EFFECT, each))), fit.measurement, each)
         first = judge(fit, search, each=each)
         if not first.model.done or first.model.unusual:
-            # A point stands out only if nothing that motors have describes it together with the others: a resonance narrower than the distance of
-            # the points describes any single one.
+            # A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any
+            # single point.
             first = _without_outliers(fit, fit, again, each) or _without_outliers(fit, first.best.fit, again, each) or first
         return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0), each)), fit.measurement, each)
 
@@ -293,19 +293,20 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
     same = the_same_twice(searched.fit.measurement)
-    left = None if judgement.stands or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
+    left = None if judgement.accepted or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
-    """The judgement without single points that nothing smooth explains.
+    """The judgement without outliers.
 
-    None if the model sees no such points, if no model leaves nothing without them, or if the one that does describes them as well: what stood
-    out was then what the first model lacked.
+    None if there are none, if no model describes all other points, or if that model also describes the outliers: then the first model was
+    incomplete.
     """
     base, quiet = seen_by, fit.measurement
-    # A second look from the bare circuit finds what the worst points hid; from a model with effects it would see what the bare one lacks.
+    # From the base this is repeated, since the worst outliers hide others; from a model with effects it is not, since the refit of the base would
+    # mark what the base lacks.
     for _ in range(LOOKS if seen_by is fit else 1):
         points = outlying(base)
         if not points:
@@ -314,8 +315,8 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
         base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
     if quiet is fit.measurement:
         return None
-    found = judge(base, progress, GLANCE, each)
-    if not (found.stands and found.model.done):
+    found = judge(base, progress, ONE_EFFECT, each)
+    if not (found.accepted and found.model.done):
         return None
     model = found.model.fit
     everything = arrived_on_all(Task(model.motor, fit.measurement, model.bounds, model.held), [{**model.parameters, **model.nuisance}])
@@ -327,11 +328,11 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
     found = (
         of_the_noise(judgement.base)
         + of_the_resistance(fit.measurement)
-        + of_the_analyser(judgement.model.fit, judgement.stands)
+        + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
     )
-    found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.stands else judgement.closest).fit)
-    if judgement.stands and not judgement.named:
+    found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit)
+    if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:
         found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
@@ -341,17 +342,17 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
 def _concluded(
     judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement, same: Finding | None
 ) -> Diagnosis:
-    """The diagnosis that a judgement leads to; two sweeps that are the same contradict every one."""
+    """The diagnosis for a judgement; if both sweeps are the same one, the verdict is `data`."""
     question = next_question(rivals, measurement)
     base, belief = judgement.base, judgement.belief
     unknown = departs(rivals)
-    named = () if judgement.accurate or not judgement.stands or unknown else judgement.named
-    best = judgement.model if judgement.stands else judgement.closest
+    named = () if judgement.accurate or not judgement.accepted or unknown else judgement.named
+    best = judgement.model if judgement.accepted else judgement.closest
     families = tuple((name, *judgement.families[name])[:LARGEST_FAMILY] for name in named if judgement.families[name])
     verdict: Verdict
     if same is not None:
         verdict = "data"
-    elif unknown and judgement.stands:
+    elif unknown and judgement.accepted:
         verdict = "unexplained"
     else:
         verdict = _verdict(judgement, named, families, findings, left)
@@ -389,19 +390,19 @@ def _concluded(
 
 
 def closeness(one: Candidate) -> float:
-    """Where nothing is believed, the closest comes first; with values that few motors have, or at a bound, it has to be far closer."""
+    """Sort key if no model is accepted: the circuit's error, doubled for unusual values or a parameter at a bound."""
     return one.fit.rms_error_percent * (1 if one.plausible and not one.unusual else ALIKE)
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:
     serious = {finding.id for finding in findings if finding.serious}
-    if not judgement.stands:
+    if not judgement.accepted:
         about_data = left is not None and left.about_the_data
         return "data" if about_data or serious & ABOUT_THE_DATA else "unexplained"
     if not named:
         fit = judgement.model.fit
         strained = fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate
-        # Nor does a circuit describe anything of which only the analyser's errors are seen.
+        # Sweeps that determine no element show only the analyser's errors.
         return "instrument" if strained or "negative-resistance" in serious or shows_nothing(fit) else "adequate"
     groups = [{find_effect(name).effect.group for name in (effect, *judgement.families[effect])} for effect in named]
     if all(group == {"instrument"} for group in groups):
@@ -410,7 +411,7 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
 
 
 def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
-    """How often such an answer is true: what the posterior says of the names, times what goes wrong beyond it."""
+    """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if len(named) > 1:
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
@@ -422,8 +423,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("names beyond the specification")
     if named and any(finding.id == "not-as-declared" for finding in findings):
         kinds.append("names, not as declared")
-    if judgement.standing in ("mostly", "slight"):
-        kinds.append(judgement.standing)
+    if judgement.acceptance in ("mostly", "slight"):
+        kinds.append(judgement.acceptance)
     if verdict == "adequate" and hardly_seen(judgement.model.fit):
         kinds.append("adequate, hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
@@ -432,10 +433,10 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("adequate, a weak effect unnamed")
     if verdict == "instrument" and judgement.belief.named and not named:
         kinds.append("instrument, an effect unnamed")
-    # A fixture that nobody compensated is part of every model, so that it leaves doubt only where none stands.
+    # A fixture without compensation is part of every model, so this finding lowers the confidence only if no model is accepted.
     if any(finding.serious and (finding.id != "not-compensated" or verdict == "unexplained") for finding in findings):
         kinds.append("adequate, with a serious finding" if verdict == "adequate" else "with a serious finding")
-    # That nothing is missing is true as well where something is that no analyser would show: the posterior of none says too little of it.
+    # `adequate` is also true if what is missing is too weak to be seen, so the posterior of the empty set is not used.
     return min(RELIABLE[kind] for kind in kinds) * (judgement.probability if named else 1.0)
 
 
@@ -445,16 +446,16 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         tried = len(possible_effects(base))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
         left = closest.fit.unexplained_percent
-        less = ", more as a whole but less at some frequencies" if base.rms_error_percent <= base.floor_percent else ""
+        less = ", which is more than that over all points but less at some frequencies" if base.rms_error_percent <= base.floor_percent else ""
         missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %{less})"
         if judgement.described and judgement.distributed:
             pair = judgement.best.added
             imitation = next(text for name in (*pair, "dielectric-relaxation@Cf") if (text := find_effect(name).imitated_by))
-            return [f"{missing}; two relaxations describe it, {' and '.join(pair)}, and so would {imitation}, which the catalogue does not hold"]
+            return [f"{missing}; two relaxations describe it, {' and '.join(pair)}, and so would {imitation}, which is not in the catalogue"]
         if judgement.described and judgement.best.unusual:
             return [
-                f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with values that few motors have "
-                f"({', '.join(judgement.best.unusual)}): something that the catalogue does not hold is likelier",
+                f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with unusual values "
+                f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
             ]
         return [
             f"{missing} and none of {tried} effects, nor two of them together, explains it",
@@ -474,7 +475,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if verdict == "instrument":
         said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
-        said.append(f"{imitation}, which the catalogue does not hold, has nearly the same impedance: these sweeps do not tell it from {named[0]}")
+        same = "which is not in the catalogue, has nearly the same impedance: these sweeps do not distinguish it from"
+        said.append(f"{imitation}, {same} {named[0]}")
     if judgement.aside:
         further = best_of(judgement.aside.values())
         also = [name for name in further.added if name not in named]
@@ -482,14 +484,14 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"with {' and '.join(also)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its specification, without it "
             f"by {best.analyser_sigma / 3:.2g} times: these sweeps do not show whether that is missing too"
         )
-    said += [f"these sweeps cannot tell {', '.join(family[:-1])} and {family[-1]} apart" for family in families]
+    said += [f"these sweeps do not distinguish {', '.join(family[:-1])} and {family[-1]}" for family in families]
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
 
 
 def _modes_hint(closest: Candidate) -> list[str]:
-    """Where resonances are what is missing, they can be described without a cause."""
+    """If resonances are missing: the effect that describes them without a cause."""
     if not any("inductance-resonance" in find_effect(name).effect.seen_as for name in closest.added):
         return []
     return ["resonances are missing; as seen from the terminals they can be described without a cause: motoremi add SESSION winding-modes"]
@@ -499,7 +501,8 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     base = judgement.base
     if shows_nothing(base):
         return [
-            f"the analyser's own errors may be as large as what was measured (error {base.rms_error_percent:.2g} %): this says nothing of a motor"
+            f"the analyser's own errors may be as large as what was measured (error {base.rms_error_percent:.2g} %): the sweeps say nothing about "
+            "the motor"
         ]
     left = base.unexplained_percent["value"]
     rest = f"to {left:.2g} %, beyond noise and analyser" if left else "down to noise and analyser"
@@ -511,7 +514,7 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
         said.append(f"that is within the accuracy of {base.measurement.accuracy_percent:g} % that was stated for these data")
     elif judgement.belief.named:
         said.append(
-            f"{' and '.join(judgement.belief.named)} would describe what is left, too little to matter or what an analyser may do as well: "
+            f"{' and '.join(judgement.belief.named)} would describe the rest, which is too small to matter or may be the analyser's: "
             "state the accuracy that you need (--accuracy) if it matters"
         )
     else:

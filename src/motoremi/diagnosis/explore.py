@@ -1,9 +1,9 @@
 """The search over sets of effects, those of one size after the other.
 
 All sets of a size are compared (`Board.sets`). In the best of them one effect is then *swapped* for another, started from the
-solution so that a look-alike cannot lose by not converging; and one that was there before may be *dropped*. The search ends when nothing is
-left, when a further effect gains nothing, or at the largest size. What sets there are, and how likely a model is, the board says: motors and
-their sweeps (`motor_board`), or sources and their spectra (`emission.board`).
+solution so that a look-alike cannot lose by not converging; and one that was there before may be *dropped*. The search ends when everything is
+described, when a further effect gains nothing, or at the largest size. A `Board` supplies the models and their scores: of motors for
+sweeps (`motor_board`), of sources for spectra (`emission.board`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from motoremi.arrays import Progress
 from motoremi.progress import part
 
 Key = tuple[str, ...]
-# What comparing all sets of one size takes of its time, roughly; swapping takes the rest.
+# Rough share of the time that the comparison of one size takes, for the progress bar; swapping takes the rest.
 COMPARING = 0.7
 
 
@@ -34,7 +34,7 @@ class Model(Protocol):
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left that another effect could describe."""
+        """Whether nothing remains for another effect to describe."""
 
 
 M = TypeVar("M", bound=Model)
@@ -44,13 +44,13 @@ class Board(Protocol[M]):
     """The interface through which a search gets its models."""
 
     def sets(self, size: int, found: Mapping[Key, M], progress: Progress | None) -> Iterable[M]:
-        """Models with this many effects, given those with fewer; only those that may lead."""
+        """Models with this many effects, given those with fewer; only those near the best."""
 
     def swapped(self, model: M, effect: str) -> Iterable[M]:
-        """The model with others in the place of one of its effects, sought from its solution."""
+        """The model with others in the place of one of its effects, fitted from its solution."""
 
     def dropped(self, model: M, effect: str) -> M:
-        """The model without one of its effects, sought from its solution."""
+        """The model without one of its effects, fitted from its solution."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,12 @@ class Budget:
     Parameters
     ----------
     swapped : int
-        Models of one size in which effects are swapped. The second is for what ends within the gain of the first.
+        Number of models of one size in which effects are swapped. The second one is swapped only if its score is within `gain` of the first.
     swaps : tuple of int
-        How often at most each size is swapped before it stands still. There are no larger sets: more than two effects describe almost any
-        curve, right or wrong, and none such is named.
+        Largest number of rounds of swaps, for each size. Their count is the largest size: more than two effects describe almost any
+        curve, even if they are wrong, and are never named.
     gain : float
-        What a further effect, or a swap, must gain in log score: odds of 20 to 1.
+        Smallest gain in log score of a further effect or a swap: odds of 20 to 1.
     """
 
     swapped: int = 2
@@ -98,14 +98,14 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
         Nothing added.
     budget : Budget
     progress : callable, optional
-        Told what is being tried.
+        Called with a text, the work done and its total.
     """
     found: dict[Key, M] = {(): base}
     for size in range(1, budget.most_effects + 1):
         before = best_of(found.values())
         own = part(progress, (size - 1) / budget.most_effects, size / budget.most_effects)
         _take(found, board.sets(size, found, part(own, 0.0, COMPARING)))
-        # Where no further effect is worth having, neither is another in its place.
+        # If no further effect gains enough, swapping it cannot help.
         if best_of(found.values()).score - before.score < budget.gain:
             break
         _swap(board, found, size, budget, part(own, COMPARING, 1.0))
@@ -128,7 +128,7 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
         if not leaders or leaders[0].score < best + budget.gain:
             return
         best = leaders[0].score
-        # Beside one that leaves nothing, only its own look-alikes matter.
+        # If the best model describes everything, only its own effects are swapped.
         count = 1 if leaders[0].done else budget.swapped
         models = [model for model in leaders[:count] if key_of(model) not in swapped and model.score > best - budget.gain]
         for model in models:
@@ -141,7 +141,7 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
 
 
 def ranked(found: Mapping[Key, M], size: int) -> list[M]:
-    """The models of one size, the likeliest first."""
+    """The models of one size, the most probable first."""
     return sorted((model for key, model in found.items() if len(key) == size), key=lambda model: -model.score)
 
 

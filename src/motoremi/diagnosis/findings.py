@@ -16,13 +16,13 @@ from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.inspection.unexplained import Remainder
 from motoremi.quantities import show, show_band
 
-# Drift and correlated noise of so many times the white noise could pass for an effect.
+# Drift and correlated noise of so many times the white noise could be mistaken for an effect.
 COULD_PASS = 3.0
-# Standard deviations by which the fixture differs from none.
+# An element of the fixture is reported if it is this many standard deviations from zero.
 SEEN = 4.0
 # Standard deviations of noise and analyser by which a resistance is negative, and the share of the points at which it must be.
 NEGATIVE, OFTEN = 3.0, 0.02
-# What an analyser of which nothing is declared may err by in phase (0.6 degrees).
+# Phase error assumed for an analyser without specification, in rad.
 UNDECLARED = 0.01
 # A circuit that misses half of the points by more than this describes nothing.
 MISSED = 0.5
@@ -32,15 +32,15 @@ FEW_POINTS = 30
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that the data show.
+    """One property of the data.
 
     Parameters
     ----------
     id : str
-        As in the contract.
+        Identifier, as in the JSON of a diagnosis.
     why, remedy : str
     serious : bool
-        Whether the verdict would or could be another without it.
+        Whether it could change the verdict.
     sweep : str or None
     band_hz : tuple of float, or None
     """
@@ -109,7 +109,7 @@ def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> F
     )
 
 
-def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
+def of_the_analyser(fit: Fit, accepted: bool) -> list[Finding]:
     """The size of the analyser's errors relative to the specification, and the elements of an uncompensated fixture."""
     found = []
     sigma, analyser = fit.analyser_sigma, fit.measurement.analyser
@@ -117,8 +117,8 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
         found.append(
             Finding(
                 "beyond-specification",
-                f"this needs errors of {sigma / 3:.2g} times the specification of the {analyser.title}: is it one?",
-                f"repeat {analyser.standards} compensation, or declare the analyser that it was",
+                f"this needs errors of {sigma / 3:.2g} times the specification of the {analyser.title}: was it this analyser?",
+                f"repeat {analyser.standards} compensation, or name the right one (--analyser)",
                 sigma > BEYOND_SIGMA,
             )
         )
@@ -128,13 +128,13 @@ def of_the_analyser(fit: Fit, stands: bool) -> list[Finding]:
         if p.name.startswith("fixture ")
     }
     seen = {name: entry for name, entry in fixture.items() if abs(entry[0]) > SEEN * entry[1] and abs(entry[0]) > 0.05}
-    if fixture and (seen or not stands):
+    if fixture and (seen or not accepted):
         parts = ", ".join(f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in seen.items())
         found.append(
             Finding(
                 "not-compensated",
                 "the fixture behind the plane of calibration was not compensated; "
-                + (f"as far as these data tell it is {parts}" if seen else "these data do not tell what it is"),
+                + (f"these data give {parts}" if seen else "these data do not determine it"),
                 f"calibrate at the motor's terminals: {analyser.standards} on the fixture itself",
                 True,
             )
@@ -157,7 +157,7 @@ def of_the_resistance(measurement: Measurement) -> list[Finding]:
                 "negative-resistance",
                 f"the resistance is negative at {int(negative.sum())} of {negative.size} points of the {sweep.termination} sweep "
                 f"({show(float(resistance[worst]), 'Ohm')} at {show(float(sweep.frequency_hz[worst]), 'Hz')}), beyond noise and analyser: "
-                "nothing passive gives power back",
+                "a passive motor has none",
                 f"repeat {analyser.standards} calibration at the place where the motor is connected, and measure again",
                 True,
                 sweep.termination,
@@ -179,21 +179,21 @@ def of_the_declaration(declared: str, instead: Analyser, log_odds: float) -> Fin
 
 
 def of_the_sweeps(left: Remainder | None) -> list[Finding]:
-    """That the sweeps contradict each other, where it was in question."""
+    """The finding that the sweeps contradict each other, if that was checked."""
     if left is None or left.together is None or left.together.belong:
         return []
     return [Finding("sweeps-disagree", left.together.sentence, "repeat both sweeps in one go, at one temperature, on one connection", True)]
 
 
 def the_same_twice(measurement: Measurement) -> Finding | None:
-    """That the open-circuit sweep is the short-circuit sweep again, or the other way round."""
+    """The finding that both sweeps are one and the same."""
     twice = measured_twice(measurement.sweeps)
     if twice is None:
         return None
     connected = {"open": "free", "short": "connected"}[twice.wrong]
     return Finding(
         "sweeps-disagree",
-        f"the open-circuit and the short-circuit sweep are the same to {show(100 * twice.apart, '%', 2)} at nine points of ten: "
+        f"the open-circuit and the short-circuit sweep differ by at most {show(100 * twice.apart, '%', 2)} at 90 % of the points: "
         "one was measured twice",
         f"measure the {twice.wrong}-circuit sweep again, with the far end {connected}; if it stays the same, measure the other one too",
         True,
@@ -201,11 +201,11 @@ def the_same_twice(measurement: Measurement) -> Finding | None:
 
 
 def of_the_labels(measurement: Measurement) -> list[Finding]:
-    """Repeats that are the other termination's sweep."""
+    """Repeats measured with the wrong termination."""
     return [
         Finding(
             "not-as-asked",
-            f"{measurement.mislabelled.count(termination)} of the {termination}-circuit sweeps are the other termination's sweep again: not used",
+            f"{measurement.mislabelled.count(termination)} of the {termination}-circuit sweeps were measured with the other termination: not used",
             "check the far end of the winding before each sweep",
             False,
             termination,
@@ -215,21 +215,21 @@ def of_the_labels(measurement: Measurement) -> list[Finding]:
 
 
 def of_the_amount(fit: Fit, nearest: Fit) -> list[Finding]:
-    """Findings on data that are too few, or show no circuit: neither the one that was fitted nor `nearest`, the accepted or the closest one."""
+    """Findings on sweeps that have too few points, or that determine neither the fitted circuit nor `nearest` (the accepted or closest one)."""
     found = []
     for sweep in fit.measurement.sweeps:
         count = sweep.frequency_hz.size
         if count < FEW_POINTS:
-            why = f"the {sweep.termination} sweep has {count} points: too few to tell most effects apart"
+            why = f"the {sweep.termination} sweep has {count} points: too few to distinguish most effects"
             found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
     if shows_nothing(fit) and shows_nothing(nearest):
-        why = "these sweeps show no circuit: the analyser may err by as much as there is to see"
+        why = "these sweeps show no circuit: the analyser's errors may be as large as the measured values"
         found.append(Finding("too-little", why, "compensate at the motor's terminals, and check that the motor is connected", True))
     if len(fit.measurement.sweeps) == 1:
         missing = "open" if fit.measurement.terminations == ("short",) else "short"
         why = f"there is no {missing}-circuit sweep: an effect cannot be located"
         if fit.exchange is not None:
-            why += ", and winding's and frame's resonances may change places with the same curve"
+            why += ", and the resonances of winding and frame can be exchanged without a change of the curve"
         found.append(Finding("too-little", why, f"measure the {missing} sweep too", False))
     return found
 
@@ -241,7 +241,7 @@ def shows_nothing(fit: Fit) -> bool:
 
 
 def of_the_hardly_seen(model: Fit) -> list[Finding]:
-    """A finding on an accepted circuit that errs far more than noise and analyser would leave as a whole, by what the analyser may err by there."""
+    """The finding that an accepted circuit errs far beyond the floor, at frequencies where the analyser is insensitive."""
     if not hardly_seen(model):
         return []
     allowed, measurement = SPECIFIED_SIGMA * model.floor_percent / 100, model.measurement
@@ -253,7 +253,7 @@ def of_the_hardly_seen(model: Fit) -> list[Finding]:
     missed, may_err = (100 * float(np.median(values[there])) for values in (errors[sweep.termination], floor))
     why = (
         f"in the {sweep.termination} sweep at {show_band(*band)} the circuit errs by {missed:.2g} % where the analyser may err by {may_err:.2g} %: "
-        "these data do not tell whether it is right there"
+        "these data do not show whether it is right there"
     )
     remedy = "measure that band with shorter leads, or with an analyser that is made for such impedances"
     if measurement.analyser.by_waves:
@@ -262,7 +262,7 @@ def of_the_hardly_seen(model: Fit) -> list[Finding]:
 
 
 def hardly_seen(fit: Fit) -> bool:
-    """Whether a circuit errs beyond the specification as a whole though little is undescribed: what it misses, the analyser hardly sees."""
+    """Whether the circuit's error exceeds the specification although little is undescribed: it errs where the analyser is insensitive."""
     beyond = fit.rms_error_percent > SPECIFIED_SIGMA * fit.floor_percent
     return beyond and not fit.measurement.analyser.ideal and fit.unexplained_percent["value"] < fit.floor_percent
 

@@ -15,18 +15,18 @@ from motoremi.diagnosis.judgement import Judgement, decided, distributed
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
 from motoremi.investigation.rivals import Rivals, rivals_of, update
 
-# An explanation at which an investigation stops stands alone.
-STANDS = ODDS / (1 + ODDS)
-# Of the finding that a sweep or value is none of what was asked for.
+# Probability from which one explanation counts as the only one left (the odds at which an investigation stops).
+ONLY_ONE_LEFT = ODDS / (1 + ODDS)
+# Identifier of the finding that a sweep or value is not what was requested.
 NOT_AS_ASKED = "not-as-asked"
-# How often the truth is none of the models found, by what the leading one leaves. As `belief.RELIABLE` has it for such answers.
+# Prior that the truth is outside the catalogue, by how far the most probable model is accepted; from `belief.RELIABLE` of such answers.
 OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.25, "not": NONE_DESCRIBES}
 
 
 def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> Rivals:
-    """The explanations that a judgement leaves standing, with what the measurement holds beside the reference sweeps.
+    """The explanations that remain, updated by sweeps under conditions and single values.
 
-    Sets that describe almost any curve are no explanations of their own: what they describe is what the catalogue does not hold.
+    Sets that describe almost any curve (three effects, two relaxations at one place) count as outside the catalogue.
     """
     scores = _scores(judgement)
     credible = {key: (one.fit, scores[key]) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
@@ -34,56 +34,56 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
-    outside = max(OUTSIDE[judgement.standing], 1 - RELIABLE["unusual values"] if judgement.named and judgement.model.unusual else 0.0)
+    outside = max(OUTSIDE[judgement.acceptance], 1 - RELIABLE["unusual values"] if judgement.named and judgement.model.unusual else 0.0)
     start = rivals_of(credible, outside, 1 - RELIABLE["imitated"])
     return update(start, measurement or judgement.base.measurement)
 
 
 def _scores(judgement: Judgement) -> dict[Key, float]:
-    """Log scores of all sets that were found, before anything else is measured.
+    """Log scores of all sets that were found, from the reference sweeps alone.
 
-    Where the reference sweeps do not show whether the analyser errs or an effect is missing, both are equally likely.
+    If the reference sweeps do not show whether the analyser errs or an effect is missing, both are equally likely.
     """
     scores = {key: one.score for key, one in judgement.found.items()}
     return scores | {(): judgement.best.score} if judgement.undecided else scores
 
 
 def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
-    """The judgement with updated scores; unchanged if nothing was measured since."""
+    """The judgement with updated scores; unchanged if there are no further measurements."""
     if not rivals.taught:
         return judgement
     weighed = {one.key: one.log_weight for one in rivals.members if not one.outside}
     own = [key for key in weighed if key in judgement.found]
     scores = _scores(judgement)
     best = max(scores[key] for key in own)
-    # What was too unlikely to be weighed keeps its distance from the one that gained most.
+    # Sets too improbable to be updated keep their distance in score from the one that gained most.
     most = max(weighed[key] + best - scores[key] for key in own)
     found = {
         key: dataclasses.replace(one, score=best + weighed[key] if key in weighed else scores[key] + most) for key, one in judgement.found.items()
     }
-    # Several explanations of as many effects that cannot be told apart are proven together: one of them it is.
+    # If explanations with equally many effects reach `ONLY_ONE_LEFT` only together, one of them is true: they are a family.
     size, probabilities = len(rivals.likeliest.key), rivals.probabilities
-    proven = sum(probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= STANDS
+    proven = sum(probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= ONLY_ONE_LEFT
     if proven:
         found |= {key: dataclasses.replace(one, score=best + weighed[key]) for key, one in judgement.aside.items() if key in weighed}
-    return decided(judgement.base, found, STANDS, proven)
+    return decided(judgement.base, found, ONLY_ONE_LEFT, proven)
 
 
 def departs(rivals: Rivals) -> bool:
-    """Whether what was measured since is none of what any explanation of the catalogue predicts."""
+    """Whether the further measurements contradict every explanation of the catalogue."""
     return bool(rivals.taught) and rivals.outside > 0.5
 
 
 def confidence_of(rivals: Rivals, probability: float, verdict: str, before: float) -> float:
-    """How often such an answer, of this probability among what was found, is true.
+    """Probability that an answer is true, from the probability of its set among those that were found.
 
-    Once more was measured, what the catalogue does not hold has its probability from there.
+    After further measurements, the probability of an effect outside the catalogue is the updated one.
     """
     if not rivals.taught:
         return before
     if verdict == "unexplained":
         return max(rivals.outside, before) if departs(rivals) else before
-    # A serious finding, or a model that is pushed to a bound, is as serious as before.
+    # Serious findings and parameters at a bound reduce the confidence by the same factor as before.
     return min(before / max(probability, 1e-9), 1 - rivals.outside) * probability
 
 
@@ -103,7 +103,7 @@ def of_the_operator(rivals: Rivals) -> list[Finding]:
     return [
         Finding(
             NOT_AS_ASKED,
-            f"{one.says}; it is weighed as either" if one.used else f"{one.says}; it is not used",
+            f"{one.says}; both possibilities are taken into account" if one.used else f"{one.says}; it is not used",
             "make sure that it was done" if one.used else "repeat that measurement, or append it under the condition that it was taken in",
             False,
         )

@@ -1,4 +1,4 @@
-"""What the search found for one set of sweeps, taken for those of one analyser, and what is believed of it."""
+"""The models found for one set of sweeps and one assumed analyser, and the decision from them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Belief, Standing, agreeing, believe, in_place_of, stands
+from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Acceptance, Belief, acceptance_of, agreeing, believe, in_place_of
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
@@ -22,18 +22,17 @@ from motoremi.workers import Map
 
 BUDGET = Budget()
 # A search for one effect.
-GLANCE = Budget(swaps=(0,))
-# Sets of one size that are refitted on all points beside the likeliest where none is enough: what the decision may fall back on.
+ONE_EFFECT = Budget(swaps=(0,))
+# Number of further sets of one size that are refitted on all points if none describes everything, as alternatives for the decision.
 FURTHER = 4
-# What a named effect must leave at most of what was left, or of how far the analyser's errors had to go where that was too far. Odds of e^60 need
-# no halving; below them what lies beyond the catalogue's ranges may be meant, and leads that differ between the sweeps are likelier than
-# a part of the motor of their size.
+# Largest shares of the undescribed part and of the analyser's error that a named effect may leave. With odds above e^60 the first is not required;
+# with smaller odds the second is not sufficient: the cause may be outside the catalogue's ranges, such as leads that differ between the sweeps.
 HALF, RELIEF = 0.5, 0.6
 CLEAR_GAIN = 60.0
-# Enough for an effect that leaves nothing, with values that motors have. The best effect that no motor hid gained at most 6 in 45 sets of sweeps
-# of healthy motors outside the protocol (seed 881177), and another one's for the drift of a motor's capacitance 21.
+# Log odds that suffice for an effect that describes everything with usual values. In 45 sets of sweeps of motors without a hidden effect, outside
+# the protocol (seed 881177), a wrong effect gained at most 6, and one in place of a capacitance that drifted 21.
 ENOUGH_GAIN = 25.0
-# An error is small beside the analyser's only as far as that is below this: no working analyser errs by more at impedances that it is made for.
+# Largest analyser error, in percent, with which an error is compared: no working analyser errs by more where it is meant to be used.
 MOST_ERRING_PERCENT = 10.0
 # Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
@@ -44,7 +43,7 @@ RELAXING = (frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """All models that were found, and what they let one believe. Immutable.
+    """All models that were found, and the decision from them. Immutable.
 
     Parameters
     ----------
@@ -53,13 +52,12 @@ class Judgement:
         Candidate of each set of effects.
     belief : Belief
     none_named : bool
-        Whether the base is to stand without what could be added, since no such model stands and the base errs within the specification.
+        Whether no effect is named because no model with effects is accepted and the base's error is within the specification.
     proven : bool
-        Whether measurements beside the sweeps speak for the likeliest model, or for it and others that cannot be told from it: it is then named,
-        however little the sweeps alone show of it.
+        Whether further measurements confirm the most probable model, alone or with others that they cannot distinguish: it is then named even if
+        the sweeps alone show little of it.
     aside : dict
-        Likelier models with one more effect that are not believed, since all that it does is to bring the analyser back towards its
-        specification: an investigation weighs them as well.
+        More probable models whose additional effect only reduces the analyser's error: not named, but considered by an investigation.
     """
 
     base: Fit
@@ -71,7 +69,7 @@ class Judgement:
 
     @cached_property
     def best(self) -> Candidate:
-        """The likeliest model of as many effects as are needed, without those that only take strain off the analyser, and that by no clear odds."""
+        """The most probable model, without effects that only reduce the analyser's error, unless by clear odds."""
         best = self.found[tuple(sorted(self.belief.named))] if self.belief.named else best_of(self.found.values())
         while len(best.added) > 1 and not self.proven:
             fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
@@ -84,12 +82,12 @@ class Judgement:
 
     @cached_property
     def named(self) -> Effects:
-        """The named effects: those of the likeliest model, if they matter."""
+        """The named effects: those of the most probable model, if they matter."""
         return self.best.added if self.belief.named and (self._matters or self.proven) and not self.none_named else ()
 
     @property
     def _matters(self) -> bool:
-        """Whether the likeliest model differs enough from the base to matter to a user."""
+        """Whether the most probable model differs enough from the base to matter to a user."""
         base = self.found[()]
         return self._describes or _comes_closer(base, self.best) or _relieves(base, self.best)
 
@@ -98,19 +96,19 @@ class Judgement:
         """Whether it describes the error that the base leaves, and that error is large enough for an effect to be named."""
         before, by_waves = self.base, self.base.measurement.analyser.by_waves
         enough = self.gain > ENOUGH_GAIN and self.best.leaves_nothing
-        # The wide errors of a network analyser can take up all that an effect does, and the odds against that say how unlikely it is.
+        # The large errors of a network analyser can describe all that an effect does, so nothing may remain without it; then the odds decide.
         if before.marginal.nothing_left >= 0.5:
             return enough and by_waves
-        # A network analyser sees best at its reference resistance: an error that is small there may be large elsewhere.
+        # A network analyser is most sensitive at its reference resistance: an error that is small there may be large elsewhere.
         left = before.unexplained_percent["value"]
         seen = left > before.measurement.good_enough_percent or by_waves
-        # Where little is left beside what the analyser may err by, half of it may be the fine structure of the analyser's errors.
-        halved = stands(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
+        # If little remains compared with the analyser's error, halving it proves nothing: half may be fine structure of that error.
+        halved = acceptance_of(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
 
     @property
     def undecided(self) -> bool:
-        """Whether effects are likelier than none and not named, since an analyser may do as well what they describe."""
+        """Whether an effect is more probable than none but not named, because analyser errors describe the same."""
         return bool(self.belief.named) and not self.named and not self.accurate
 
     @cached_property
@@ -119,49 +117,51 @@ class Judgement:
         return self.best if self.named else self.found[()]
 
     @cached_property
-    def standing(self) -> Standing:
+    def acceptance(self) -> Acceptance:
         """Whether its remaining error is small enough to accept it."""
-        standing = stands(self.base, self.model.fit)
+        found = acceptance_of(self.base, self.model.fit)
         bends = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
-        # With values that few motors have a law only bends to the curve, if others come as close or much is left; one with a family is told
-        # with it.
+        # An effect with unusual values is not accepted if others come as close or much remains; if it has a family, the family is named.
         poorly = bends and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
         if (poorly and not any(self.belief.families.values())) or self._only_strains:
             return "not"
-        # What removes most of an error and still leaves more than an impedance analyser could do is not all that is missing.
-        if standing == "mostly" and self.strains:
+        # If most of the error is described but the rest exceeds what an impedance analyser can cause, more is missing.
+        if found == "mostly" and self.strains:
             return "not"
         if len(self.model.added) < MOST_NAMES:
-            return standing
-        return standing if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
+            return found
+        return found if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
 
     @property
     def _only_strains(self) -> bool:
-        """Whether the likeliest circuit errs more than the base, and an analyser far beyond its specification takes that up."""
+        """Whether the circuit errs more than the base's and the difference is described by analyser errors far beyond the specification."""
         fit = self.model.fit
         return fit.analyser_sigma > BEYOND_SIGMA and fit.rms_error_percent > self.base.rms_error_percent
 
     @property
     def strains(self) -> bool:
-        """Whether the accepted model needs errors far beyond the specification of an impedance analyser: more is missing, or it is not that one.
+        """Whether the accepted model needs errors far beyond an impedance analyser's specification: more is missing, or another analyser was used.
 
-        What a network analyser's connection does is less well known: on real cores that needed more than three times its specification the name
-        was right.
+        Network analysers are exempt, since errors of their connection are less known: on real cores the right effect needed three times the
+        specification.
         """
         analyser = self.model.fit.measurement.analyser
         return analyser.named and not analyser.by_waves and self.model.fit.analyser_sigma > BEYOND_SIGMA
 
     @property
     def leaves_something(self) -> bool:
-        """Whether something is left beyond noise and analyser, and beyond a stated accuracy."""
+        """Whether an error remains beyond noise and analyser, and beyond a stated accuracy."""
         return self.model.fit.marginal.nothing_left < 0.5 and not accurate(self.model.fit)
 
     @property
     def _pair_is_credible(self) -> bool:
-        """Whether two effects, which bend to almost anything, leave nothing or what analyser or owner allow, with values that motors have."""
+        """Whether a pair is acceptable.
+
+        Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow, with usual values.
+        """
         fit = self.model.fit
-        # The errors of an analyser that nobody named are known by their size alone: what is small beside them may be theirs. Not so what is
-        # small beside the scatter of a sweep of few points only.
+        # Of an unnamed analyser only the size of the errors is known, so an error much smaller than these may be its own. The scatter of short
+        # sweeps does not count as such an error.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
         allowed = fit.within_specification if fit.measurement.analyser.named else slight
@@ -170,18 +170,18 @@ class Judgement:
 
     @property
     def distributed(self) -> bool:
-        """Whether the likeliest model is of two relaxations at one place: so is any one part whose resistance is distributed."""
+        """Whether the most probable model is two relaxations at one place: a part whose resistance is distributed has the same impedance."""
         return distributed(self.best.added)
 
     @property
     def described(self) -> bool:
-        """Whether one or two effects leave nothing, believed or not: then neither analyser nor sweeps are in question."""
+        """Whether one or two effects describe everything, accepted or not: other analysers and contradictory sweeps are then not considered."""
         return self.best.done and len(self.best.added) <= MOST_NAMES
 
     @property
-    def stands(self) -> bool:
+    def accepted(self) -> bool:
         """Whether any model is accepted."""
-        return self.standing != "not"
+        return self.acceptance != "not"
 
     @property
     def accurate(self) -> bool:
@@ -190,23 +190,23 @@ class Judgement:
 
     @cached_property
     def closest(self) -> Candidate:
-        """The one whose circuit errs least: what to show where none stands, since there the likeliest may lean on the analyser's errors."""
+        """The model whose circuit errs least, shown if none is accepted, because the most probable one may need large analyser errors."""
         return min(self.found.values(), key=lambda one: one.fit.rms_error_percent)
 
     @property
     def gain(self) -> float:
-        """Log odds of the likeliest model against the base."""
+        """Log odds of the most probable model against the base."""
         return self.best.score - self.found[()].score
 
     @property
     def of_singles(self) -> Judgement | None:
-        """The judgement without larger sets, where one effect describes most by itself; None elsewhere.
+        """The judgement without larger sets, if one effect describes most by itself; None otherwise.
 
-        It is one of the likeliest set; or its circuit errs no more than that set's, with values that motors have about as little: what the set
-        describes beyond it is then a small rest; or no other single effect comes near it.
+        It is in the most probable set; or its circuit errs at most as much (with usual values: less than twice as much), so that the set adds
+        little; or no other single effect comes near it.
         """
         under = self.among({key: one for key, one in self.found.items() if len(key) <= 1})
-        if not under.named or not under.stands or self.distributed:
+        if not under.named or not under.accepted or self.distributed:
             return None
         alike = 1.0 if under.model.unusual else ALIKE
         closer = under.model.fit.rms_error_percent <= alike * self.best.fit.rms_error_percent
@@ -214,17 +214,17 @@ class Judgement:
 
     @property
     def _unrivalled(self) -> bool:
-        """Whether every other model of as many effects is clearly less likely and errs by a multiple."""
+        """Whether every other model with as many effects is clearly less probable and errs more than twice as much."""
         own = self.model
         others = [one for one in self.found.values() if len(one.added) == len(own.added) and one is not own]
         return all(own.score - one.score > CLEAR_GAIN and one.fit.rms_error_percent > ALIKE * own.fit.rms_error_percent for one in others)
 
     @property
     def of_closest(self) -> Judgement | None:
-        """The judgement among the single effects that come closest, where the likeliest does not; None where none of those stands.
+        """The judgement among the single effects that come closest, if the most probable one does not; None if none of those is accepted.
 
-        Where every single effect leaves more than a per cent, the laws are not quite the motor's. The likeliest may then only let the analyser
-        take up more, and what removes most of the circuit's own error, with values that motors have, tells more.
+        If every single effect leaves more than a per cent, the laws are approximate. The most probable effect may only allow larger analyser
+        errors; the one with usual values that reduces the circuit's error most is better evidence.
         """
         singles = {key: one for key, one in self.found.items() if len(key) == 1}
         close = {key: one for key, one in singles.items() if one.plausible and not one.unusual}
@@ -236,11 +236,11 @@ class Judgement:
         least = min(one.fit.rms_error_percent for one in close.values())
         close = {key: one for key, one in close.items() if one.fit.rms_error_percent <= ALIKE * least}
         closest = self.among({key: one for key, one in self.found.items() if not key or key in close})
-        return closest if likeliest not in close.values() and closest.named and closest.stands else None
+        return closest if likeliest not in close.values() and closest.named and closest.accepted else None
 
     @property
     def of_singles_as_good(self) -> Judgement | None:
-        """The same where the likeliest is a pair that leaves something too, and is not much likelier than that one effect; None elsewhere."""
+        """`of_singles`, if the most probable set is a pair that leaves an error too and is not much more probable; None otherwise."""
         if len(self.named) < MOST_NAMES or not self.leaves_something:
             return None
         single = self.of_singles
@@ -252,10 +252,10 @@ class Judgement:
 
     @cached_property
     def families(self) -> Mapping[str, Key]:
-        """For each effect of the likeliest model, the others that would do in its place.
+        """For each effect of the accepted model, the others that could replace it.
 
-        Where a model describes most and not all, its laws are not quite the motor's and likelihood ratios mean little: others whose circuit
-        errs about as much are not told from it.
+        If a model describes most and not all, its laws are approximate and likelihood ratios mean little: effects whose circuit errs about as
+        much are its family.
         """
         if self.model.fit.marginal.nothing_left >= 0.5:
             return self.belief.families
@@ -268,24 +268,24 @@ class Judgement:
 
     @property
     def of_accurate(self) -> Judgement | None:
-        """The judgement among the single effects that reach the accuracy that was stated, where one does; None elsewhere.
+        """The judgement among the single effects that reach the stated accuracy, if one does; None otherwise.
 
-        What a second effect, or a likelier one that misses the accuracy, does to the rest is then of no interest to the owner of the data.
+        A second effect, or a more probable one that misses the accuracy, is then not needed.
         """
         enough = {key: one for key, one in self.found.items() if not key or (len(key) == 1 and accurate(one.fit))}
         if len(enough) == 1 or self.best.done:
             return None
         single = self.among(enough)
-        return single if single.named and single.stands else None
+        return single if single.named and single.accepted else None
 
     def _as_close(self, effect: str) -> Mapping[str, Candidate]:
-        """Models with another effect in the place of one of the likeliest, by its name, whose circuit errs about as little."""
+        """Models with another effect in the place of one of the accepted model's, by its name, whose circuit errs about as little."""
         limit = ALIKE * self.model.fit.rms_error_percent
         rivals = {name: self.found[key] for name, key in in_place_of(effect, self.model.added, self.found).items()}
         return {name: one for name, one in rivals.items() if one.fit.rms_error_percent <= limit}
 
     def _alike(self, effect: str) -> Key:
-        """Effects in whose place one of the likeliest model does as well, a pair with values that motors have; the likeliest first."""
+        """Effects that do about as well in the place of one of the accepted model's, in a pair only with usual values; the most probable first."""
         limit = ALIKE * self.model.fit.unexplained_percent["value"]
         rivals = self._as_close(effect)
         alike = [
@@ -297,15 +297,15 @@ class Judgement:
 
     @property
     def of_none(self) -> Judgement | None:
-        """The judgement that the base does, where what it leaves may be the analyser's; None elsewhere."""
+        """The judgement that no effect is missing, if the rest may be the analyser's error; None otherwise."""
         base = self.base
-        # At most points the analyser may err by as much as is left.
+        # Median over the points of what the analyser may err by.
         typical_percent = 100 * float(np.median(np.concatenate(base.measurement.floors)))
-        slight = stands(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
+        slight = acceptance_of(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
         return dataclasses.replace(self, none_named=True) if base.within_specification or slight else None
 
     def rivals(self) -> list[Fit]:
-        """The fits that these data cannot tell from the believed one, it first; empty where there are none."""
+        """The accepted fit and those that these data do not distinguish from it; empty if there are none."""
         fits = [self.model.fit]
         for effect in dict.fromkeys(self.model.added):
             rest = list(self.model.added)
@@ -350,7 +350,7 @@ def _enough(one: Candidate) -> bool:
 
 
 def _leaves_less(before: Candidate, after: Candidate) -> bool:
-    """Whether it describes some of what is left: what only lets the analyser take up more describes nothing.
+    """Whether the undescribed part is reduced: an effect that only allows larger analyser errors describes nothing.
 
     Far from its reference resistance a network analyser multiplies the fine structure of its errors, so that a second effect needs clear odds.
     """
@@ -365,7 +365,10 @@ def _comes_closer(before: Candidate, after: Candidate) -> bool:
 
 
 def _relieves(before: Candidate, after: Candidate) -> bool:
-    """Whether the analyser has to err much less. Of one of its own errors either that or clear odds are enough, of a part of the motor not."""
+    """Whether the analyser's error becomes much smaller.
+
+    For an effect of the analyser this or clear odds suffice; an effect of the motor needs both.
+    """
     relieved = before.fit.analyser_sigma > ALLOWED_SIGMA and after.fit.analyser_sigma <= RELIEF * before.fit.analyser_sigma
     gain = after.score - before.score
     clear = gain > CLEAR_GAIN or (gain > ENOUGH_GAIN and after.leaves_nothing)
@@ -378,19 +381,19 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
 
 
 def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, each: Map = map) -> Judgement:
-    """Search what is missing from a fit, and decide."""
-    # Of a circuit that is good enough, effects are shown and none is named.
-    spent = GLANCE if accurate(base) else budget
+    """Search for the effects that are missing from a fit, and decide."""
+    # For a circuit within the stated accuracy, effects are shown and none is named.
+    spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
     return decided(base, explore(board, board.start(), spent, progress))
 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:
-    """What the models that were found let one believe of a fit; `together` as in `belief.believe`, `proven` as in `Judgement`."""
+    """The decision from the models that were found; `together` as in `belief.believe`, `proven` as in `Judgement`."""
     judgement = _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
     needed = len(judgement.best.added)
     if needed < len(judgement.belief.named):
-        # What the larger set has more only strains the analyser: the likeliest of those without it may be another.
+        # The further effects of the larger set only reduce the analyser's error; without them another set may be the most probable.
         fewer = judgement.among({key: one for key, one in judgement.found.items() if len(key) <= needed})
         larger = {key: one for key, one in judgement.found.items() if len(key) > needed}
         aside = {key: one for key, one in larger.items() if one.leaves_nothing and one.score > fewer.best.score}
@@ -401,15 +404,15 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
         return enough
     if (single := judgement.of_singles_as_good) is not None:
         return single
-    # What the further effects of a larger set describe is a small rest: it stays undescribed, and the one that does most is named.
-    return judgement if judgement.stands else judgement.of_singles or judgement.of_none or judgement.of_closest or judgement
+    # If a larger set is not accepted and its further effects add little, the effect that does most is named and the rest stays undescribed.
+    return judgement if judgement.accepted else judgement.of_singles or judgement.of_none or judgement.of_closest or judgement
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
-    """The judgement among the sets with values that motors have, where the likeliest has others, and one of them does as well.
+    """The judgement among the sets with usual values, if the most probable set has unusual ones and one of the others does as well.
 
-    Where something is left the laws are not quite the motor's, so that likelihood ratios mean little, and values decide. Two effects that leave
-    nothing are not believed with such values; two others that leave nothing either are, unless the odds against them are clear.
+    If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A pair that describes everything
+    with unusual values is replaced by one that does so with usual values, unless the odds against it are clear.
     """
     likeliest = judgement.model
     leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
@@ -422,6 +425,6 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
             alike = other.model.done and likeliest.score - other.model.score <= ENOUGH_GAIN
         else:
             alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
-        if other.named and other.stands and alike:
+        if other.named and other.accepted and alike:
             return other
     return judgement

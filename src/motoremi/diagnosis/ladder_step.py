@@ -18,13 +18,13 @@ from motoremi.quantities import show
 # A change is reported if it exceeds this factor and this number of standard deviations of the later value.
 TOLD_FACTOR = 1.2
 TOLD_SIGMA = 5.0
-# Log evidence, prior of its values included, that an effect must bring to be needed: odds of 50 to 1.
+# Smallest gain in log evidence (with the prior of its values) for which an effect is needed: odds of 50 to 1.
 LEAST_GAIN = 4.0
-# More modes than this describe noise, or a winding that should be measured in parts.
+# Largest number of modes that are added: more would describe noise.
 MOST_MORE = 15
-# So many that lower the error by too little may lead to one that does.
+# The search for further modes goes on after this many that lower the error too little.
 PATIENCE = 2
-# What neighbouring errors have in common at most: some forty points are then worth one.
+# Largest correlation of neighbouring errors: about forty points then count as one.
 MOST_SHARED = 0.95
 # A resistance is back at its DC value within this share: copper changes by 0.4 % per kelvin, contacts by a little more.
 AT_DC = 0.1
@@ -74,8 +74,8 @@ class LadderStep:
         """Remarks on this step."""
         said = [note for change in self.changes if (note := self._reported(change))]
         for effect in self.unneeded:
-            alone = "the data do not ask for it" if effect == self.added else "it has lost its support: without it the data are described as well"
-            said.append(f"{effect} is unneeded: {alone}")
+            without = "the data are described as well without it"
+            said.append(f"{effect} is {'not needed' if effect == self.added else 'no longer needed'}: {without}")
         return tuple(said)
 
     def _reported(self, change: JsonDict) -> str | None:
@@ -90,11 +90,11 @@ class LadderStep:
             return moved
         dc = self.dc_resistance_ohm
         if dc is not None and abs(after / dc - 1) < max(AT_DC, 3 * self.fit.sigma["Ra"] / dc):
-            return f"{moved}: back at its DC value ({show(dc, 'Ohm')}); what it carried beyond that were the losses of {self.added}"
+            return f"{moved}: back at its DC value ({show(dc, 'Ohm')}); before, it included the losses of {self.added}"
         if dc is not None:
             return f"{moved}; its DC value is {show(dc, 'Ohm')}"
         if after < before:
-            return f"{moved}: it no longer has to carry the losses of {self.added}; hold it against a DC measurement"
+            return f"{moved}: it no longer includes the losses of {self.added}; compare it with a DC measurement"
         return moved
 
     def to_dict(self) -> JsonDict:
@@ -110,7 +110,7 @@ class LadderStep:
 
 
 def ladder_step(before: Fit | None, fit: Fit, dc_resistance_ohm: float | None = None) -> LadderStep:
-    """A step of the ladder, each effect in it tried without.
+    """A step of the ladder; the fit is repeated without each of its effects.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def ladder_step(before: Fit | None, fit: Fit, dc_resistance_ohm: float | None = 
 
 
 def accumulates(effect: str) -> bool:
-    """Whether adding an effect adds as many of it as lower the error: it only describes, and a motor may have several."""
+    """Whether an effect is added as often as it lowers the error: it only describes, and a motor may have several."""
     entry = find_effect(effect).effect
     return entry.describes and entry.repeatable
 
@@ -133,11 +133,11 @@ def accumulates(effect: str) -> bool:
 def further(fit: Fit, effect: str, progress: Progress | None = None) -> Iterator[list[Fit]]:
     """More of a repeatable effect that only describes, in portions that each lower the circuit's own error by more than chance would.
 
-    Of any other effect there is nothing more.
+    Nothing for any other effect.
 
-    Evidence is no guide here: as long as resonances are missing, what is left is far larger than noise and far from smooth. The measure is the
-    information criterion of Schwarz (BIC) of the relative error, over as many values as are independent of their neighbours. A portion may hold
-    several: of two neighbouring modes neither is worth much alone.
+    Evidence cannot be used here: as long as resonances are missing, the error is far larger than noise and far from smooth. The measure is the
+    Bayesian information criterion (BIC) of the relative error, over the number of independent values. A portion may contain several effects:
+    of two neighbouring modes neither gains much alone.
     """
     if not accumulates(effect):
         return
@@ -164,13 +164,13 @@ def _worth_more(fit: Fit, before: Fit) -> bool:
 
 
 def _independent(fit: Fit) -> float:
-    """How many real values of the relative error are worth, given the correlation of neighbours (that of an autoregressive series)."""
+    """Number of independent real values of the relative error, given the correlation of neighbours (that of an autoregressive series)."""
     values = 0.0
     for error in fit.errors().values():
         along = float(np.vdot(error[1:], error[:-1]).real / np.vdot(error, error).real)
         shared = min(max(along, 0.0), MOST_SHARED)
         values += 2 * np.size(error) * (1 - shared) / (1 + shared)
-    # Of fewer the logarithm would reward a parameter.
+    # With fewer values BIC would reward parameters.
     return max(values, 2.0)
 
 
@@ -181,5 +181,5 @@ def _supported(effect: str, before: Fit | None, fit: Fit) -> bool:
 
 
 def _weight(fit: Fit) -> float:
-    """Log evidence of a model, with what is known beforehand of the values of its elements and effects."""
+    """Log evidence of a model, with the prior of the values of its elements and effects."""
     return fit.log_evidence + prior_of_values(fit, fit.effects)

@@ -1,4 +1,4 @@
-"""Models of a motor as the search over sets of effects sees them: raced on thinned grids, the leaders refitted on all points."""
+"""Models of a motor for the search over sets of effects: compared on few points, the best refitted on all."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ class MotorBoard:
     ----------
     base : Fit
     each : callable
-        As the built-in `map`: by it models are worked on.
+        Like the built-in `map`; computes the models.
     further : int
-        Of the sets of one size, how many that are not near the best are refitted on all points where none leaves nothing.
+        If no set of one size describes everything: number of further sets with usual values that are refitted on all points.
     """
 
     def __init__(self, base: Fit, each: Map = map, further: int = 0) -> None:
         self._base, self._each, self._further = base, each, further
-        # Of all races, which have their points in common, by number of effects.
+        # Best result of all races, by number of effects; they use the same points.
         self._best: dict[int, Best] = {}
         self._alone: Mapping[str, Trail] = {}
         self._reached: Mapping[str, Standing] = {}
@@ -62,7 +62,7 @@ class MotorBoard:
         return candidate(self._base, self._base)
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
-        """All single effects, or all pairs of them; those that stay near the best, and the next with values that motors have."""
+        """Of all single effects, or all pairs of them, those near the best, and the next ones with usual values."""
         if size == 1:
             self._alone = {name: trail_to(self._base, name) for name in possible_effects(self._base)}
             trails: Mapping[Key, Trail] = {(name,): trail for name, trail in self._alone.items()}
@@ -77,18 +77,18 @@ class MotorBoard:
         leading = self._near_best(size, solutions)
         near = self._refitted(trails, leading)
         others = {key: solution for key, solution in solutions.items() if key not in leading}
-        # One effect more is never less likely than none more: those in false valleys then looked better on few points.
+        # A further effect cannot be less probable than none: the leaders are then in wrong minima, and the others are fitted too.
         if max((one.fit.log_evidence for one in near), default=-inf) < max(one.fit.log_evidence for one in found.values()):
             return near + self._refitted(trails, others)
         if any(one.done for one in near):
             return near
-        # Where something is left, laws are not quite the motor's, and the decision asks which values motors have.
+        # If an error remains, the decision also uses the values, so sets with usual values are refitted too.
         usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
         return near + self._refitted(trails, {key: others[key] for key in usual[: self._further]})
 
     @staticmethod
     def _beside_the_best(found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
-        """Each effect beside the best single one, if that leaves little: only the likelihood tells such pairs apart, not points of equal weight."""
+        """Each effect with the best single one, if that leaves little: the likelihood must compare such pairs, not points of equal weight."""
         best = best_of(one for key, one in found.items() if len(key) == 1)
         trails = {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
         return {pair: trail for pair, trail in trails.items() if trail.by_likelihood}
@@ -99,7 +99,7 @@ class MotorBoard:
         return bool(unusual_values(motor, labels, solution.values))
 
     def _leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
-        """Pairs of effects from where they have got to: those that lead all others, not too many with one effect in common."""
+        """The best pairs with their current values as start values; few of them share an effect."""
         fitted = {key[0]: one.fit for key, one in found.items() if len(key) == 1}
         pairs = Pairs(self._base, self._alone, self._reached, fitted, self._each)
         trails = pairs.at_a_glance()
@@ -115,7 +115,10 @@ class MotorBoard:
         return {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in chosen[: ARRIVING.arriving]}
 
     def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
-        """Those that show where the effect does in its place; itself as well, since beside the others it may belong in another valley."""
+        """The model with each effect that is visible in the same sweeps instead of this one.
+
+        Also with this one from new start values, since its local minimum may be a wrong one.
+        """
         under = self._without(model.fit, effect)
         place = seen_in(under, effect)
         names = [name for name in possible_effects(under) if seen_in(under, name) == place]
@@ -123,7 +126,7 @@ class MotorBoard:
         trails = {name: trail_to(under, name) if name == effect else trail_to(under, name, near=near, rival=model.fit) for name in names}
         alike = {name: trail for name, trail in trails.items() if name == effect or _alike(name, effect)}
         others = {name: trail for name, trail in trails.items() if name not in alike}
-        # What may pass for the effect must arrive: only the likelihood tells them apart.
+        # Look-alikes are fitted to the end: only the likelihood distinguishes them.
         solutions = [race(alike, LOOK_ALIKE, list(alike), each=self._each).solutions, race(others, LOOK_NEAR, each=self._each).solutions]
         return [one for group in solutions for one in self._refitted(trails, self._near_best(len(model.added), group))]
 
@@ -146,7 +149,7 @@ class MotorBoard:
         return [candidate(fit, self._base) for fit in self._each(on_all_points, jobs)]
 
     def _without(self, fit: Fit, effect: str) -> Fit:
-        """A fit's values with an effect taken out of the model, not refitted: where to look from, and as much left as in the base."""
+        """A fit without one of its effects, not refitted, as start values; error sizes are those of the base."""
         task = task_without(fit, effect)
         names = {parameter.name for parameter in task.motor.parameters}
         return dataclasses.replace(
@@ -171,6 +174,6 @@ def _likeliest_orders(raced: Iterable[Mapping[Key, Solution]]) -> dict[Key, Solu
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two effects are the same, are it at two places, or are known to look alike: then neither may be left out for a poor first look."""
+    """Whether two effects are the same, are it at two places, or are known to look alike: such effects are not dropped after a poor first round."""
     effect, rival = find_effect(one).effect, find_effect(other).effect
     return effect is rival or bool({one, effect.name} & set(rival.look_alikes) or {other, rival.name} & set(effect.look_alikes))

@@ -11,17 +11,18 @@ from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
 from motoremi.interrupts import checkpoint
 
-# Chi-squared of two degrees of freedom of one point given the others: by chance once in three million.
+# Limit of the chi-squared of one point given the others (2 degrees of freedom): exceeded by chance once in three million.
 FAR_OFF = 30.0
-# More than so many beside each other are no single points: a narrow resonance is as narrow as that.
+# Longest run of neighbouring outliers; a longer one may be a narrow resonance.
 BESIDE = 3
 
 
 def outlying(fit: Fit) -> dict[str, BoolArray]:
-    """Points far off what noise, analyser, discrepancy and all other points allow, by termination; empty where none or too many are.
+    """Points too far from their prediction by all others, by termination; empty if there are none or too many.
 
-    With K the inverse covariance, a residual given all others has the variance 1 / K_ii and lies (K r)_i / K_ii off (Rasmussen and
-    Williams, 2006, eq. 5.12). The worst is left out first, since it draws what is expected of its neighbours with it.
+    With K the inverse covariance (of noise, analyser and discrepancy), a residual given all others has the variance 1 / K_ii and lies
+    (K r)_i / K_ii off (Rasmussen and Williams, 2006, eq. 5.12). The worst is left out first, because it also shifts the prediction of its
+    neighbours.
     """
     problem = fit.weighed
     far = _farthest(problem.whitening.directions(fit.sizes.discrepancy), problem.residual(fit.unknowns) * problem.observed.weight)

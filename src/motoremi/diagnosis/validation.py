@@ -1,7 +1,7 @@
 """Block cross-validation: how well a model predicts parts of the data that it was not fitted to, without refitting.
 
 All that is Gaussian is marginalised: noise, analyser, discrepancy, and the parameters within the linear model round the solution. With P
-the inverse covariance of the residuals r then, what a block's neighbours do not predict of it is (P_bb)^-1 (P r)_b, and its covariance is
+the inverse covariance of the residuals r then, the prediction error of a left-out block is (P_bb)^-1 (P r)_b, and its covariance is
 (P_bb)^-1 (Sundararajan and Keerthi, Neural Computation 13, 2001). Blocks rather than points, since neighbours in frequency predict each
 other whatever the model.
 """
@@ -17,9 +17,9 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.fitting.result import Fit
 
 BLOCKS = 8
-# What is left of a direction that the left-out block alone determines: rounding.
+# Smallest eigenvalue used; that of a direction which only the block determines is zero but for rounding.
 LEAST = 1e-12
-# Of the largest eigenvalue: what is smaller is rounding.
+# Eigenvalues below this share of the largest are rounding errors.
 ROUNDING = 1e-15
 
 
@@ -68,14 +68,14 @@ def inverse_covariance(fit: Fit) -> tuple[FloatArray, FloatArray]:
     def less_smooth(weighted: ComplexArray) -> ComplexArray:
         return weighted - (weighted @ directions.conj()) @ directions.T
 
-    # A parameter that only the left-out data determine is spread over its range.
+    # A flat prior counts with the variance of its range, for parameters that only the left-out data determine.
     spread = np.where(problem.precision == 0, 12 / (problem.high - problem.low) ** 2, 0.0)
     root = _root_of_inverse(here.matrix + np.diag(spread))
     raw = here.slopes * here.chain[:, None]
     slopes = less_smooth(raw)
     by_parameters = np.concatenate([slopes.real, slopes.imag], axis=1).T @ root
     smooth = np.block([[directions.real, -directions.imag], [directions.imag, directions.real]])
-    # A solution of least relative error is not the likeliest: what is left is that of the linear model at its minimum.
+    # A solution of least relative error is not at the maximum of the likelihood; the residual is taken at the linear model's maximum.
     step = root @ (root.T @ here.gradient)
     pulled = less_smooth(here.deviation - step @ raw)
     return np.concatenate([pulled.real, pulled.imag]), np.concatenate([smooth, by_parameters], axis=1)

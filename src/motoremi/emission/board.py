@@ -17,7 +17,7 @@ from motoremi.emission.spectrum_problem import Problem
 from motoremi.progress import part
 
 # Penalty in log evidence for a model with a parameter at the bound of its range: odds of 20 to 1.
-BOUND_PENALTY = 3.0
+AT_BOUND_PENALTY = 3.0
 # Number of starts that are optimised fully: of the first effect, where there are several minima; of a further effect; and of an effect in place
 # of its look-alike, which begins near the solution.
 _FROM_AFAR, _BESIDE, _FROM_NEAR = 3, 2, 1
@@ -33,7 +33,7 @@ class Candidate:
         In the order in which they were added.
     fit : EmissionFit
     score : float
-        Log of evidence times prior, with `BOUND_PENALTY`; comparable among models of the same spectra only.
+        Log of evidence times prior, with `AT_BOUND_PENALTY`; comparable among models of the same spectra only.
     """
 
     added: tuple[str, ...]
@@ -47,7 +47,10 @@ class Candidate:
 
     @property
     def done(self) -> bool:
-        """Always False: chi2 cannot end the search, since the ripple absorbs errors. One effect improved a model of chi2 0.65 by 1800 log units."""
+        """Always False: the ripple also fits errors of the model, so a small chi2 does not show that nothing is missing.
+
+        At chi2 0.65 an effect still gained 1800 log units.
+        """
         return False
 
 
@@ -77,7 +80,7 @@ class SpectrumBoard:
         return self._weighed(self._base)
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> Iterator[Candidate]:
-        """The likeliest models of one effect less, each with every possible effect added."""
+        """The most probable models of one effect less, each with every possible effect added."""
         beam = self._beam(found, size - 1)
         for place, model in enumerate(beam):
             yield from self._added(model, part(progress, place / len(beam), (place + 1) / len(beam)))
@@ -118,7 +121,7 @@ class SpectrumBoard:
     def _weighed(self, fit: EmissionFit) -> Candidate:
         added = fit.effects[len(self._base.effects) :]
         prior = prior_of_size(len(added), len(self._possible))
-        return Candidate(added, fit, fit.log_evidence - BOUND_PENALTY * bool(fit.at_bound) + prior)
+        return Candidate(added, fit, fit.log_evidence - AT_BOUND_PENALTY * bool(fit.at_bound) + prior)
 
 
 def fit_base(

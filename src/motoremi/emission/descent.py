@@ -14,7 +14,8 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 
-# Converged when both the actual and the predicted decrease of the cost in a step are below this share of it (it is some hundred log units).
+# Converged when both the actual and the predicted decrease of the cost in a step are below this share of the cost, which is
+# some hundred log units.
 _LEAST_GAIN = 1e-4
 # Damping relative to the diagonal of the Gauss-Newton matrix: at the start, the smallest, and the largest, with which no step lowers the cost.
 _FIRST, _LEAST, _MOST = 1e-2, 1e-7, 1e8

@@ -35,8 +35,9 @@ GOOD_CHI2 = 3.0
 # An effect that removes this share of the squared error, with this lead in log evidence, is named even if it does not explain everything.
 MOST_OF_IT, FAR_AHEAD = 0.8, 100.0
 # Lower bounds of how often each kind of answer is true, for errors that the posterior does not include. On the two seeds with which the method
-# was developed, 68 cases without an effect were all answered rightly, and 196 of 202 effects were named: 68 of 74 and 196 of 202 if the six
-# others were all missed, or all named wrongly. Those seeds have no cases for the other two, which are as for motors (`diagnosis.belief`).
+# was developed, 68 cases without an effect were all answered correctly, and 196 of 202 effects were named: 68 of 74 if the six effects
+# that were not named all got `adequate`, 196 of 202 if they were all named wrongly. Those seeds have no `mostly` and no `unexplained`; these two
+# values are those of motors (`diagnosis.belief`).
 RELIABLE: Mapping[str, float] = {"adequate": 0.92, "named": 0.97, "mostly": 0.75, "unexplained": 0.85}
 _MOTOR_OFF = {"id": "motor-off", "why": "scan with the motor off, to see which levels do not come from the motor"}
 _WINDOWS_HZ = ((150e3, 500e3), (500e3, 1.5e6), (1.5e6, 5e6), (5e6, 12e6), (12e6, 20e6), (20e6, 30e6))

@@ -24,7 +24,7 @@ LISN_TOLERANCE = 0.20
 
 @dataclass(frozen=True)
 class Lisn:
-    """An artificial network with the receiver connected.
+    """A LISN with the receiver connected.
 
     Parameters
     ----------

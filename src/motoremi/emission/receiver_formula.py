@@ -34,7 +34,7 @@ FIELDS: Mapping[Detector, str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class Background:
     """What the receiver reads without the commutation.
 
     Parameters
@@ -43,7 +43,7 @@ class Standing:
         Of lines: a chopper, stations.
     noise : Readings
     ground : Readings
-        Of both.
+        Lines and noise together.
     """
 
     steady: Readings | None
@@ -51,7 +51,7 @@ class Standing:
     ground: Readings
 
     @classmethod
-    def of(cls, steady: Readings | None, noise: Readings) -> Standing:
+    def of(cls, steady: Readings | None, noise: Readings) -> Background:
         """Lines in noise."""
         if steady is None:
             return cls(None, noise, noise)
@@ -135,16 +135,16 @@ class Receiver:
         """
         if noise is None:
             noise = self.noise(np.full(frequency_hz.shape, self.floor_dbuv))
-        standing = Standing.of(self.steady(source, frequency_hz, transfer, lines, weigh), noise)
-        return self.read_over(standing, source, frequency_hz, transfer, weigh)
+        background = Background.of(self.steady(source, frequency_hz, transfer, lines, weigh), noise)
+        return self.read_over(background, source, frequency_hz, transfer, weigh)
 
     def read_over(
-        self, standing: Standing, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, weigh: bool = True
+        self, background: Background, source: Source, frequency_hz: FloatArray, transfer: ComplexArray, weigh: bool = True
     ) -> dict[Detector, FloatArray]:
         """Levels in dBuV of all detectors, as `read` gives them, from what does not depend on the speed of the motor."""
-        ground = standing.ground
+        ground = background.ground
         if source.step_v or source.arc is not None:
-            ground = self._with_events(standing, source, frequency_hz, np.abs(transfer), weigh)
+            ground = self._with_events(background, source, frequency_hz, np.abs(transfer), weigh)
         wanted = {detector: name for detector, name in FIELDS.items() if weigh or detector != "quasi-peak"}
         return {detector: 20 * np.log10(getattr(ground, name) / 1e-6) for detector, name in wanted.items()}
 
@@ -174,8 +174,8 @@ class Receiver:
             both = Readings(*(np.hypot(getattr(both, name), getattr(part, name)) for name in dict.fromkeys(FIELDS.values())))
         return both
 
-    def _with_events(self, standing: Standing, source: Source, frequency_hz: FloatArray, gain: FloatArray, weigh: bool) -> Readings:
-        ground, steady, noise = standing.ground, standing.steady, standing.noise
+    def _with_events(self, background: Background, source: Source, frequency_hz: FloatArray, gain: FloatArray, weigh: bool) -> Readings:
+        ground, steady, noise = background.ground, background.steady, background.noise
         coming = source.repetition_hz * (1 - source.missing_share)
         density = np.abs(source.density(frequency_hz)) * gain
         events = read_events(frequency_hz, density, source.repetition_hz, self.band, source.jitter_s, source.missing_share, weigh)

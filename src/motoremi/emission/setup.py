@@ -19,7 +19,7 @@ from motoremi.emission.band import BAND_B, BANDS, Band
 from motoremi.emission.commutation import Commutation, commutation_time
 from motoremi.emission.path import LISN_50UH, Cable, Path, find_lisn
 from motoremi.emission.reading import Readings
-from motoremi.emission.receiver_formula import Receiver, Standing
+from motoremi.emission.receiver_formula import Background, Receiver
 from motoremi.emission.source import Source, repetition_hz
 from motoremi.emission.stations import Station, read_stations
 from motoremi.errors import BadInput
@@ -171,19 +171,19 @@ class LevelModel:
         self._frequency_hz, self._motor_ohm, self._weigh = frequency_hz, motor_ohm, weigh
         self._transfer = lru_cache(REMEMBERED)(self._new_transfer)
         self._steady = lru_cache(REMEMBERED)(self._new_steady)
-        self._standing = lru_cache(REMEMBERED)(self._new_standing)
+        self._background = lru_cache(REMEMBERED)(self._new_background)
 
     def levels(self, setup: Setup) -> dict[Detector, FloatArray]:
         """Levels in dBuV of all detectors."""
         source = setup.source
-        standing = self._standing(replace(setup, source=Source(chopper=source.chopper, high_pass=source.high_pass)))
-        return setup.receiver.read_over(standing, source, self._frequency_hz, self._transfer(setup.path), self._weigh)
+        background = self._background(replace(setup, source=Source(chopper=source.chopper, high_pass=source.high_pass)))
+        return setup.receiver.read_over(background, source, self._frequency_hz, self._transfer(setup.path), self._weigh)
 
     def _new_transfer(self, path: Path) -> ComplexArray:
         return path.transfer(self._frequency_hz, self._motor_ohm)
 
-    def _new_standing(self, setup: Setup) -> Standing:
-        return Standing.of(self._steady(setup.receiver, setup.source, setup.path, setup.stations), setup.noise(self._frequency_hz))
+    def _new_background(self, setup: Setup) -> Background:
+        return Background.of(self._steady(setup.receiver, setup.source, setup.path, setup.stations), setup.noise(self._frequency_hz))
 
     def _new_steady(self, receiver: Receiver, source: Source, path: Path, stations: tuple[Station, ...]) -> Readings | None:
         lines = read_stations(self._frequency_hz, stations, receiver.band) if stations else None

@@ -117,7 +117,11 @@ EFFECTS: tuple[SourceEffect, ...] = (
         "step that settles exponentially; minimum arc voltage and rise time: textbook values",
         tuple({"voltage_v": 15.0, "rise_s": rise, "spread": 0.12} for rise in (1.2e-8, 4e-8, 1.5e-7)),
         _arc,
-        ("other-current", "scan again at half and at twice the current: an arc sets in at a threshold, a smooth commutation follows the current"),
+        (
+            "other-current",
+            "scan again at half and at twice the current: an arc starts at a threshold; the step of a smooth commutation is proportional to the "
+            "current",
+        ),
     ),
     SourceEffect(
         "commutation-jitter", "source", "irregular commutation: missing and scattered events (brush bounce)",
@@ -170,20 +174,20 @@ EFFECTS: tuple[SourceEffect, ...] = (
         ("motor-off", "scan with the motor off: the background stays, everything else vanishes"),
     ),
     SourceEffect(
-        "lisn-deviation", "path", "artificial network beyond its tolerance",
+        "lisn-deviation", "path", "LISN beyond its tolerance",
         "choke of 50 uH times inductance_factor",
-        (Parameter("inductance_factor", "", 0.08, 12.0, "from a shorted choke to a wrong network"),),
+        (Parameter("inductance_factor", "", 0.08, 12.0, "from a shorted choke to a wrong LISN"),),
         "inductance_factor -> 1",
         "smooth tilt below 1 MHz, the same on all detectors and at all loads",
         ("cable-resonance",),
-        "the network's impedance against ground measured with the impedance analyser, or the other network",
+        "the LISN's impedance against ground measured with the impedance analyser, or another LISN",
         "circuit and tolerance of 20 %: CISPR 16-1-2 from memory, not checked against the standard",
         ({"inductance_factor": 0.3}, {"inductance_factor": 3.0}),
         _lisn,
-        ("lisn-impedance", "measure the network's impedance against ground, 150 kHz to 30 MHz, with the receiver connected"),
+        ("lisn-impedance", "measure the LISN's impedance against ground, 150 kHz to 30 MHz, with the receiver connected"),
     ),
     SourceEffect(
-        "cable-resonance", "path", "the cable between motor and networks is a line",
+        "cable-resonance", "path", "the cable between motor and LISNs is a transmission line",
         "Z_in = Zc (Z_L + j Zc tan(beta l))/(Zc + j Z_L tan(beta l)), v = 2e8 m/s",
         (
             Parameter("length_m", "m", 0.2, 40.0, "from a test table to a long hall"),

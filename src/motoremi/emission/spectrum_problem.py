@@ -28,7 +28,7 @@ _DETUNING = 0.004
 
 BASE: tuple[tuple[Parameter, float | None], ...] = (
     (Parameter("step_v", "V", 0.05, 4.0, "drop of a carbon brush, below the least voltage of an arc"), None),
-    (Parameter("rise_s", "s", 5e-8, 5e-6, "a segment leaves the brush"), None),
+    (Parameter("rise_s", "s", 5e-8, 5e-6, "time in which a segment leaves the brush"), None),
     (Parameter("floor_dbuv", "dBuV", -30.0, 12.0, "of the receiver, average; expected from noise figure and attenuator", scale="linear"), 8.0),
     (Parameter("offset_db", "dB", -4.0, 4.0, "error of the receiver", scale="linear"), 0.8),
     (Parameter("speed_factor", "", 0.9, 1.1, "true speed over the stated one"), 0.015),

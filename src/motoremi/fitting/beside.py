@@ -1,6 +1,6 @@
-"""Where the search for two effects begins: each effect beside each other one, from what the race of single effects has reached.
+"""Start values of the search for two effects: each effect with each other one, from the values that the race of single effects has reached.
 
-An effect that does only a part of what is missing is far from the best by itself, so all pairs take part, whatever their effects do alone.
+An effect that describes only a part of the error is far from the best by itself, so all pairs take part, whatever their effects describe alone.
 """
 
 from __future__ import annotations
@@ -19,29 +19,28 @@ from motoremi.threads import one_blas_thread
 from motoremi.workers import Map
 
 Pair = tuple[str, ...]
-# Of up to a hundred start values of one effect beside another so many take part in the first look, those with the least objective as they are; more
-# where a winding resonates, since a sharp resonance makes many valleys: with five, a true line was 25th of the 35 pairs that have one, with twenty
-# the first.
+# Number of the start values of a pair (up to a hundred) in the first round, those with the smallest objective; more if a winding resonates, since
+# a sharp resonance has many local minima: with five, a true line was 25th of the 35 pairs that have one, with twenty the first.
 GLANCED, GLANCED_RESONATING = 5, 20
 # Points a sweep on which they are compared.
 POINTS = 40
 
 
 class Pairs:
-    """The model with each two effects.
+    """The models with two effects.
 
     Parameters
     ----------
     base : Fit
         Nothing added.
     alone : mapping
-        Where the search for each effect by itself began.
+        Start values of each single effect.
     reached : mapping
-        Where its race has got to.
+        Its last state in the race.
     fitted : mapping
-        Those that were fitted on all points, maybe from elsewhere.
+        Those that were fitted on all points, possibly from other start values.
     each : callable
-        As the built-in `map`.
+        Like the built-in `map`.
     """
 
     def __init__(self, base: Fit, alone: Mapping[str, Trail], reached: Mapping[str, Standing], fitted: Mapping[str, Fit], each: Map = map) -> None:
@@ -55,7 +54,7 @@ class Pairs:
         return {pair: trail for one, other in combinations_with_replacement(self._with, 2) for pair, trail in _joined(found, one, other)}
 
     def in_full(self, reached: Mapping[Pair, Standing]) -> dict[Pair, Trail]:
-        """Some pairs with all their start values, and with those that a first look has reached."""
+        """Some pairs with all their start values, and with the values that the first rounds have reached."""
         seconds = {one: tuple({pair[1 - at] for pair in reached for at in (0, 1) if pair[at] == one}) for one in self._with}
         found = self._trails({one: others for one, others in seconds.items() if others}, at_a_glance=False)
         whole = {pair: trail for first, second in reached for pair, trail in _joined(found, first, second)}
@@ -65,25 +64,25 @@ class Pairs:
         }
 
     def _trails(self, seconds: Mapping[str, Sequence[str]], at_a_glance: bool) -> dict[str, dict[str, Trail]]:
-        """By one effect and another, the trail to the other beside the one."""
-        # A number of parts takes a search of its own for each value: at a glance it is the one that the effect has by itself.
+        """By first and second effect, the model with both and start values for adding the second."""
+        # A number of parts takes a search of its own for each value: in the first round it is the one that the effect has by itself.
         held = {name: trail.task.held for name, trail in self._alone.items()} if at_a_glance else {}
         jobs = [(self._with[one], {name: held.get(name, {}) for name in others}, at_a_glance) for one, others in seconds.items()]
         return dict(zip(seconds, self._each(_begun, jobs), strict=True))
 
 
 def _joined(found: Mapping[str, Mapping[str, Trail]], one: str, other: str) -> Iterator[tuple[Pair, Trail]]:
-    """The trail to a pair, from either effect; none if they exclude each other."""
+    """The pair with the start values from either order of adding; none if the effects exclude each other."""
     pairs = {pair: found[pair[0]][pair[1]] for pair in {(one, other): None, (other, one): None} if pair[1] in found[pair[0]]}
     if pairs:
-        # A part that does not vary is chosen for what the model before leaves, so its effect comes last.
+        # A parameter that is not varied is chosen from the error of the model before, so its effect comes last.
         last = max(pairs, key=lambda pair: any(not parameter.vary for parameter in find_effect(pair[1]).effect.parameters))
         starts = [start for trail in pairs.values() for start in trail.starts]
         yield last, dataclasses.replace(pairs[last], starts=starts, group=len(starts))
 
 
 def _with(base: Fit, trail: Trail, reached: Standing, fitted: Fit | None) -> Fit:
-    """The base with an effect where the search has left it, as far as start values of another one are read from it."""
+    """The base with an effect at the values that the race has reached, to compute start values of a second effect."""
     names = {parameter.name for parameter in trail.task.motor.parameters}
     of_race = [{name: value for name, value in start.items() if name in names} for start in reached.starts[:2]]
     nuisance = {name: value for name, value in reached.starts[0].items() if name not in names}
@@ -102,7 +101,7 @@ def _with(base: Fit, trail: Trail, reached: Standing, fitted: Fit | None) -> Fit
 
 @one_blas_thread
 def _begun(job: tuple[Fit, Mapping[str, Mapping[str, float]], bool]) -> dict[str, Trail]:
-    """Each effect that can be added to one, with all its start values, or for a glance the best of them."""
+    """Each effect that can be added to one, with all its start values, or for the first round the best of them."""
     fit, held, at_a_glance = job
     trails = {name: trail_to(fit, name, own) for name, own in held.items() if find_effect(name).fits(fit.motor)}
     return {name: _best_begun(trail) for name, trail in trails.items()} if at_a_glance else trails

@@ -1,7 +1,7 @@
 """The open-circuit sweep alone: the resonances of winding and frame can be exchanged without a change of the curve.
 
 With C = Cr + Cf and p = Cr / C the frame is a capacitance C in series with a parallel resonance of p^2 Rr, p^2 Lr and Cf / p: the same
-circuit as the winding's. So the two may change places, and the curve is the same to the last digit. The short-circuit sweep distinguishes them.
+circuit as the winding's. So the two can be exchanged without any change of the curve. The short-circuit sweep distinguishes them.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from motoremi.fitting.problem import Problem
 
 ELEMENTS = ("Ra", "La", "Ca", "Rr", "Lr", "Cr", "Cf")
-# Twice the log of the odds up to which the other assignment is believed possible: 20 to 1.
+# Twice the log of the odds up to which the other assignment is possible: 20 to 1.
 AS_GOOD = 2 * float(np.log(20.0))
-# What an effect of the model makes of the other assignment is found in a few steps, or it is no solution.
+# Steps of the refit of the other assignment with the model's effects; if more are needed, it is no solution.
 STEPS = 25
 EXCHANGEABLE = (
-    "the two resonances of the open-circuit sweep may change places, winding's for frame's, with the same curve: what depends on it is not "
+    "the resonances of winding and frame can be exchanged without a change of the open-circuit sweep: parameters that depend on it are not "
     "determined; measure the short-circuit sweep"
 )
 

@@ -187,9 +187,9 @@ def _by_the_paper(task: Task, seed: int) -> Fit:
     outcome = paper_colony(search, np.random.default_rng(seed))
     values = search.named(outcome.u)
     likelihood = task.likelihood()
-    told = marginal(likelihood, likelihood.vector(values))
+    found = marginal(likelihood, likelihood.vector(values))
     whole = likelihood.named(likelihood.vector(values))
-    solution = Solution(whole, told.likeliest, told, outcome.converged, outcome.evaluations)
+    solution = Solution(whole, found.likeliest, found, outcome.converged, outcome.evaluations)
     result = summarise(task, Found(solution, outcome.history, values), "paper", seed)
     remark = (
         f"the paper's colony met its stop rule (deviation {outcome.deviation:.3g} <= 0.1)"
@@ -240,13 +240,13 @@ def trail_to(
     else:
         bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9)
         if before.effects or before.sizes.discrepancy < PLAIN:
-            # With effects, the search's best and the likelihood's may lie in different valleys. Where little is left, the analyser's errors
-            # hold part of what is sought: without them a start would be far above the fit without the effect.
+            # With effects, the search's best and the likelihood's may be different local minima. If little is undescribed, the analyser's errors
+            # describe part of the effect: without them a start would be far above the fit without the effect.
             bases.append({**own, **before.parameters, **before.nuisance})
     if before.likeliest_parameters:
         bases.append({**own, **before.likeliest_parameters})
     if before.exchange is not None:
-        # An effect tells which resonance is the winding's: it fits beside the right one only.
+        # An effect distinguishes the two assignments: it fits with the right one only.
         bases += [{**base, **exchanged(base)} for base in bases]
     starts = [with_start(base, start, label) for start in tried for base in bases]
     parts = {
@@ -261,9 +261,7 @@ def _checked_parts(name: str, value: float, before: Fit) -> float:
     """The number of parts that the user holds; refused if these data cannot determine as many."""
     most = most_parts(before.measurement)
     if not value == round(value) or not 1 <= value <= most:
-        raise BadInput(
-            f"{name} = {value:g}: hold a whole number from 1 to {most:g}; each adds a resonance, which takes {POINTS_EACH} points to tell"
-        )
+        raise BadInput(f"{name} = {value:g}: hold a whole number from 1 to {most:g}; each adds a resonance, which needs {POINTS_EACH} points")
     return value
 
 
@@ -344,7 +342,7 @@ def refit_with(
     limits: Mapping[str, tuple[float, float]] | None = None,
     thorough: bool = True,
 ) -> Fit:
-    """Add an effect to a fitted motor and fit again; where that would be worse, the effect is held where it vanishes."""
+    """Add an effect to a fitted motor and fit again; if that would be worse, the effect is held at the values at which it vanishes."""
     added = find_effect(effect).effect
     shown = _shown(before, added.hides)
     fitted = _hidden(_with_effect(shown, effect, held, limits, thorough), added.hides)
@@ -393,10 +391,10 @@ def _with_effect(
 
 
 def _described(trail: Trail, before: Fit) -> Fit:
-    """What a model misses by far described one step further: from where it stands straight to the least relative error.
+    """A descriptive effect added to a model that errs by much: from its present values to the least relative error, without the likelihood.
 
-    The detour by the likelihood, and by values that a smaller model gives away, leads from one description into another. With each step the
-    number of parts may change to a neighbouring one.
+    The likelihood, and the values of a smaller model, would lead from one description into another. With each step the number of parts may
+    change to a neighbouring one.
     """
     started = time.perf_counter()
     task, starts = trail.task, trail.starts[:: trail.group]
@@ -470,7 +468,7 @@ def trail_without(before: Fit, gone: str) -> Trail:
 
 
 def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
-    """The fit that a trail leads to, on all points; where that leaves something, a `thorough` one sends ants out as well."""
+    """The fit from a model's start values, on all points; if that leaves an error, a `thorough` one also uses the ant colony."""
     started = time.perf_counter()
     raced = raced_alone(trail)
     solution = arrived_on_all(trail.task, [raced.values], searched=raced.searched)
@@ -493,14 +491,14 @@ def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
 
 @one_blas_thread
 def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
-    """A solution on a thinned grid, taken to all points, as a fit like the one before."""
+    """A solution on few points, refined on all points, as a fit like the one before."""
     trail, solution, before = job
     whole = arrived_on_all(trail.task, [solution.values], solution.sizes, solution.searched)
     return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
 
 
 def _searched(task: Task, solution: Solution) -> dict[str, float]:
-    """Where the next effect starts from: the least relative error near a solution that leaves something, else the solution."""
+    """Start values for the next effect: the least relative error near a solution that leaves an error, else the solution."""
     if solution.sizes.discrepancy >= PLAIN:
         return dict(solution.values)
     search = task.thinned(SEARCH_POINTS)

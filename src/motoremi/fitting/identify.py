@@ -25,8 +25,8 @@ def profile(fit: Fit, name: str) -> Interval:
     """The 95 % interval of a parameter, all others refitted at each value (Raue et al., Bioinformatics 25, 2009).
 
     Unlike an error bar from the curvature, it is right where a parameter is poorly determined or near a bound. The sizes of the discrepancy
-    and of the declared errors are those of the fit. What the likelihood does not hold widens it as it does the error bar: a motor that moved,
-    two resonances that may change places.
+    and of the declared errors are those of the fit. It is widened like the error bar by what the likelihood does not contain: a motor that changed,
+    two resonances that may be exchanged.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def profile(fit: Fit, name: str) -> Interval:
 
     def excess(value: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
         held = Problem(fit.motor, fit.measurement.coarse, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
-        # From the neighbour, from the solution, and from where the others have to go where they show only as a product.
+        # From the neighbour, from the solution, and from the values that the others need if the data determine only a product.
         along = problem.named(problem.clip(fit.unknowns + direction * (value - best)))
         end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, precision=ALONG_PROFILE)
         return float(end.objective[end.best]) - limit, held.named(end.u[end.best])

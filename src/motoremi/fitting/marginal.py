@@ -94,7 +94,7 @@ class Marginal:
         return cls(float(payload["log_evidence"]), probabilities, tuple(columns))
 
     def settled(self, sizes: Sizes) -> bool:
-        """Whether a solution at these sizes is one at the likeliest as well."""
+        """Whether these sizes are the most probable ones, or near them."""
         likeliest = self.likeliest
         apart = abs(_step(likeliest.discrepancy) - _step(sizes.discrepancy))
         return likeliest.declared == sizes.declared and apart <= NEAR

@@ -19,8 +19,8 @@ from motoremi.data.sweep import MINIMUM_POINTS
 Weights = Literal["likelihood", "log", "relative"]
 # Weight of an outlier; all other points have the weight one.
 OUT_OF_SIGHT = 1e3
-# A point of which the analyser may err by this much, relative to Z, weighs half of one that it sees well: that is tens of per cent far from the
-# reference resistance of a network analyser, and where a suppressor's resonance leaves a tenth of an ohm.
+# A point of which the analyser may err by this much, relative to Z, has half the weight of one without error: that is tens of per cent far from
+# the reference resistance of a network analyser, and at a suppressor's resonance of a tenth of an ohm.
 BLURRED = 0.1
 
 
@@ -147,7 +147,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
     Parameters
     ----------
     points : int, optional
-        Use about this many a sweep, those that tell most.
+        Use about this many a sweep, those with the most information.
     weights : {"likelihood", "log"}
         Over the noise, or every point alike.
     highest_hz : float
@@ -171,7 +171,7 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 frequency_hz=frequency,
                 s=2j * np.pi * frequency,
                 measured=impedance,
-                # A search that counts all points alike leaves out those that stand out, and those of which the analyser sees nothing.
+                # A search with equal weights leaves out outliers, and points at which the analyser is insensitive.
                 sigma=np.hypot(sigma, blur) if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
                 smooth=measurement.analyser.smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),

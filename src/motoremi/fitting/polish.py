@@ -1,10 +1,9 @@
 """Levenberg-Marquardt for a batch of start points at once, with bounds.
 
 Every member of the batch has its own damping; members that have converged leave the batch. Unknowns at a bound that the gradient
-pushes outwards are held for that step. Steps follow the curve of the valley by a geodesic correction (Transtrum and Sethna 2012),
-which costs one evaluation and saves many where effects and elements trade off along a bent ridge. A step that leads up a narrow valley's
-side all the same is not given up at once: if the slopes there promise to lead down below where it began, a second step follows them
-(a watchdog of one step, Chamberlain et al. 1982).
+pushes outwards are held for that step. Steps follow a curved minimum by a geodesic correction (Transtrum and Sethna 2012), which costs
+one evaluation and saves many if effects and elements are correlated. A step that increases the objective is not rejected at once: if the
+slopes at its end predict an objective below that of its start, a second step follows them (a watchdog of one step, Chamberlain et al. 1982).
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ from motoremi.interrupts import checkpoint
 
 # A solution has converged when an undamped step promises no more than so many times what a small step may gain.
 UNDAMPED = 30.0
-# In error bars: what is left to go once a solution is sharpened.
+# In error bars: largest remaining step of a sharpened solution.
 SHARP = 1e-6
-# A step back to the floor of a valley is damped at least so much: it should not lead along the valley.
+# Least damping of a step back to a narrow minimum: it should not lead along the minimum.
 BACK_DAMPING = 1e-5
 
 
@@ -61,7 +60,7 @@ class Polished:
         return int(np.argmin(self.objective))
 
     def distinct(self, count: int) -> FloatArray:
-        """The best solutions that do not lie in the same valley, shape (at most count, k)."""
+        """The best solutions that are not the same local minimum, shape (at most count, k)."""
         return self.u[different(self.u, self.objective, count)]
 
     def joined(self, other: Polished) -> Polished:
@@ -75,9 +74,9 @@ class Polished:
 
 
 def different(u: FloatArray, objective: FloatArray, count: int) -> list[int]:
-    """Indices of the best solutions that do not lie in the same valley.
+    """Indices of the best solutions that are not the same local minimum.
 
-    Two are in one valley if their objectives agree to 1 % and no unknown differs by more than a factor of 1.6.
+    Two are the same local minimum if their objectives agree to 1 % and no unknown differs by more than a factor of 1.6.
     """
     order = np.argsort(objective)
     taken = [int(order[0])]
@@ -112,7 +111,7 @@ def polish(
     damping : float
         To begin with, relative to the diagonal of the Gauss-Newton matrix.
     bending : bool
-        Follow the curve of the valley. It pays on the way to the end, less in a fixed number of first steps.
+        Use the geodesic correction. It saves steps near the end, fewer in a fixed number of first steps.
     """
     u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
     count = len(u)
@@ -122,7 +121,7 @@ def polish(
     live = np.arange(count)
     here = problem.linearised(u)
     damped = np.full(count, damping)
-    # Whether a step fell short of what the linear model promised: only then does the valley curve.
+    # Whether a step gained less than the linear model predicted: only then the correction is needed.
     bent = np.zeros(count, dtype=np.bool_)
     for to_come in range(iterations - 1, -1, -1):
         if not live.size or (here.objective < enough).any():
@@ -153,7 +152,7 @@ def polish(
         better = gained >= 0
         bent |= gained < 0.7 * expected
         small = precision.tolerance + precision.relative * here.objective
-        # A small step means convergence only where damping did not make it small: along a shallow valley even a little does.
+        # A small step means convergence only if damping did not make it small: along a shallow minimum even a little damping does.
         free = (damped < 1e-2) | (damped > 1e8)
         still = free & ((np.abs(expected) < small) | (better & (gained < 0.1 * small)))
         if still.any():
@@ -221,7 +220,7 @@ def watchdog_step(problem: Problem, trial: FloatArray, new: Linearised, before: 
 
 
 def sharpened(problem: Problem, solution: FloatArray, most: int = 6) -> tuple[FloatArray, int]:
-    """Gauss-Newton on from where a polish ended, until what is left to go is a millionth of the error bars.
+    """Gauss-Newton from the end of a polish, until the remaining step is a millionth of the error bars.
 
     The length of a step in error bars, sqrt(g' M^-1 g), bounds its share of each parameter's own. Near the minimum each step is a fixed
     share of the one before, usually about a hundredth, so two tell when to stop.

@@ -37,7 +37,7 @@ from motoremi.model.parameter import Parameter
 AS_DECLARED = Sizes(3e-8, 1.0)
 # What the specification allows at most: it is taken for three standard deviations.
 ALLOWED = 3.0
-# A search weighs what is known of a fixture as if points repeated to one per cent: rather less than what a circuit misses while it is sought.
+# Relative error assumed for each point in a search, against the prior of a fixture: rather less than the error of a circuit during the search.
 SEARCHED = 0.01
 # Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
 FAR = 1e4
@@ -436,7 +436,7 @@ class Problem:
         ----------
         u : ndarray, shape (k,)
         everywhere : Problem, optional
-            The same on all points of the sweeps, where this one is of averages: what is left there.
+            The same on all points of the sweeps, if this one is of averages: its residual is used.
         """
         seen = everywhere or self
         if self.measurement.analyser.ideal or self.weights != "likelihood":

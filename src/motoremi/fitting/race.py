@@ -1,6 +1,6 @@
-"""A race of models: start values of many of them on coarse grids, fewer and fewer on finer ones, until a few arrive at the likelihood.
+"""Comparison of many models (a race): all from their start values on few points, fewer and fewer on more, the last few by the likelihood.
 
-Successive halving (Jamieson and Talwalkar, AISTATS 2016): each round takes what is ahead further, so most work goes to what begins well.
+Successive halving (Jamieson and Talwalkar, AISTATS 2016): each round continues with the best models, so most work is spent on those.
 The rounds contain all settings of a race.
 """
 
@@ -34,13 +34,13 @@ class Round(NamedTuple):
     Parameters
     ----------
     points : int
-        A sweep.
+        Points of each sweep.
     steps : int
-        Of each start.
+        Steps from each start.
     starts, models : int
-        How many of each model, and of how many models, at most.
+        Largest number of starts of each model, and of models.
     likely : bool
-        By the likelihood with a small discrepancy, whatever the models leave: near the noise, every point alike tells nothing.
+        By the likelihood with a small discrepancy, whatever the models leave: near the noise, equal weights of the points distinguish nothing.
     """
 
     points: int
@@ -51,7 +51,7 @@ class Round(NamedTuple):
 
 
 class Rounds(NamedTuple):
-    """A whole race: its rounds, and how many models arrive on how many points a sweep."""
+    """A whole race: its rounds, and how many models are then fitted by the likelihood (`arriving`), on how many points a sweep."""
 
     rounds: tuple[Round, ...]
     arriving: int
@@ -59,26 +59,27 @@ class Rounds(NamedTuple):
 
 
 ALL = 10_000
-# Of those that arrive, so many, and all that are so near the best in log evidence, are followed until their sizes are the likeliest; those whose
-# sizes have further to go may gain more by it.
+# Of the models fitted by the likelihood, so many, and all that are so near the best in log evidence, are refined until their error sizes are the
+# most probable; those whose sizes still change by much may gain more by it.
 FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
-# One effect: some forty of them, of up to a hundred starts each, and each beside the best single effect where that leaves little. No start is left
-# out before seven steps: a resonance behind a suppressor (seed 25112702) was in a false valley after two steps and after four, and of one open
+# One effect: some forty of them, with up to a hundred starts each, and each with the best single effect if that leaves little. No start is left out
+# before seven steps: a resonance behind a suppressor (seed 25112702) was in a wrong local minimum after two steps and after four, and of one open
 # sweep all starts with winding and frame in their own places were behind after two, and in front after seven. None of the effects is left out
-# before thirty, since pairs begin from where each has got to: behind a fixture that nobody compensated a skin effect was 28th of 34 at first.
+# before thirty, since pairs start from the values that each has reached: with a fixture without compensation a skin effect was 28th of 34 at first.
 SINGLES = Rounds((Round(40, 7, ALL, ALL), Round(40, 12, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80)
-# Two effects: six hundred pairs at a glance, from a few starts each. In 24 of the protocol (seed 660001) the true pair was among the first 54 after
-# the first round, whatever the number of starts; of a line beside another effect (seed 90311701) only after six steps, not after four.
+# Two effects: six hundred pairs, first with few steps from a few starts each. In 24 motors by the protocol (seed 660001) the true pair was among
+# the first 54 after the first round, whatever the number of starts; a line with another effect (seed 90311701) was after six steps, not after
+# four.
 GLANCE = Rounds((Round(40, 6, ALL, ALL), Round(40, 12, 3, 150)), 0, 80)
-# The leaders, of which `IN_FULL` start anew from all their start values: beside a winding with sharp resonances few starts are in the right
-# valley, of which twelve take eighteen steps: a suppressor with the inductance of the strap to the frame beside it was in a false
-# valley after six. Many pairs with one true effect are as good on few points of equal weight; the likelihood then tells them apart.
+# The leaders, of which `IN_FULL` start anew from all their start values: with a winding of sharp resonances few starts are near the right local
+# minimum. Twelve of them take eighteen steps: a suppressor with the inductance of the frame strap was in a wrong minimum after six. Many pairs
+# with one true effect are as good on few points of equal weight; the likelihood then distinguishes them.
 PAIRS = Rounds((Round(80, 6, ALL, ALL), Round(80, 12, 12, ALL), Round(80, 15, 4, ALL), Round(80, 12, 2, ALL, likely=True)), 0, 80)
 LEADERS, IN_FULL = 80, 24
-# Where they arrive: so many of them, and of those with one and the same effect at most so many: beside an effect that describes most by itself,
-# every other one would do.
+# Number of pairs that are fitted by the likelihood, and largest number of them with one and the same effect: if that effect describes most by
+# itself, every other one fits beside it.
 ARRIVING, ALIKE_ARRIVING = Rounds((), 14, 80), 6
-# From the solution of a rival: few starts, which begin near the end; and, with more steps on more points, of what may pass for it.
+# From the solution of another effect: few starts, which begin near the end; and look-alikes, with more steps on more points.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
 # For a single model, with more steps.
@@ -87,7 +88,7 @@ THOROUGH = Rounds((Round(80, 7, ALL, 1), Round(80, 40, 9, 1)), 1, 120)
 
 @dataclass(frozen=True)
 class Trail:
-    """A model and where its search starts.
+    """A model and its start values.
 
     Parameters
     ----------
@@ -95,10 +96,10 @@ class Trail:
     starts : sequence of mapping
         Start values in SI units, by parameter.
     group : int
-        Each so many of them in turn start an effect alike, from different values of the elements.
+        Number of consecutive starts with the same values of the effect and different values of the elements.
     left : Sizes
-        What the model before leaves: where that is little, the search is by the likelihood from the beginning, since every point alike
-        tells nothing near the noise.
+        Error sizes of the model before: if they are small, the search is by the likelihood from the beginning, since equal weights of the
+        points distinguish nothing near the noise.
     """
 
     task: Task
@@ -108,20 +109,20 @@ class Trail:
 
     @cached_property
     def by_likelihood(self) -> bool:
-        """Whether little is left to be described, and not because the analyser's errors were stretched until they absorbed it."""
+        """Whether the undescribed part is small, and not because the analyser's errors were increased until they absorbed it."""
         return self.left.discrepancy < 2 * PLAIN and self.left.declared <= MOST_DECLARED
 
     @property
     def averaged(self) -> Trail:
-        """The same with sweeps of many thousand points averaged, which is all that is searched."""
+        """The same with averaged points, if the sweeps have many thousands: the search uses only averages."""
         measurement = self.task.measurement.coarse
         if measurement is self.task.measurement:
             return self
         return dataclasses.replace(self, task=dataclasses.replace(self.task, measurement=measurement))
 
     def problem(self, points: int, likely: bool = False) -> Problem:
-        """What the early rounds solve; the `likely` ones later."""
-        # A tenth of what is left: the discrepancy must not take what an effect would.
+        """The least-squares problem of a round; `likely` as in `Round`."""
+        # A tenth of the undescribed part: the discrepancy must not absorb what an effect would describe.
         little = max(0.1 * self.left.discrepancy, SMALLEST)
         if self.by_likelihood:
             return self.task.likelihood(points, Sizes(little, self.left.declared), ROUGH_SHARE)
@@ -137,9 +138,9 @@ class Standing:
     Parameters
     ----------
     starts : sequence of dict
-        Where its starts have got to, SI units, the best first.
+        The values that its starts have reached, SI units, the best first.
     objective : ndarray
-        Of each.
+        Objective of each.
     """
 
     starts: Sequence[Mapping[str, float]]
@@ -152,14 +153,14 @@ class Standing:
 
 
 class Raced(NamedTuple, Generic[Name]):
-    """The result of a race: solutions of the models that arrive, the best evidence first, and where each model has got to at last."""
+    """The result of a race: solutions by the likelihood, the best evidence first, and the last state of each model."""
 
     solutions: dict[Name, Solution]
     reached: dict[Name, Standing]
 
 
 def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = (), progress: Progress | None = None, each: Map = map) -> Raced[Name]:
-    """Take models from their start values to solutions on a thinned grid, fewer and fewer of them.
+    """Fit models from their start values on few points, fewer and fewer of them.
 
     Parameters
     ----------
@@ -167,10 +168,10 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
         By name.
     rounds : Rounds
     kept : sequence
-        Models that take part in every round, however they stand.
+        Models that take part in every round, whatever their objective.
     progress : callable, optional
     each : callable
-        As the built-in `map`: each round of work on the models is one of it.
+        Like the built-in `map`; called once for each round.
     """
     course = _Course(trails, each, progress, len(rounds.rounds) + 1)
     standing = {name: Standing(trail.starts, np.zeros(len(trail.starts))) for name, trail in trails.items()}
@@ -195,23 +196,23 @@ def raced_alone(trail: Trail) -> Solution:
 
 
 class Best:
-    """The best solutions of races between the same models: the rough one, and the one of a likelihood, which are not held against each other."""
+    """The best solutions of races between the same models: the rough one, and the one of a likelihood, which are not compared with each other."""
 
     def __init__(self) -> None:
         self._log_evidence = {False: -np.inf, True: -np.inf}
 
     def behind(self, found: Mapping[Name, Solution]) -> dict[Name, float]:
-        """By how much each solution is behind the best of its kind in log evidence, these ones among them."""
+        """By how much each solution is below the best of its kind in log evidence, these ones included."""
         for one in found.values():
             self._log_evidence[one.rough] = max(self._log_evidence[one.rough], one.log_evidence)
         return {name: self._log_evidence[one.rough] - one.log_evidence for name, one in found.items()}
 
 
 class _Course(Generic[Name]):
-    """Shares rounds of work on some of the models out, and says which model is waited for."""
+    """Distributes the work on the models in rounds, and reports the model that is being computed."""
 
     def __init__(self, trails: Mapping[Name, Trail], each: Map, progress: Progress | None, stages: int) -> None:
-        # Sweeps of many thousand points stay here: a race is run on averages.
+        # Only averages are sent to other processes, not sweeps of many thousand points.
         self._trails = {name: trail.averaged for name, trail in trails.items()}
         self._each, self._progress, self._stages, self._done = each, progress, stages, 0
 
@@ -246,7 +247,7 @@ def _run(job: tuple[Trail, tuple[Standing, Round]]) -> Standing:
 
 
 def _leaders(objective: FloatArray, group: int, most: int) -> np.ndarray:
-    """Indices of those to go on with: the best of each group, since the best of all may lie in one false valley; then the best of the rest."""
+    """Indices of the starts that continue: the best of each group, since the best of all may be in one wrong minimum; then the best of the rest."""
     if len(objective) <= most:
         return np.arange(len(objective))
     best = np.array([at + int(np.argmin(objective[at : at + group])) for at in range(0, len(objective), group)])

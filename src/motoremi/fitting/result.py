@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 Method: TypeAlias = Literal["ant-colony", "paper"]
 METHODS: tuple[Method, ...] = ("ant-colony", "paper")
-# Standard deviations of the analyser's errors that its specification stands for.
+# Standard deviations of the analyser's errors that its specification is taken for.
 SPECIFIED_SIGMA = 3.0
 # An analyser may be worse than declared: by so many times the declared variance is that of its errors larger, on average over the prior `DECLARED`.
 WORSE = sum(share * (times**2 - 1) for times, share in DECLARED.items())
@@ -54,19 +54,19 @@ class Fit:
     method : {"ant-colony", "paper"}
     seed : int
     parameters, sigma : dict
-        Values and standard deviations in SI units; sigma is infinite for what the data do not determine; it includes what no
-        model describes, that the analyser may be worse than declared, what moved while the repeats drifted, and that the resonances
-        of an open-circuit sweep alone may change places.
+        Values and standard deviations in SI units; sigma is infinite for what the data do not determine; it includes the discrepancy,
+        that the analyser may be worse than declared, changes while the repeats drifted, and that the resonances of an open-circuit
+        sweep alone may be exchanged.
     nuisance : dict
-        What the fit believes the fixture's compensation left, SI units.
+        Most probable residuals of the fixture's compensation, SI units.
     chi2_reduced : float
-        1 for a perfect model, over noise and analyser as declared: the discrepancy does not soften it.
+        1 for a perfect model, with noise and analyser as declared and without the discrepancy.
     rms_error_percent, rms_error_db : float
         Of Z_model/Z_measured - 1 over all points, mean of repeats: the motor's circuit alone, nothing absorbed.
     corrected_error_percent : float
         The same with the analyser's most likely error taken off, of which no more than its specification allows, and none where that does not help.
     analyser_sigma : float
-        How far the analyser's errors had to go, in standard deviations of what is declared.
+        Size of the analyser's errors, in standard deviations of what is declared.
     noise_percent, floor_percent : float
         What random noise alone, and noise with the analyser's specification, would leave of a perfect model.
     sizes : Sizes
@@ -158,11 +158,11 @@ class Fit:
 
     @cached_property
     def explained(self) -> bool:
-        """Whether the circuit describes the motor as well as is asked for, or as well as these data can tell."""
+        """Whether the circuit describes the motor within the stated accuracy, or as well as these data show."""
         left = self.unexplained_percent
         nothing = self.marginal.nothing_left >= 0.5 and self.analyser_sigma <= BEYOND_SIGMA
         accuracy = self.measurement.accuracy_percent
-        # A stated accuracy is asked of the circuit itself: an analyser far beyond its specification could take up any error.
+        # A stated accuracy applies to the circuit itself: an analyser far beyond its specification could describe any error.
         within = accuracy is None or self.rms_error_percent <= np.hypot(accuracy, self.floor_percent)
         return bool(nothing or (left["value"] <= self.measurement.good_enough_percent and within))
 
@@ -214,14 +214,14 @@ class Fit:
 
     @cached_property
     def shown_covariance(self) -> FloatArray:
-        """The same with what the likelihood does not hold.
+        """The same with what the likelihood does not contain.
 
-        That is: what moved between the sweeps, that two resonances may change places, and an analyser that is off as a whole. Data that show its
-        errors to change little from point to point do not show that they are small, so it may still be worse than declared.
+        That is: changes between the sweeps, two resonances that may be exchanged, and an analyser that is worse than declared. Data that show that
+        its errors change little from point to point do not show that they are small.
         """
         moved = displacements(self.weighed, self.unknowns, self.linearised, self.covariance)
         total: FloatArray = self.covariance + moved.T @ moved
-        # Of an analyser that nobody named nothing is declared: the data alone say how large its errors are.
+        # Nothing is declared for an unnamed analyser: only the data show how large its errors are.
         if self.measurement.analyser.scales == DECLARED:
             # The solution stays where the declared errors put it; larger ones only move it further.
             off = self.weighed.pulls_of_analyser(self.linearised) @ self._covariance_at(self.sizes.declared)
@@ -233,7 +233,7 @@ class Fit:
 
     @cached_property
     def exchange(self) -> FloatArray | None:
-        """How far off the solution is with winding's and frame's resonances in each other's place; None where the data tell them apart."""
+        """Difference to the solution with the resonances of winding and frame exchanged; None if the data distinguish them."""
         return other_assignment(self.weighed, self.unknowns)
 
     def _covariance_at(self, declared: float) -> FloatArray:
@@ -383,9 +383,10 @@ class Fit:
 
     @property
     def said_of_the_rest(self) -> str:
-        """What is left undescribed, and what the analyser had to do for it, in words."""
+        """The undescribed part and the analyser's error, in words."""
         left = self.unexplained_percent
-        rest = f"undescribed {left['value']:.2g} % (95 %: {left['low']:.2g} - {left['high']:.2g} %)" if left["value"] else "nothing else is left"
+        some = f"undescribed {left['value']:.2g} % (95 %: {left['low']:.2g} - {left['high']:.2g} %)"
+        rest = some if left["value"] else "nothing else is undescribed"
         if self.measurement.analyser.ideal:
             return rest
         return (

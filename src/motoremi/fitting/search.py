@@ -1,8 +1,8 @@
 """The search for solutions: ants, start values, continuation in frequency, and the final refinement (`arrive`) of each.
 
-Searching happens on the residual `log` over a thinned grid, where the landscape is wide; the likelihood has the last word. What no model
-describes, and by how much the analyser's errors exceed those declared, is found on the way: a solution at one pair of sizes tells which
-pair is likelier, until that is the pair it was found at.
+The search uses the residual `log` on few points, which has fewer local minima; the result is that of the likelihood. The sizes of the
+discrepancy and of the analyser's errors are found by iteration: a solution at one pair of sizes gives a more probable pair, until both
+agree.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ ARRIVAL_POINTS = 100
 FOLLOWED = 6
 GENERATIONS = 12
 ROUNDS = 3
-# Another round of ants follows if the last one took away this share of what was left.
+# Another round of ants follows if the last one reduced the error by this share.
 WORTH_A_ROUND = 0.05
 # Of the residual `log`.
 ROUGH = Precision(1e-7, 1e-4)
 # When a polish by the likelihood has converged as far as its sizes are concerned.
 CLOSE = Precision(0.05, 1e-4)
-# Damping to begin with close to the solution, where the linear model holds.
+# First damping close to the solution, where the linear model is valid.
 WARM = 1e-6
-# Sizes are sought again so many times at most.
+# Largest number of iterations of the sizes.
 MOST_SIZES = 5
 # Steps of a polish on the way; of one of a model that leaves more than a per cent, where only its evidence is asked for.
 STEPS, POOR_STEPS = 60, 20
-# Discrepancy with which a likelihood is searched. In trials 0.001 to 0.01 led to the same solutions.
+# Discrepancy of the likelihood during a search. In tests 0.001 to 0.01 led to the same solutions.
 LITTLE_LEFT = 3e-3
 # Where more than a per cent is undescribed, a likelihood would fit what happens to be easy: every point counts alike instead. Likewise where the
 # analyser's errors would have to be ten times those declared: they could absorb a motor.
@@ -57,10 +57,10 @@ ABSORBING = 10.0
 BLURS = (0.3, 0.03)
 # Beyond twice what is declared, the analyser's errors may have absorbed what is sought.
 MOST_DECLARED = 2.0
-# The farthest of a dozen errors within specification does not go farther than this by chance, nor does twice the specification explain it.
+# In standard deviations, twice the specification: the largest of a dozen errors within specification does not exceed it by chance.
 BEYOND_SIGMA = 6.0
-# A circuit that errs by less than this share of another's error comes closer: half, as is asked of an effect that is to be named. Less could be
-# what other values of the same elements gain by taking up the analyser's smooth errors.
+# A circuit comes closer if its error is less than this share of another's: half, as for an effect that is to be named. A smaller difference could
+# come from other values of the same elements, which describe the analyser's smooth errors.
 CLOSER = 0.5
 
 
@@ -68,7 +68,7 @@ CLOSER = 0.5
 class Task:
     """What is to be fitted: a motor's circuit to a measurement, within bounds, some parameters held.
 
-    Sweeps of many thousand points are searched and weighed as averages of neighbours; errors are shown of all points.
+    Sweeps of many thousand points are averaged for search and evidence; errors are shown of all points.
     """
 
     motor: Motor
@@ -105,10 +105,10 @@ class Solution:
     rough : bool
         Whether its evidence is `rough`, which on few points is not to be held against that of a likelihood.
     likeliest : dict
-        Parameters and nuisances of the likelihood's own solution, where `values` are those of the least relative error: it may lie in another
-        valley.
+        Parameters and nuisances of the likelihood's own solution, if `values` are those of the least relative error: it may be another local
+        minimum.
     searched : dict
-        Where a race had got to with every point alike, before the likelihood: near the least relative error.
+        Values that a race had reached with equal weights of the points, before the likelihood: near the least relative error.
     """
 
     values: dict[str, float]
@@ -151,18 +151,18 @@ def arrive(
     sizes: Sizes | None = None,
     steps: int = STEPS,
 ) -> Solution:
-    """From start values near a solution to the solution, at the sizes that it makes likeliest.
+    """From start values near a solution to the solution, at the sizes that are the most probable with it.
 
     Parameters
     ----------
     starts : sequence of mapping
-        In SI units, each in its valley.
+        In SI units, each near its own local minimum.
     points : int, optional
         About so many a sweep; all by default.
     most : int
-        How often the sizes are sought at most.
+        Largest number of iterations of the sizes.
     sizes : Sizes, optional
-        To begin with; those that the starts make likeliest by default.
+        To begin with; by default the most probable ones with the start values.
     steps : int
         Of each polish.
     """
@@ -193,9 +193,9 @@ def arrive(
             break
         sizes = here[2].likeliest
     assert best is not None
-    values, at, told, converged = best
+    values, at, found_marginal, converged = best
     problem = task.likelihood(points, at)
-    return Solution(problem.named(values), at, told, converged, evaluations)
+    return Solution(problem.named(values), at, found_marginal, converged, evaluations)
 
 
 def poorly_seen(problem: Problem) -> bool:
@@ -207,9 +207,9 @@ def poorly_seen(problem: Problem) -> bool:
 def arrived_on_all(
     task: Task, starts: Sequence[Mapping[str, float]], sizes: Sizes | None = None, searched: Mapping[str, float] | None = None
 ) -> Solution:
-    """`arrive` on all points, to the last digit; where the model misses by far, the least relative error instead, sought from `searched` too.
+    """`arrive` on all points, to the last digit; if the model errs by much, the least relative error instead, also started from `searched`.
 
-    Without `sizes`, which are of a solution near by, on few points first: there each step costs a fifth.
+    Without `sizes`, which are those of a similar solution, on few points first: there each step costs a fifth.
     """
     also = [*starts, searched] if searched else starts
     if sizes is None:
@@ -223,16 +223,16 @@ def arrived_on_all(
             solution = arrive(task, [solution.values], sizes=solution.marginal.likeliest)
     if misses_by_far(solution.sizes):
         return least_relative(task, solution, also)
-    # The likeliest pair may be the neighbour of the one at which the search settled.
+    # The most probable pair of sizes may be the neighbour of the one at which the search ended.
     sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
     problem = task.likelihood(None, sizes)
     u, evaluations = sharpened(problem, problem.vector(solution.values))
     sharp = dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
     if sharp.marginal.nothing_left >= 0.5:
         return sharp
-    # What is left may be no smooth error: models are comparable only where each is weighed both ways.
+    # The undescribed part may not be smooth: models are comparable only if both descriptions were tried for each.
     plain = least_relative(task, sharp, also)
-    # Nor may the analyser err far beyond its specification where the circuit alone can come close.
+    # Errors of the analyser far beyond its specification are not accepted if the circuit alone comes closer.
     absorbed = problem.analyser_sigma(u) > BEYOND_SIGMA and _comes_closer(task, plain, sharp)
     return plain if absorbed or plain.log_evidence > sharp.log_evidence else sharp
 
@@ -250,9 +250,9 @@ def misses_by_far(sizes: Sizes) -> bool:
 
 
 def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
-    """The same, if that is likelier, for an error that is no smooth one: it wanders along frequency, over the noise, every point alike.
+    """The same, if that is more probable, for an error that wanders along frequency instead of being smooth, with equal weights of the points.
 
-    Where a circuit misses a sharp resonance, it errs by a lot from one point to the next, which no smooth discrepancy describes.
+    A circuit that misses a sharp resonance errs by different amounts from one point to the next, which no smooth discrepancy describes.
 
     Parameters
     ----------
@@ -265,24 +265,24 @@ def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
     ends = np.cumsum([0, *(np.count_nonzero(kept[sweep]) for sweep in observed.slices.values())])
     sweeps = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     residual, systematic = problem.residual(u), 0.5 * observed.systematic**2
-    told = wandering.log_likelihood(residual[kept], observed.frequency_hz[kept], observed.variance[kept], systematic[kept], sweeps)
-    evidence = told - 0.5 * len(problem.unknowns) * np.log(2 * np.count_nonzero(kept))
+    likelihood = wandering.log_likelihood(residual[kept], observed.frequency_hz[kept], observed.variance[kept], systematic[kept], sweeps)
+    evidence = likelihood - 0.5 * len(problem.unknowns) * np.log(2 * np.count_nonzero(kept))
     return dataclasses.replace(found, log_evidence=max(found.log_evidence, float(evidence)))
 
 
 def least_relative(task: Task, solution: Solution, starts: Sequence[Mapping[str, float]]) -> Solution:
-    """The same with the circuit that has the least relative error over all points, an ideal analyser taken for granted."""
+    """The same with the circuit that has the least relative error over all points, assuming an ideal analyser."""
     logarithmic, problem = task.thinned(None), task.relative()
     near = polish(logarithmic, logarithmic.vectors([solution.values, *starts]), iterations=100, precision=ROUGH)
     ends = polish(problem, problem.vectors([logarithmic.named(row) for row in near.distinct(3)]), iterations=100, precision=ROUGH)
-    if not ends.converged[ends.best]:  # along a bent valley: a core on a NanoVNA was left with 18 % after 100 steps, with 3.6 % after these
+    if not ends.converged[ends.best]:  # along a curved minimum: the error of a core on a NanoVNA was 18 % after 100 steps, 3.6 % after these
         ends = ends.joined(polish(problem, ends.u[[ends.best]], iterations=400, precision=ROUGH))
     found = _relative(task, problem, ends, solution.sizes, solution.marginal, solution.evaluations)
     return dataclasses.replace(found, likeliest=solution.values)
 
 
 def relative_solution(task: Task, ends: Polished, sizes: Sizes) -> Solution:
-    """The circuit of the least relative error as a solution; the likelihood's where that errs by little.
+    """The circuit of the least relative error as a solution; that of the likelihood if it errs by little.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ def _relative(task: Task, problem: Problem, ends: Polished, sizes: Sizes, found:
 
 
 def search_base(task: Task, seed: int, progress: Progress | None = None) -> Found:
-    """The paper's circuit: start values from the data first, then rounds of ants until nothing is left or a round brings nothing more."""
+    """The paper's circuit: start values from the data first, then rounds of ants until everything is described or a round gains nothing."""
     search, full = task.thinned(SEARCH_POINTS), task.thinned(None)
     seeds = search.vectors(data_driven_starts(task.measurement.coarse))
     colony: Colony | None = None
@@ -320,7 +320,7 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
     least = np.inf
     evaluations = 0
     history: list[JsonDict] = []
-    # The search problem is down to noise and analyser; the likelihood tells whether that was the right valley.
+    # At this objective only noise and analyser errors remain; the likelihood decides whether it is the right minimum.
     likely = 2 * search.observed.expected_objective
     for round_number in range(ROUNDS + 1):
         if progress is not None:
@@ -345,7 +345,7 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         before, now = least, float(rough.objective[rough.best])
         if now < least:
             searched, least = search.named(rough.u[rough.best]), now
-        # On few points noise may favour a wrong valley: unless the first try is clear, let the likelihood choose among several.
+        # On few points noise may favour a wrong minimum: unless the first result is clear, the likelihood chooses among several.
         count = 1 if round_number == 0 and least < likely else 3
         found = arrived_on_all(task, [search.named(row) for row in rough.distinct(count)])
         evaluations += found.evaluations
@@ -359,7 +359,7 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
     if best.sizes.discrepancy > NOTHING_LEFT and task.measurement.analyser.by_waves and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
         found = _frames_tried(task, best)
         evaluations += found.evaluations
-        # Where these leave something as well, the circuit lacks something, and which of them errs least was decided before.
+        # If these leave an error too, something is missing in the circuit, and the one that errs least was chosen before.
         leaves_little = found.sizes.discrepancy < PLAIN and found.sizes.declared <= MOST_DECLARED
         if leaves_little and found.log_evidence > best.log_evidence:
             best, searched = found, {name: found.values[name] for name in searched}
@@ -367,10 +367,10 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
 
 
 def _frames_tried(task: Task, best: Solution) -> Solution:
-    """By the likelihood from the beginning, from frames that resonate all over the band.
+    """By the likelihood from the beginning, from paths to the frame whose resonances are spread over the band.
 
-    A network analyser sees impedances far from its reference badly, and a fixture that nobody compensated bends them: the circuit alone, on which
-    the search goes by, then has its least error elsewhere.
+    A network analyser measures impedances far from its reference inaccurately, and a fixture without compensation changes them: the error of the
+    circuit alone, which the search minimises, then has its minimum at wrong elements.
     """
     bases = [best.values, *({**best.values, **start} for start in data_driven_starts(task.measurement.coarse)[:1])]
     starts = [start for base in bases for start in frames_across_the_band(base, task.measurement)]
@@ -381,14 +381,14 @@ def _frames_tried(task: Task, best: Solution) -> Solution:
 
 
 def _better(task: Task, one: Solution, other: Solution) -> bool:
-    """Whether one base fit is to be preferred: the likelier, but of two that miss by far the one with the smaller relative error."""
+    """Whether one base fit is to be preferred: the more probable one, but of two that err by much the one with the smaller relative error."""
     if misses_by_far(one.sizes) and misses_by_far(other.sizes):
         return _comes_closer(task, one, other, share=1.0)
     return one.log_evidence > other.log_evidence
 
 
 def climb(task: Task, search: Problem, starts: FloatArray) -> Polished:
-    """Fit the low end of the band first and raise its upper edge: a wrong resonance higher up cannot mislead what it does not reach."""
+    """Fit the low end of the band first and raise its upper edge, so that a wrong resonance at high frequency has no influence at first."""
     lowest, highest = float(search.observed.frequency_hz.min()), float(search.observed.frequency_hz.max())
     u, evaluations = starts, 0
     for share in (0.36, 0.5, 0.63, 0.75, 0.88):

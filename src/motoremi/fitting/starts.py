@@ -26,7 +26,7 @@ _PLACES, _DECADE_AND_HALF = 8, 30.0
 
 @lru_cache(maxsize=8)
 def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], ...]:
-    """Sets of plausible start values in SI units, the likeliest first; possibly none."""
+    """Sets of plausible start values in SI units, the most probable first; possibly none."""
     winding = _winding(measurement)
     if not winding:
         return ()
@@ -84,8 +84,8 @@ def _winding(measurement: Measurement) -> Mapping[str, float]:
 def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool) -> list[dict[str, float]]:
     """Values of the elements to start an effect from.
 
-    A model that lacks an effect bends its elements, so besides the fit itself there are the values that the data give away (the frame's
-    from the difference of the two sweeps, which no effect in the winding touches), and Ra without the losses that it had to carry.
+    A model without the effect has wrong elements, so besides the fit itself there are values computed from the data (the frame's from the
+    difference of the two sweeps, which no effect in the winding changes), and Ra without the losses that it included.
     """
     searched = dict(parameters)
     bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1])]

@@ -1,7 +1,7 @@
 """A further effect never fits worse than the circuit without it.
 
-The range of an effect is what a motor can have: copper wire of 0.2 mm and more has some skin effect, whatever is measured. Where none of its values
-fits as well as the circuit without the effect, the data leave no room for it, and it is held where it vanishes.
+The range of an effect is what a motor can have: copper wire of 0.2 mm and more has some skin effect, whatever is measured. If none of its values
+fits as well as the circuit without the effect, the data exclude it, and it is held at the values at which it vanishes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def no_worse(before: Fit, fitted: Fit, effect: str, given: Iterable[str] = ()) -
     fitted : Fit
     effect : str
     given : iterable of str
-        Parameters that somebody holds or bounds: with such the effect is asked for as it is.
+        Parameters that are held or bounded by the user: the effect is then fitted as requested.
     """
     found = find_effect(effect)
     label = found.label_in(before.motor)
@@ -38,11 +38,11 @@ def no_worse(before: Fit, fitted: Fit, effect: str, given: Iterable[str] = ()) -
     values = {**before.parameters, **before.nuisance}
     solution = Solution(values, before.sizes, before.marginal, before.converged, before.evaluations + fitted.evaluations)
     result = summarise(task, Found(solution, before.history, dict(before.search_parameters)), before.method, before.seed)
-    told = (
+    warning = (
         f"{label}: with any values in its range the error would rise from {before.rms_error_percent:.3g} to {fitted.rms_error_percent:.3g} %; "
-        "the data leave no room for it, and it is held where it vanishes"
+        "the data exclude it, and it is held at the values at which it vanishes"
     )
-    return dataclasses.replace(result, elapsed_s=fitted.elapsed_s, warnings=(*result.warnings, told))
+    return dataclasses.replace(result, elapsed_s=fitted.elapsed_s, warnings=(*result.warnings, warning))
 
 
 def _is_worse(fitted: Fit, before: Fit) -> bool:

@@ -18,16 +18,16 @@ from motoremi.interrupts import checkpoint
 # Degrees of freedom of the innovations (Student's t): a few points that stand out do not decide between models. Four is usual
 # (Lange, Little and Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
 TAILS = 4.0
-# Variances tried, as multiples of the mean square of the residuals: from nothing to a process that wanders far beyond the band. Near the likeliest
-# one the likelihood hardly depends on it.
+# Variances tried, as multiples of the mean square of the residuals: from nothing to a process that wanders far beyond the band. Near the most
+# probable one the likelihood hardly depends on it.
 VARIANCES: FloatArray = np.geomspace(1e-6, 1e2, 25)[:, None]
-# In ln f: from white to nearly a decade, over which the errors of analysers change. With longer ones a circuit that takes up what the analyser errs
-# by would be likelier than the true one, because nothing at all is left.
+# In ln f: from white to nearly a decade, over which the errors of analysers change. With longer ones a circuit that describes the analyser's
+# errors would be more probable than the true one, because no error remains.
 LENGTHS: FloatArray = np.concatenate([[1e-6], np.geomspace(3e-3, 2.0, 9)])
 
 
 def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, noise: FloatArray, systematic: FloatArray, sweeps: Iterable[slice]) -> float:
-    """Log likelihood, up to a constant of the points, at the likeliest size and length of the error.
+    """Log likelihood, up to a constant of the points, at the most probable size and length of the error.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, noise: Floa
         Increasing within each sweep.
     noise, systematic : ndarray, shape (n,)
         Variance of real and of imaginary part: of the noise, and of what the analyser may err by. The error wanders by that much at least: a
-        circuit that leaves less is no likelier for it.
+        circuit that leaves less is not more probable.
     sweeps : iterable of slice
         Their errors are independent.
     """
@@ -58,7 +58,7 @@ def log_likelihood(residual: ComplexArray, frequency_hz: FloatArray, noise: Floa
             innovation = value - deviation * expected
             squared = (innovation.real**2 + innovation.imag**2) / spread
             total -= np.log(spread) + (0.5 * TAILS + 1) * np.log1p(squared / TAILS)
-            # A point that stands out tells as little as one of more noise.
+            # An outlier gives as little information as a point of more noise.
             gain = predicted / (predicted + white * np.maximum((TAILS + squared) / (TAILS + 2), 1.0))
             expected += gain * innovation / deviation
             variance *= 1 - gain

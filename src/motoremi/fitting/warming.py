@@ -67,7 +67,7 @@ def _moved(sweep: RepeatedSweep, noise: Noise, slopes: ComplexArray) -> FloatArr
     trend = order @ (sweep.impedance_ohm / sweep.mean_ohm - 1) / length
     weight = 1 / (noise.sigma * np.sqrt(sweep.repeats))
     design, target = (slopes * weight).view(np.float64), (trend * weight).view(np.float64)
-    # Of steps of one along the unit contrast; what shows in no repeat keeps what is believed beforehand.
+    # For steps of one along the unit contrast; a parameter that changes no repeat keeps its prior.
     variance = np.linalg.inv(length**2 * design @ design.T + np.eye(len(slopes)) / MOST_A_REPEAT**2)
     step = variance @ (length * design @ target)
     return sweep.repeats * np.sqrt(step**2 + np.diag(variance))

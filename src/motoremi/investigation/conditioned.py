@@ -15,7 +15,7 @@ from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.outcome import Observed
 from motoremi.investigation.responses import ROOM_DEGC
 
-# Points of a sweep that are weighed: changes are smooth but for resonances, which move by more than their width over so many.
+# Points of a sweep that are used: changes are smooth but for resonances, which move by more than their width over so many.
 POINTS = 100
 # Points of a sweep that is only predicted.
 POINTS_AHEAD = 40

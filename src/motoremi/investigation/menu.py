@@ -55,7 +55,7 @@ class Option:
     reaches : tuple of str
         Groups of effects that the change reaches.
     predicted : bool
-        Whether what it shows can be predicted by the models; else it is listed, never asked for, and its sweeps are only kept.
+        Whether the models can predict its outcome; otherwise it is listed, never requested, and its sweeps are only stored.
     procedure : str
         Bench procedure that does it, if the bench can.
     """

@@ -41,7 +41,7 @@ class Mistake:
     log_likelihood : float
         Of the sweep, the prior of the mistake included.
     used : bool
-        Whether the sweep is weighed nevertheless.
+        Whether the sweep is used nevertheless.
     """
 
     kind: str
@@ -51,14 +51,14 @@ class Mistake:
 
 
 def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known, again: float) -> Mistake:
-    """The likeliest mistake that would give a sweep, and how likely all of them together make it; `again` as from `repeated`."""
+    """The most probable mistake that would give a sweep, with the likelihood of all of them; `again` as from `repeated`."""
     asked = f"{sweep.termination} sweep, {sweep.condition}"
     shows = option.name in MUST_SHOW or bool(option.elements) or Outcome(likeliest, [sweep]).elsewhere
     found: list[Mistake] = []
     for reference in measurement.sweeps:
         same = reference.termination == sweep.termination
         if option.name == "far-end-grounded" and not same:
-            # With its far end on the frame the winding is seen as in the short-circuit sweep.
+            # With its far end on the frame the winding is measured as in the short-circuit sweep.
             continue
         if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
@@ -80,7 +80,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
     share = np.log(WRONG / max(len(found), 1))
     weighed = [replace(one, log_likelihood=one.log_likelihood + share) for one in found]
     strange = anything(Outcome(likeliest, [sweep]), known, STRANGE_BY) + np.log(STRANGE)
-    weighed.append(Mistake("strange", f"{asked}: neither what was asked for nor any known mistake gives it", float(strange)))
+    weighed.append(Mistake("strange", f"{asked}: neither the request nor any known mistake explains it", float(strange)))
     best = max(weighed, key=lambda one: one.log_likelihood)
     return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))
 
@@ -94,9 +94,9 @@ def repeated(sweep: Observed, fit: Fit, known: Known) -> float:
 
 
 def _as(reference: RepeatedSweep, sweep: Observed, fit: Fit, known: Known) -> float:
-    """Log likelihood of a sweep that is another one again: that sweep itself, or what a fit says of it at a connection made anew.
+    """Log likelihood of a sweep that is another one again: that sweep itself, or a fit's prediction of it with a new connection.
 
-    The residuals of a connection move a sharp resonance by more than the sweep's noise, which only a fit can tell.
+    The residuals of a connection move a sharp resonance by more than the sweep's noise, which only a fit can predict.
     """
     itself = _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
     anew = replace(sweep, termination=reference.termination, condition=AGAIN)

@@ -118,7 +118,7 @@ class Outcome:
 
     @cached_property
     def moving(self) -> BoolArray:
-        """The unknowns on which it depends by more than a little, shape (k,): of a change those of the parts that answer to it."""
+        """The unknowns on which it depends by more than a little, shape (k,): of a change those of the parts that respond to it."""
         answering = {one.parameter.rpartition(".")[0] for one in self._responses.members if one.listed}
         return np.array([self.absolute or p.name.rpartition(".")[0] in answering for p in self.fit.problem.unknowns], dtype=np.bool_)
 
@@ -310,18 +310,18 @@ class Outcome:
             return np.zeros((0, count))
         frequency = np.concatenate([sweep.frequency_hz for sweep in self.sweeps])
         here = _finite(np.concatenate(self._there))
-        told = error_basis(analyser, frequency, here)
+        basis = error_basis(analyser, frequency, here)
         if not self.absolute:
-            told = told * np.concatenate([self._unit_of_change(number) for number in range(len(self.sweeps))])[:, None]
+            basis = basis * np.concatenate([self._unit_of_change(number) for number in range(len(self.sweeps))])[:, None]
             if self.option.name == "repeat-compensation":
-                told = np.sqrt(2) * told
+                basis = np.sqrt(2) * basis
             else:
                 before = np.exp(np.concatenate(self._references))
                 to_coefficient = np.concatenate(self._per_coefficient) / self._quantity.relative(before)
-                told = told - error_basis(analyser, frequency, before) * to_coefficient[:, None]
-                if np.all(np.abs(told) < NEGLIGIBLE * np.concatenate([sweep.sigma for sweep in self.sweeps])[:, None]):
+                basis = basis - error_basis(analyser, frequency, before) * to_coefficient[:, None]
+                if np.all(np.abs(basis) < NEGLIGIBLE * np.concatenate([sweep.sigma for sweep in self.sweeps])[:, None]):
                     return np.zeros((0, count))
-        columns = declared * told.T
+        columns = declared * basis.T
         parts, start = [], 0
         for sweep, unit in zip(self.sweeps, self._units, strict=True):
             own = slice(start, start + sweep.frequency_hz.size)
@@ -338,7 +338,7 @@ class Outcome:
 
     @cached_property
     def _there(self) -> list[ComplexArray]:
-        """Impedance of each sweep, in ohm: as it was measured, else as the likeliest response has it."""
+        """Impedance of each sweep, in ohm: as it was measured, otherwise with the most probable response."""
         factor, _ = factors(self._responses, np.zeros(self._responses.size), self._names)
         moved = self._physical(self.fit.unknowns) * factor
         found = []

@@ -33,11 +33,11 @@ Stop: TypeAlias = Literal["one-stands", "inseparable", "nothing-missing"]
 
 # The investigation stops when one explanation is this many times as likely as all others together.
 ODDS = 20.0
-# How probable it is that the catalogue does not hold the explanation where no effect describes the reference sweeps (an answer `unexplained` was
-# true 47 times of 50): enough to stop at, since a measurement under another condition makes none of them describe these sweeps.
+# Probability of an effect outside the catalogue if no effect describes the reference sweeps (an answer `unexplained` was true in 47 of 50 cases):
+# enough to stop, since no measurement under another condition makes one of them describe these sweeps.
 NONE_DESCRIBES = 0.9
 _UNKNOWN = (
-    f"{OUTSIDE} stands: no effect of the catalogue describes the sweeps, so a measurement under another condition would not find one that does; "
+    f"{OUTSIDE} is left: no effect of the catalogue describes the sweeps, so a measurement under another condition would not find one that does; "
     "repeat both sweeps, look where the model fails (motoremi inspect), or add an effect of your own (docs/howto/own-effect.md)"
 )
 # Largest number of explanations that are considered, and smallest probability of one.
@@ -57,7 +57,7 @@ DRAWS = 40
 # Number of measurements, those with the most information alone, of which pairs are considered.
 PAIRED = 5
 POINTS_OF_A_PAIR, POINTS_LISTED = 20, 14
-# A sweep that is the other one again is asked for so many times; then both terminations of this motor are the same.
+# A sweep that was measured with the other termination is requested so many times; then both terminations of this motor are the same.
 SAME_AGAIN = 2
 # An open direction of a model moves its prediction by no more than so many standard deviations of logarithms.
 OPEN = 2.0
@@ -132,7 +132,7 @@ class Worth:
         return {**found, "then": self.then} if self.then else found
 
 
-# What is set up, where the menu's name says more than that.
+# The quantity that is set up, if it is not the menu's name.
 QUANTITY: Mapping[str, str] = {"second-temperature": "temperature", "dc-bias": "current"}
 
 
@@ -169,11 +169,11 @@ class Question:
     def to_dict(self) -> JsonDict:
         """Plain data in the schema `motoremi.next/2`."""
         asked = self.asked
-        told = NOTHING_ASKED if asked is None else asked.to_dict()
+        content = NOTHING_ASKED if asked is None else asked.to_dict()
         others = [one for one in self.worths if one is not asked]
         return {
             "schema": "motoremi.next/2",
-            **told,
+            **content,
             "why": self.why,
             "alternatives": [one.to_dict() for one in others],
             "probabilities": dict(self.standing),
@@ -196,7 +196,7 @@ def next_question(
     without : iterable of str
         Measurements that this bench cannot do, or that somebody refused.
     odds : float
-        At which one explanation stands.
+        At which one explanation counts as the only one left.
     sweep_minutes : float
         Duration of one sweep.
 
@@ -217,7 +217,7 @@ def next_question(
     points = POINTS_LISTED if stands else POINTS_AHEAD
     worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible if option.predicted]
     ranked = sorted((one for one in worths if one is not None), key=_order, reverse=True)
-    # What these would teach is not predicted.
+    # The information of these is not predicted.
     unpredicted = [BY_NAME["repeats"], *(option for option in possible if not option.predicted)]
     ranked += [Worth(option, 0.0, _minutes(option, sweep_minutes)) for option in unpredicted if option.name not in left_out]
     if needed is not None and needed[0].name not in left_out:
@@ -229,7 +229,7 @@ def next_question(
             return Question(tuple(ranked), "nothing-missing", "nothing is missing that these data could show", labels)
         if best.imitated_by:
             return Question(tuple(ranked), "inseparable", _imitated(best), labels)
-        return Question(tuple(ranked), "one-stands", f"{best.label} stands, with a probability of {share:.2g}", labels)
+        return Question(tuple(ranked), "one-stands", f"{best.label} is the explanation left, with a probability of {share:.2g}", labels)
     if best.outside and share >= NONE_DESCRIBES - 1e-9 and not rivals.taught and measurement.analyser.fixture is None:
         return Question(tuple(ranked), "one-stands", _UNKNOWN, labels)
     if not ranked or max(one.bits for one in ranked) < LITTLE_BITS:
@@ -378,8 +378,11 @@ def _distributions(options: Sequence[Option], rival: Rival, measurement: Measure
 
 def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float, points: int) -> Worth | None:
     """The expected information of one measurement; None if it cannot be predicted from the sweeps so far."""
-    told = _information([option], standing, measurement, points)
-    return None if told is None else Worth(option, told[0], _minutes(option, sweep_minutes), told[1], told[2])
+    found = _information([option], standing, measurement, points)
+    if found is None:
+        return None
+    bits, groups, largest_odds = found
+    return Worth(option, bits, _minutes(option, sweep_minutes), groups, largest_odds)
 
 
 def _information(
@@ -425,10 +428,10 @@ def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]
     firsts = sorted((one for one in ranked if one.bits > 0), key=lambda one: -one.bits)[:PAIRED]
     found = list(ranked)
     for one, other in combinations(firsts, 2):
-        told = _information([one.option, other.option], standing, measurement, POINTS_OF_A_PAIR)
-        if told is not None and told[0] > max(one.bits + other.bits, NOTHING_BITS) * 1.5:
+        together = _information([one.option, other.option], standing, measurement, POINTS_OF_A_PAIR)
+        if together is not None and together[0] > max(one.bits + other.bits, NOTHING_BITS) * 1.5:
             first, second = sorted((one, other), key=lambda each: each.minutes)
-            found.append(Worth(first.option, told[0], first.minutes + second.minutes, told[1], told[2], then=second.option.name))
+            found.append(Worth(first.option, together[0], first.minutes + second.minutes, together[1], together[2], then=second.option.name))
     best: dict[str, Worth] = {}
     for each in found:
         if each.option.name not in best or each.rate > best[each.option.name].rate:
@@ -445,7 +448,7 @@ def _why(asked: Worth, labels: Mapping[str, float]) -> str:
 
 def _imitated(best: Rival) -> str:
     return (
-        f"no measurement of the menu distinguishes {best.label} from {best.imitated_by}, which the catalogue does not hold: it has nearly the same "
+        f"no measurement of the menu distinguishes {best.label} from {best.imitated_by}, which is not in the catalogue: it has nearly the same "
         "impedance, and whatever changes one changes the other alike; no other effect of the catalogue is left"
     )
 

@@ -1,7 +1,7 @@
 """What a condition changes in a model: response parameters with priors, each a standard normal number until something is measured.
 
 Known physics is tight (copper's temperature coefficient), the rest wide: a response that an effect names is known within a factor of two and
-may not come at all; elements and effects that nobody names move by what `menu` says, at least by what a motor repeats to.
+may be absent; elements and effects without a named response change by what `menu` states, at least by the repeatability of a motor.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Response:
         Which eta.
     listed : bool
     unpredicted : int
-        Where nothing says that it moves at all, how far is a matter of the whole measurement: 1 of an element, 2 of an effect; 0 elsewhere.
+        For a response that is not predicted, all of a measurement share one size: 1 of an element, 2 of an effect; 0 for a predicted one.
     """
 
     parameter: str
@@ -103,7 +103,7 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
     option = option or BY_NAME[condition.id]
     warmed_k = (condition.value or 0.0) - ROOM_DEGC if condition.id == "second-temperature" else None
     strength = 1.0 if warmed_k is None else warmed_k / WARMED_BY_K
-    # A part of known size is in the circuit: nothing has to answer to it.
+    # A part of known size is in the circuit: no other part has to respond.
     known = option.name in ("longer-lead", "longer-strap", "known-capacitor") and condition.value is not None
     elements = {parameter.name for parameter in BASE_PARAMETERS}
     members: list[Response] = []

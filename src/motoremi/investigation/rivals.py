@@ -1,8 +1,8 @@
 """The remaining explanations, and how data under conditions change their probabilities.
 
-log odds of two rivals change by the difference of log p(new data | rival, sweeps at hand). A motor that the catalogue does not hold is always
-one of the rivals: its prediction is the likeliest model's, with a wide departure. What an operator may have done instead of what was asked
-is an explanation of each sweep as well, so that no wrong sweep decides anything.
+log odds of two rivals change by the difference of log p(new data | rival, sweeps at hand). An effect outside the catalogue is always one of
+the rivals: its prediction is that of the most probable model, with a wide departure. A mistake of the operator is a possible explanation of
+each sweep as well, so that no wrong sweep decides anything.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ OUTSIDE = "outside-the-catalogue"
 # Models further behind the best than this (log odds) are not evaluated; their distance is kept.
 BEHIND = 12.0
 MOST_RIVALS = 10
-# How often the response that is predicted for a true explanation is wrong altogether: no single measurement refutes by more than 50 to 1.
+# Share of true explanations whose predicted response is completely wrong: no single measurement refutes by more than 50 to 1.
 DOUBT = 0.02
-# What the catalogue does not hold is like one of so many that lead.
+# Number of the most probable explanations that an effect outside the catalogue may resemble.
 LIKE = 3
-# How often what the catalogue does not hold departs at each point by itself, and by how much, as a logarithm. An assumption; unconfirmed.
+# How often an effect outside the catalogue departs independently at each point, and by how much, as a logarithm. An assumption; unconfirmed.
 DEPARTS, DEPARTS_BY = 0.1, (0.03, 0.1, 0.3)
-# How often nothing at all moves under a condition that may move elements; and how often it was not set up. Assumptions; unconfirmed.
+# How often nothing changes under a condition that may change elements; and how often it was not set up. Assumptions; unconfirmed.
 UNMOVED, NOTHING_DONE = 0.2, 0.025
-# A mistake is looked at where it is within these log odds of what was asked for.
+# A mistake is considered if it is within these log odds of what was requested.
 PLAUSIBLE = 8.0
 
 
@@ -77,7 +77,7 @@ class Rival:
 
     @property
     def imitated_by(self) -> str:
-        """What the catalogue does not hold and no measurement of the menu tells from it, if it is of one effect; empty if nothing is known."""
+        """Something outside the catalogue that no measurement of the menu distinguishes from its one effect; empty if nothing is known."""
         return find_effect(self.key[0]).imitated_by if len(self.key) == 1 and not self.outside else ""
 
 
@@ -114,13 +114,13 @@ class Taught:
 
 @dataclass(frozen=True, eq=False)
 class Rivals:
-    """Explanations with their probabilities; the last is what the catalogue does not hold. Immutable.
+    """Explanations with their probabilities; the last is an effect outside the catalogue. Immutable.
 
     Parameters
     ----------
     members : tuple of Rival
     taught : tuple of Taught
-        What was learnt since the reference sweeps.
+        The information of the further measurements.
     imitated_share : float
         Of the probability of one effect that is imitated (`Effect.imitated`), the share of what imitates it.
     """
@@ -138,7 +138,7 @@ class Rivals:
 
     @property
     def by_label(self) -> dict[str, float]:
-        """The same for people, the likeliest first; what imitates an explanation is among what the catalogue does not hold."""
+        """The same by label, the most probable first; what imitates an explanation counts as outside the catalogue."""
         imitated = {one.key: self.imitated_share if one.imitated_by else 0.0 for one in self.members}
         own = {one.label: self.probabilities[one.key] * (1 - imitated[one.key]) for one in self.members}
         if any(imitated.values()):
@@ -169,7 +169,7 @@ def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float, imitated_sh
     fits : mapping
         Effects that were added -> fit and log of evidence times prior.
     outside : float
-        Probability that the catalogue does not hold the explanation, above 0 and below 1.
+        Probability of an effect outside the catalogue, above 0 and below 1.
     imitated_share : float
         As of `Rivals`.
     """
@@ -209,7 +209,7 @@ class Lessons:
         self._learnt: dict[tuple[bytes, ...], Rivals] = {}
 
     def after(self, measurement: Measurement) -> Rivals:
-        """What stands after all sweeps under conditions and single values of a measurement of these reference sweeps."""
+        """The explanations after all sweeps under conditions and single values of a measurement with these reference sweeps."""
         rivals = self._start
         taken: tuple[bytes, ...] = ()
         for option, sweeps in by_condition(measurement):
@@ -228,7 +228,7 @@ class Lessons:
 
 def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, sweeps: Sequence[Observed]) -> Rivals:
     leading = rivals.likeliest
-    # All explanations describe the reference sweeps, so the leading one tells for all of them what a repeat would be.
+    # All explanations describe the reference sweeps, so the most probable one predicts a repeat for all of them.
     again = {one.termination: repeated(one, leading.fit, leading.known) for one in sweeps}
     wrong = {one.termination: mistakes(one, option, measurement, leading.fit, leading.known, again[one.termination]) for one in sweeps}
     done = [_weighed(rival, sweeps, rivals, again) for rival in rivals.members]
@@ -256,24 +256,24 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
             shares[left_out] = shares.get(left_out, 0.0) + float(np.exp(rival.log_weight + value - total))
         members.append(dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=known[max(log.items(), key=lambda pair: pair[1])[0]]))
     unchanged = sum(np.exp(rival.log_weight + log[()] - total) * one.unchanged for rival, log, one in zip(rivals.members, logs, done, strict=True))
-    told = tuple(wrong[name] for name in sorted(wrong) if sum(share for left_out, share in shares.items() if name in left_out) > 0.5)
+    noticed = tuple(wrong[name] for name in sorted(wrong) if sum(share for left_out, share in shares.items() if name in left_out) > 0.5)
     condition = str(sweeps[0].condition)
-    # More probable than before the sweeps: they speak for it.
+    # More probable than before the sweeps.
     if unchanged > NOTHING_DONE + (1 - NOTHING_DONE) * UNMOVED:
-        says = f"{condition}: nothing changed that the sweeps show: either nothing in this motor answers to it, or it was not done"
-        told += (Mistake("nothing-changed", says, float(np.log(NOTHING_DONE)), used=True),)
-    return _with(rivals, members, condition, told)
+        says = f"{condition}: the sweeps show no change: either nothing in this motor responds to it, or it was not done"
+        noticed += (Mistake("nothing-changed", says, float(np.log(NOTHING_DONE)), used=True),)
+    return _with(rivals, members, condition, noticed)
 
 
 def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
-    """Log likelihoods where each rival may be right and its response wrong: the outcome is then as any of them has it."""
+    """Log likelihoods if each rival may be right and its response wrong: the outcome is then predicted by any of them."""
     weights = np.array([one.log_weight for one in rivals.members])
     any_of_them = float(logsumexp(weights - logsumexp(weights) + np.array(logs)))
     return [float(np.logaddexp(np.log(1 - DOUBT) + log, np.log(DOUBT) + any_of_them)) for log in logs]
 
 
 def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Mapping[str, float]) -> Weighed:
-    """What sweeps under a condition say of an explanation, whether it responds as it says, or in another way, or not at all."""
+    """An explanation's likelihood of sweeps under a condition, whether it responds as predicted, or in another way, or not at all."""
     cases = [(1.0, _weighed_outside(sweeps, rivals))] if rival.outside else _responding(rival, sweeps)
     as_it_was = sum(again[one.termination] for one in sweeps) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
     if np.isneginf(as_it_was):
@@ -284,7 +284,7 @@ def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Ma
 
 
 def _responding(rival: Rival, sweeps: Sequence[Observed]) -> list[tuple[float, Weighed]]:
-    """With the responses that the effects name, where they name any, and without; each with its probability."""
+    """With the responses that the effects name, if they name any, and without; each with its probability."""
     responding = Outcome(rival.fit, sweeps)
     sizes = UNDESCRIBED_ELSEWHERE if responding.elsewhere else None
     first = weigh(responding, rival.known, sizes)
@@ -294,7 +294,7 @@ def _responding(rival: Rival, sweeps: Sequence[Observed]) -> list[tuple[float, W
 
 
 def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
-    """An unknown motor answers like any of those that describe the reference sweeps, or departs from it."""
+    """An effect outside the catalogue responds like any model that describes the reference sweeps, or departs from it."""
     departs = BY_NAME[sweeps[0].condition.id].reaches_motor
     near = rivals.nearest
     own = [weigh(Outcome(one.fit, sweeps, listed=False), one.known, UNDESCRIBED_OUTSIDE if departs else None) for one in near]
@@ -309,7 +309,7 @@ def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
 
 
 def _departing(sweeps: Sequence[Observed], nearest: Rival) -> list[float]:
-    """Log likelihood, prior included, of some of the sweeps departing at each point by itself while the others answer like a rival's."""
+    """Log likelihood, prior included, of some of the sweeps departing independently at each point while the others are like a rival's."""
     found = []
     subsets = [chosen for size in range(1, len(sweeps) + 1) for chosen in combinations(range(len(sweeps)), size)]
     for chosen in subsets:
@@ -320,7 +320,7 @@ def _departing(sweeps: Sequence[Observed], nearest: Rival) -> list[float]:
     return found
 
 
-# A value that somebody read off wrongly.
+# Probability that a value was read wrongly.
 SLIP = 0.02
 
 
@@ -342,10 +342,10 @@ def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
         dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=own)
         for rival, factor, own in zip(rivals.members, _doubted(rivals, logs), known, strict=True)
     ]
-    told: tuple[Mistake, ...] = ()
+    noticed: tuple[Mistake, ...] = ()
     if float(np.exp(logsumexp(read) - total)) < 0.5:
-        told = (Mistake("strange-value", f"{value}: far from what any explanation gives", slip),)
-    return _with(rivals, members, value.text, told)
+        noticed = (Mistake("strange-value", f"{value}: far from the prediction of every explanation", slip),)
+    return _with(rivals, members, value.text, noticed)
 
 
 # What no model describes of a value, as a logarithm.
@@ -353,11 +353,11 @@ AS_READ = {1e-6: 1.0}
 OUTSIDE_VALUE = {1e-6: 0.5, 0.3: 0.3, 1.5: 0.2}
 
 
-def _with(rivals: Rivals, members: Sequence[Rival], name: str, told: tuple[Mistake, ...]) -> Rivals:
+def _with(rivals: Rivals, members: Sequence[Rival], name: str, noticed: tuple[Mistake, ...]) -> Rivals:
     leading = Rivals(tuple(members)).likeliest
-    # What the catalogue does not hold is predicted as the one that leads now.
+    # An effect outside the catalogue is predicted like the explanation that is the most probable now.
     known = tuple(dataclasses.replace(one, fit=leading.fit, known=leading.known) if one.outside else one for one in members)
     after = dataclasses.replace(rivals, members=known)
     bits = sum(p * np.log2(p / max(rivals.probabilities[key], 1e-300)) for key, p in after.probabilities.items() if p > 0)
-    taught = Taught(name, float(max(bits, 0.0)), after.by_label, told)
+    taught = Taught(name, float(max(bits, 0.0)), after.by_label, noticed)
     return dataclasses.replace(after, taught=(*rivals.taught, taught))

@@ -22,21 +22,22 @@ from motoremi.fitting.result import Fit
 UNDESCRIBED = {5e-4: 0.45, 2e-3: 0.3, 8e-3: 0.17, 3e-2: 0.08}
 # The same in a circuit or over a span in which the model was not fitted.
 UNDESCRIBED_ELSEWHERE = {5e-4: 0.2, 2e-3: 0.22, 8e-3: 0.22, 3e-2: 0.2, 0.1: 0.12, 0.4: 0.04}
-# The same for a motor that the catalogue does not hold, where the condition changes the motor itself: half of them answer
-# as any other motor does.
+# The same for an effect outside the catalogue, if the condition changes the motor itself: half of them respond like
+# any other motor.
 UNDESCRIBED_OUTSIDE = {5e-4: 0.23, 2e-3: 0.2, 8e-3: 0.2, 3e-2: 0.17, 0.1: 0.13, 0.4: 0.07}
-# Share of their prior width by which elements, and parameters of effects, move where nobody can predict that they do -> prior. It is one number for
-# all elements and one for all effects: else a model with many parameters, none of which moved, would pay for each. An assumption; unconfirmed.
+# Share of their prior width by which elements, and parameters of effects, change without a predicted response -> prior. It is one number for all
+# elements and one for all effects: otherwise a model with many parameters, none of which changed, would be penalised for each. An assumption;
+# unconfirmed.
 UNPREDICTED = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
 # Where the search for the best ends: at a size in the middle.
 MIDDLE = 2e-3
-# White noise that is added at first, and taken away in stages: what the prior holds probable is then found before every point is to be met.
+# White noise that is added at first and reduced in stages: probable responses are then found before every point is fitted.
 BLURS = (0.3, 0.03, 0.0)
-# Steps at most of each part, and the damping that each begins with.
+# Largest number of steps of each part, and its first damping.
 STEPS, DAMPING = 25, 1e-3
 # Standard deviations beyond which no response is looked for.
 FARTHEST_RESPONSE = 6.0
-# What a step must gain, and the same as a share of what is left: an explanation that misses by thousands need not be polished.
+# Smallest gain of a step, and the same as a share of the cost: an explanation whose cost is thousands need not be refined.
 CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
 # Size of what no model describes, and share of what nobody can predict of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
@@ -123,7 +124,7 @@ class Weighed:
     known : Known
         Distribution of the model's own unknowns afterwards.
     undescribed : float
-        The likeliest size of what the model does not describe of the change.
+        Most probable size of the part of the change that the model does not describe.
     unchanged : float
         Probability that the data show the motor as it was.
     """
@@ -175,7 +176,7 @@ def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth:
     damping, cost, failed = DAMPING, best.cost(at), False
     for _ in range(STEPS):
         wanted = best.damped(at, damping)
-        # What the sweeps at hand say of a model's unknowns holds near its fit only: on what hardly depends on them they have no say.
+        # The linear model of the unknowns is valid near the fit only: unknowns on which the prediction hardly depends are not changed.
         u = np.where(prediction.moving, np.clip(known.centre + wanted[:k], known.low, known.high), known.centre)
         eta = np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)
         trial = _System(prediction, known, u, eta, white, smooth)
@@ -203,7 +204,7 @@ def anything(prediction: Prediction, known: Known, sizes: Sequence[float]) -> fl
 
 
 def mixed(cases: Sequence[tuple[float, Weighed]]) -> Weighed:
-    """What is known if one of several cases, each with its probability, holds: the likelihood of all, and what the likeliest teaches."""
+    """The result if one of several cases, each with its probability, is true: the likelihood of all, and the unknowns of the most probable one."""
     logs = np.array([np.log(share) + case.log_likelihood for share, case in cases])
     total = float(logsumexp(logs))
     unchanged = float(np.exp(logs - total) @ [case.unchanged for _, case in cases])

@@ -40,7 +40,7 @@ _KINDS: Mapping[str, EffectKind] = {
 }
 MOTOR_EFFECTS: tuple[str, ...] = tuple(_KINDS)
 OUTSIDE_EFFECTS: tuple[str, ...] = tuple(kind.name for kind in _OUTSIDE)
-# Added by the simulated analyser, see `analyser.py`.
+# Added by the simulated analyser, see `analyser_errors.py`.
 ANALYSER_FAULTS: tuple[str, ...] = (
     "open-residual",
     "short-residual",

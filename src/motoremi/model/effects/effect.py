@@ -141,7 +141,7 @@ class AddedEffect:
 
     @property
     def imitated_by(self) -> str:
-        """What the catalogue does not hold and has nearly the same impedance; empty if nothing is known that does."""
+        """Something outside the catalogue with nearly the same impedance; empty if nothing is known."""
         return self.effect.imitated.get(self.place, "")
 
     def added_to(self, motor: Motor) -> Motor:

@@ -11,6 +11,7 @@ from motoremi.model.effects.start import Scale
 from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
+
 def _sections(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     # A capacitance that is already distributed is divided into the sections; otherwise a share of Cf is.
     share = None if motor.spread is not None else motor.distribution or parameters["share"]
