@@ -468,10 +468,19 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     best = judgement.best.fit
     left = best.unexplained_percent
     rest = f"; {left['value']:.2g} % stays undescribed" if left["value"] else ""
+    before, after = base.rms_error_percent, best.rms_error_percent
     said = [
-        f"adding {' and '.join(named)} takes the circuit's error from {base.rms_error_percent:.3g} % to {best.rms_error_percent:.3g} % "
-        f"(noise and analyser would leave {best.floor_percent:.2g} %){rest}"
+        f"adding {' and '.join(named)} takes the circuit's error from {before:.3g} % to {after:.3g} % (noise and analyser would leave "
+        f"{best.floor_percent:.2g} %){rest}"
     ]
+    if after > before:
+        # Near a sharp resonance the analyser's errors, within its specification, are a large part of Z.
+        unexplained = base.unexplained_percent["value"]
+        said = [
+            f"adding {' and '.join(named)} takes the error that neither circuit nor analyser describes from {unexplained:.2g} % to "
+            f"{left['value']:.2g} %; the circuit's own error rises from {before:.3g} % to {after:.3g} %, as the analyser's errors are taken out "
+            f"of it (noise and analyser would leave {best.floor_percent:.2g} %)"
+        ]
     if verdict == "instrument":
         said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):

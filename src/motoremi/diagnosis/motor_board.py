@@ -11,7 +11,7 @@ from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, own_labels, possible_effects, seen_in, unusual_values
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.fitting.beside import Pairs
-from motoremi.fitting.fit import on_all_points, task_without, trail_to
+from motoremi.fitting.fit import on_all_points, parts_of, task_without, trail_to
 from motoremi.fitting.race import (
     ALIKE_ARRIVING,
     ARRIVING,
@@ -123,7 +123,10 @@ class MotorBoard:
         place = seen_in(under, effect)
         names = [name for name in possible_effects(under) if seen_in(under, name) == place]
         near = {**under.parameters, **model.fit.nuisance}
-        trails = {name: trail_to(under, name) if name == effect else trail_to(under, name, near=near, rival=model.fit) for name in names}
+        parts = {name: parts_of(trail, name) for name, trail in self._alone.items()}
+        trails = {
+            name: trail_to(under, name) if name == effect else trail_to(under, name, parts.get(name), near=near, rival=model.fit) for name in names
+        }
         alike = {name: trail for name, trail in trails.items() if name == effect or _alike(name, effect)}
         others = {name: trail for name, trail in trails.items() if name not in alike}
         # Look-alikes are fitted to the end: only the likelihood distinguishes them.
