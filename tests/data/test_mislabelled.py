@@ -35,7 +35,7 @@ def test_a_repeat_that_is_the_other_termination_is_left_out_whenever_it_was_take
     assert measurement.mislabelled == ("open",)
     assert measurement.sweeps[1].repeats == 1
     np.testing.assert_array_equal(measurement.sweeps[1].mean_ohm, opened[1].impedance_ohm)
-    assert measured_twice(measurement.sweeps) is None
+    assert measured_twice(measurement.sweeps, measurement.floors) is None
 
 
 @pytest.mark.slow
@@ -51,8 +51,8 @@ def test_of_two_inductive_sweeps_the_open_one_is_wrong_and_of_two_capacitive_one
     inductive = Measurement.of([SHORT, taken("short", "open", 2)])
     capacitive = Measurement.of([taken("open", "short", 1), taken("open", "open", 2)])
 
-    assert measured_twice(inductive.sweeps).wrong == "open"
-    assert measured_twice(capacitive.sweeps).wrong == "short"
+    assert measured_twice(inductive.sweeps, inductive.floors).wrong == "open"
+    assert measured_twice(capacitive.sweeps, capacitive.floors).wrong == "short"
     assert inductive.mislabelled == capacitive.mislabelled == ()
 
 
@@ -60,4 +60,4 @@ def test_sweeps_without_a_common_band_are_not_the_same():
     high = np.geomspace(40e6, 60e6, 31)
     elsewhere = ImpedanceSweep("open", high, MOTOR.impedance("short", high))
 
-    assert measured_twice(Measurement.of([SHORT, elsewhere]).sweeps) is None
+    assert measured_twice(Measurement.of([SHORT, elsewhere]).sweeps, Measurement.of([SHORT, elsewhere]).floors) is None

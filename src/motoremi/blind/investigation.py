@@ -73,7 +73,7 @@ class ThisSoftware:
 
 def _mislabelled(measurement: Measurement) -> tuple[str, ...]:
     """Requests whose sweep is the other termination's again."""
-    twice = measured_twice(measurement.sweeps)
+    twice = measured_twice(measurement.sweeps, measurement.floors)
     return tuple(f"{termination}-sweep" for termination in (*measurement.mislabelled, *(() if twice is None else (twice.wrong,))))
 
 

@@ -277,8 +277,10 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
         if the_same_twice(fit.measurement) is not None:
-            # No model will be accepted; single effects are still ranked for display.
-            return _informed(Searched(fit, Declared(judge(fit, progress, ONE_EFFECT, each))), fit.measurement, each)
+            # No model will be accepted, unless the base or one effect makes both sweeps those of one motor; the others are ranked for display.
+            alone = Declared(judge(fit, search, ONE_EFFECT, each))
+            if twice_in(fit.measurement, alone.judgement) is not None:
+                return _informed(Searched(fit, alone), fit.measurement, each)
         first = judge(fit, search, each=each)
         if not first.model.done or first.model.unusual:
             # A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any
@@ -292,10 +294,21 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     declared = searched.declared
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
-    same = the_same_twice(searched.fit.measurement)
+    same = twice_in(searched.fit.measurement, declared.judgement)
     left = None if judgement.accepted or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
+
+
+def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
+    """The finding that both sweeps are one and the same; None if a model with usual values makes both sweeps those of one motor.
+
+    A capacitor across a winding hides its far end. One sweep under two names is described only with a path to the frame of almost no impedance.
+    """
+    model = judgement.model
+    frame = {p.name: p.usual for p in model.fit.motor.parameters if p.name in ("Cr", "Cf")}
+    one_motor = all(model.fit.parameters[name] <= usual[1] for name, usual in frame.items() if usual is not None)
+    return None if judgement.accepted and model.plausible and not model.unusual and one_motor else the_same_twice(measurement)
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
@@ -417,6 +430,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("two names that leave something" if judgement.leaves_something else "two names")
     if named and judgement.model.unusual:
         kinds.append("unusual values")
+    if named and judgement.base.measurement.terminations == ("open",):
+        kinds.append("named from the open-circuit sweep alone")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
     if named and judgement.strains:

@@ -187,7 +187,7 @@ def of_the_sweeps(left: Remainder | None) -> list[Finding]:
 
 def the_same_twice(measurement: Measurement) -> Finding | None:
     """The finding that both sweeps are one and the same."""
-    twice = measured_twice(measurement.sweeps)
+    twice = measured_twice(measurement.sweeps, measurement.floors)
     if twice is None:
         return None
     connected = {"open": "free", "short": "connected"}[twice.wrong]

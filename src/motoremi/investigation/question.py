@@ -250,11 +250,11 @@ def _needed(measurement: Measurement) -> tuple[Option, str] | None:
     """A reference sweep that is missing, or is the other one again, and why it is needed."""
     if len(measurement.sweeps) < 2:
         return BY_NAME["open-sweep" if measurement.terminations == ("short",) else "short-sweep"], "one sweep cannot locate an effect"
-    twice = measured_twice(measurement.sweeps)
+    twice = measured_twice(measurement.sweeps, measurement.floors)
     repeats = [sweep.repeats for sweep in measurement.sweeps]
     if twice is None or max(repeats) >= min(repeats) + SAME_AGAIN:
         return None
-    return BY_NAME[f"{twice.wrong}-sweep"], "the sweeps of both terminations are the same, so one of them was measured twice"
+    return BY_NAME[f"{twice.wrong}-sweep"], "the sweeps of both terminations are the same: one of them may have been measured twice"
 
 
 def _asked_about(rivals: Rivals) -> list[tuple[Rival, float]]:

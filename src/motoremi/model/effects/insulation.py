@@ -47,7 +47,10 @@ EFFECTS = (
         parameters=(
             Parameter("strength", "", 0.005, 1.0, "0.02 - 0.5 for slot insulation, wider for damp material", usual=(0.02, 0.5)),
             Parameter("corner_hz", "Hz", 1e4, 60e6, "1 kHz - 10 MHz; below 10 kHz nothing shows in this band"),
-            Parameter("exponent", "", 0.4, 1.0, "1 is Debye, less is Cole-Cole; one sweep hardly distinguishes them", special=1.0),
+            # Below a half a relaxation is as wide as the band, and hardly differs from a constant loss angle.
+            Parameter(
+                "exponent", "", 0.4, 1.0, "1 is Debye, less is Cole-Cole; one sweep hardly distinguishes them", special=1.0, usual=(0.5, 1.0)
+            ),
         ),
         limit="strength -> 0",
         limit_values={"strength": 0.0, "corner_hz": 1e6, "exponent": 1.0},
