@@ -96,14 +96,22 @@ def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best)
     assert judgement.best.added == best
 
 
-@pytest.mark.parametrize(("first_leaves", "best"), [(0.04, ("suppressor-choke",)), (0.15, ("suppressor-choke", "second-resonance"))])
-def test_no_further_effect_is_named_beside_one_that_describes_the_motor_as_well_as_is_asked_for(first_leaves, best):
+@pytest.fixture(scope="module")
+def healthy():
+    return me.fit(me.dc_motor(), Case(1, 0, "none", (), 5).sweeps(points=51))
+
+
+@pytest.mark.parametrize(
+    ("first_leaves", "further", "named"),
+    [(0.04, "second-resonance", False), (0.15, "second-resonance", True), (0.04, "frame-eddy", True)],
+)
+def test_no_further_effect_is_named_at_the_place_of_one_that_describes_the_motor_as_well_as_is_asked_for(first_leaves, further, named, healthy):
     """A choke whose ferrite is not quite of the catalogue's law: a resonance beside it takes the rest, by odds of e^165."""
     choke = model(("suppressor-choke",), 6000.0, 3.2, first_leaves)
     choke.fit.explained = first_leaves <= 0.1
-    found = of(model((), 0.0, 15.0, 14.6), choke, model(("suppressor-choke", "second-resonance"), 6165.0, 2.6, 0.0))
-    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
-    assert judgement.best.added == best
+    found = of(model((), 0.0, 15.0, 14.6), choke, model(("suppressor-choke", further), 6165.0, 2.6, 0.0))
+    judgement = Judgement(healthy, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.best.added == (("suppressor-choke", further) if named else ("suppressor-choke",))
 
 
 def bead(closest_is_usual: bool = True) -> Judgement:

@@ -12,7 +12,7 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_NAMES, SLIGHT_SHARE, Acceptance, Belief, acceptance_of, agreeing, believe, in_place_of
-from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects
+from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects, seen_in
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.fitting.result import Fit
@@ -75,10 +75,14 @@ class Judgement:
             fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
             under = max(fewer, key=lambda one: one.score, default=None)
             needed = under is not None and (_leaves_less(under, best) or _comes_closer(under, best) or _relieves(under, best))
-            if under is None or (needed and not _enough(under)):
+            if under is None or (needed and not (_enough(under) and self._at_one_place(best.added))):
                 break
             best = under
         return best
+
+    def _at_one_place(self, effects: Effects) -> bool:
+        """Whether all of these effects show in the same sweeps."""
+        return len({seen_in(self.base, name) for name in effects}) == 1
 
     @cached_property
     def named(self) -> Effects:
@@ -341,10 +345,10 @@ def accurate(base: Fit) -> bool:
 
 
 def _enough(one: Candidate) -> bool:
-    """Whether effects describe the motor as well as is asked for, with values that motors have: laws are never quite the motor's.
+    """Whether effects describe the motor as well as is asked for, with usual values.
 
-    A choke of two materials, and a loss angle that is not quite constant, left 0.03 to 0.04 % (odds of e^165 and more for a second effect); hidden
-    pairs left at least 0.15 % with one of them.
+    Beside such a one another effect at the same place only makes up for its law, which is never quite the motor's: a choke of two materials and a
+    loss angle that is not quite constant left 0.03 to 0.04 %, with odds of e^165 and more for a second effect.
     """
     return bool(one.added) and one.plausible and not one.unusual and one.fit.explained and one.fit.analyser_sigma <= ALLOWED_SIGMA
 
