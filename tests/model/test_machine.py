@@ -138,6 +138,7 @@ def test_laws_of_conductors_are_positive_real(law, ranges):
     [
         (materials.lamination_factor, [(0.01, 0.999), (300.0, 1e6)]),
         (materials.debye_factor, [(0.01, 1.0), (1e3, 1e9)]),
+        (materials.cole_cole_factor, [(0.01, 1.0), (5e5, 3e8), (0.6, 1.0)]),
         (materials.permeability_factor, [(0.01, 0.9999), (5e4, 1e9), (0.3, 1.0), (0.01, 10.0)]),
         (materials.shorted_loop_factor, [(0.02, 0.95), (5.0, 5e3), (10.0, 1e7)]),
         (materials.machine_core_factor, [(1e-3, 0.95), (5.0, 2e4), (300.0, 1e7), (0.3, 1.0)]),

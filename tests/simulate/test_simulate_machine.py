@@ -29,6 +29,7 @@ WIDE = np.geomspace(100.0, 30e6, 201)
 OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "shorted-turn": {"skin_hz": 1e12},
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
+    "suppressor-choke": {"exponent": 1.0},
     **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }
 # What is hidden by other sizes than the catalogue's has tests elsewhere: conductors in test_simulate_ladders, a coupled mesh in

@@ -156,7 +156,7 @@ def story_procedure(effect: str) -> Procedure:
 
     full = load_procedure("full_motor_test")
     usual = parse_procedure({**full.source, "steps": [step for step in full.source["steps"] if step["do"] != "report"]}, "full_motor_test.toml")
-    if effect not in identifiers() or usual.sweep is None or usual.sweep.start < find_effect(effect).effect.below_hz:
+    if effect not in identifiers() or usual.sweep is None or usual.sweep.start < find_effect(effect).effect.shows_below_hz:
         return usual
     lower = {"title": "Full motor test, 100 Hz to 30 MHz", "sweep": {**usual.source["sweep"], "start": "100 Hz"}}
     return parse_procedure({**usual.source, **lower}, "full_motor_test.toml")

@@ -305,10 +305,12 @@ def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
 
     A capacitor across a winding hides its far end. One sweep under two names is described only with a path to the frame of almost no impedance.
     """
-    model = judgement.model
+    same, model = the_same_twice(measurement), judgement.model
+    if same is None or not (judgement.accepted and model.plausible and not model.unusual):
+        return same
     frame = {p.name: p.usual for p in model.fit.motor.parameters if p.name in ("Cr", "Cf")}
     one_motor = all(model.fit.parameters[name] <= usual[1] for name, usual in frame.items() if usual is not None)
-    return None if judgement.accepted and model.plausible and not model.unusual and one_motor else the_same_twice(measurement)
+    return None if one_motor else same
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:

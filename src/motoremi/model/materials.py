@@ -87,6 +87,15 @@ def debye_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
     return 1 + share * less, (less, pole * less * (-share / corner_hz))
 
 
+def cole_cole_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
+    """Magnetic relaxation (Cole and Cole): (1 - k) + k / (1 + (s/wm)^a)."""
+    corner = TWO_PI * corner_hz
+    power = _power(s / corner, exponent)
+    pole = 1 / (1 + power)
+    turn = -share * pole**2 * power
+    return 1 + share * (pole - 1), (pole - 1, turn * (-exponent / corner_hz), turn * (np.log(s) - np.log(corner)))
+
+
 def permeability_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: Any, quality: Any) -> ValueAndSlopes:
     """Magnetic relaxation: (1 - k) + k / (1 + x^a + (Q x)^2), x = s/wm.
 

@@ -65,6 +65,8 @@ class Effect:
         True for an effect that describes a behaviour without a physical cause: a diagnosis never names it, a person can add it.
     below_hz : float
         The search tries it only if the sweeps begin below this frequency, because it is not visible elsewhere.
+    shows_below_hz : float
+        At usual sizes it is visible by eye only in sweeps that begin below this frequency.
     of_ranges : bool
         Only analysers that switch ranges by impedance have it: the search does not try it for network analysers.
     tried : mapping
@@ -102,6 +104,7 @@ class Effect:
     seen_as: tuple[str, ...] = ()
     describes: bool = False
     below_hz: float = math.inf
+    shows_below_hz: float = math.inf
     of_ranges: bool = False
     tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     hides: tuple[str, ...] = ()

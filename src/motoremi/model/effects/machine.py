@@ -16,7 +16,7 @@ from motoremi.model.effects.winding import scale
 from motoremi.model.motor import Motor, OpenSweepFactor
 from motoremi.model.parameter import Parameter
 
-# Cage and iron of a whole machine are told apart by what they do below this.
+# Above this a cage, or a turn of thick copper, is a constant loss and a smaller La, and little more where its skin effect is weak.
 CAGE_SEEN_BELOW_HZ = 20e3
 # A closed loop of solid metal that encloses a part of the flux, in the rotor or in the winding.
 LOOP = "s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))"
@@ -105,6 +105,7 @@ EFFECTS = (
         responds={"dc-bias": {"cage_share": 1.1, "iron_hz": 1.25}, "rotor-out": {"cage_share": 0.0}, "second-temperature": {"iron_hz": 1.1}},
         copper={"cage_hz": 1.0},
         below_hz=CAGE_SEEN_BELOW_HZ,
+        shows_below_hz=CAGE_SEEN_BELOW_HZ,
         hides=("Ra",),
         excludes=("distributed-winding",),
     ),
@@ -139,6 +140,7 @@ EFFECTS = (
         responds={"dc-bias": {"share": 1.05}, "rotor-out": {"share": 0.0}},
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
+        shows_below_hz=CAGE_SEEN_BELOW_HZ,
     ),
     Effect(
         name="shorted-turn",
@@ -167,6 +169,7 @@ EFFECTS = (
         starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e6, Scale("La"): 1 / (1 - k)} for k in (0.02, 0.2) for f in (300.0, 3e3, 2e4)),
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
+        shows_below_hz=CAGE_SEEN_BELOW_HZ,
     ),
     Effect(
         name="frame-eddy",

@@ -42,7 +42,7 @@ LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
 # subtracted to the remaining impedance at such a point, and smallest resistance.
 FRAME_POINTS, LEAST_POINTS, MOST_LOST, LEAST_OHM = 80, 10, 30.0, 1e-3
 # Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
-CHOKE_REST = {"capacitance_f": 2e-12, "resistance_ohm": 0.02}
+CHOKE_REST = {"exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02}
 # Nearly Debye's law; exactly at the end of its range the exponent could only be varied in one direction.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 

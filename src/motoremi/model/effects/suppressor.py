@@ -30,8 +30,8 @@ def _capacitor(motor: Motor, place: str, parameters: Mapping[str, Parameter]) ->
 
 
 def _choke(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    core = (parameters["share"], parameters["corner_hz"])
-    coil = Scaled(Leaf("choke L", laws.inductor, (parameters["inductance_h"],)), materials.debye_factor, core)
+    core = (parameters["share"], parameters["corner_hz"], parameters["exponent"])
+    coil = Scaled(Leaf("choke L", laws.inductor, (parameters["inductance_h"],)), materials.cole_cole_factor, core)
     choke: Node = Series((Leaf("choke R", laws.resistor, (parameters["resistance_ohm"],)), coil))
     choke = Parallel((choke, Leaf("choke C", laws.capacitor, (parameters["capacitance_f"],))))
     return motor.attached(lambda node: Series((node, choke)), place=Outwards.CHOKE)
@@ -67,17 +67,19 @@ EFFECTS = (
         kin="suppressor",
         title="a suppressor choke in the lead: a coil on a ferrite rod",
         formula=(
-            "Z + 1 / (1 / (resistance_ohm + s * inductance_h * (1 - share + share / (1 + s / (2 * pi * corner_hz)))) + s * capacitance_f)"
+            "Z + 1 / (1 / (resistance_ohm + s * inductance_h * (1 - share + share / (1 + (s / (2 * pi * corner_hz))**exponent))) "
+            "+ s * capacitance_f)"
         ),
         parameters=(
             Parameter("inductance_h", "H", 0.3e-6, 1e-3, "2 - 50 uH on rods of 3 to 8 mm"),
             Parameter("share", "", 0.05, 0.97, "share of the flux in the ferrite: a rod's air path leaves little below 0.5", usual=(0.3, 0.97)),
             Parameter("corner_hz", "Hz", 0.5e6, 300e6, "MnZn 1 - 5 MHz, NiZn 5 - 300 MHz"),
+            Parameter("exponent", "", 0.6, 1.0, "1 is one time constant; ferrites have several (docs/cores.md: 0.8 - 0.95)", special=1.0),
             Parameter("capacitance_f", "F", 0.1e-12, 20e-12, "between the turns"),
             Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "of its wire"),
         ),
         limit="inductance_h, resistance_ohm -> 0",
-        limit_values={"inductance_h": 1e-18, "share": 0.5, "corner_hz": 1e7, "capacitance_f": 1e-18, "resistance_ohm": 1e-12},
+        limit_values={"inductance_h": 1e-18, "share": 0.5, "corner_hz": 1e7, "exponent": 1.0, "capacitance_f": 1e-18, "resistance_ohm": 1e-12},
         signature="some uH more in both sweeps than the winding's, lossy above a few MHz, a broad parallel resonance at 10 - 100 MHz",
         look_alikes=("lead-inductance", "second-resonance", "permeability-relaxation"),
         deciding="look: a rod with a few turns at each brush; bridge it with a wire and sweep again",
@@ -87,7 +89,7 @@ EFFECTS = (
         ),
         change=_choke,
         starts=tuple(
-            {"inductance_h": x, "share": 0.8, "corner_hz": f, "capacitance_f": 2e-12, "resistance_ohm": 0.02, Subtract("La"): x}
+            {"inductance_h": x, "share": 0.8, "corner_hz": f, "exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02, Subtract("La"): x}
             for x in (1e-6, 4e-6)
             for f in (3e6, 2e7)
         ),
