@@ -74,7 +74,7 @@ EFFECTS = (
             Parameter("inductance_h", "H", 0.3e-6, 1e-3, "2 - 50 uH on rods of 3 to 8 mm"),
             Parameter("share", "", 0.05, 0.97, "share of the flux in the ferrite: a rod's air path leaves little below 0.5", usual=(0.3, 0.97)),
             Parameter("corner_hz", "Hz", 0.5e6, 300e6, "MnZn 1 - 5 MHz, NiZn 5 - 300 MHz"),
-            Parameter("exponent", "", 0.6, 1.0, "1 is one time constant; ferrites have several (docs/cores.md: 0.8 - 0.95)", special=1.0),
+            Parameter("exponent", "", 0.75, 1.0, "1 is one time constant; ferrites have several (0.75 - 0.95 in docs/cores.md)", special=1.0),
             Parameter("capacitance_f", "F", 0.1e-12, 20e-12, "between the turns"),
             Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "of its wire"),
         ),
