@@ -62,6 +62,8 @@ BEYOND_SIGMA = 6.0
 # A circuit comes closer if its error is less than this share of another's: half, as for an effect that is to be named. A smaller difference could
 # come from other values of the same elements, which describe the analyser's smooth errors.
 CLOSER = 0.5
+# Odds of 150 to 1 in log evidence: as much as a parameter at a bound costs.
+AS_PROBABLE = 5.0
 
 
 @dataclass(frozen=True)
@@ -234,7 +236,12 @@ def arrived_on_all(
     plain = least_relative(task, sharp, also)
     # Errors of the analyser far beyond its specification are not accepted if the circuit alone comes closer.
     absorbed = problem.analyser_sigma(u) > BEYOND_SIGMA and _comes_closer(task, plain, sharp)
-    return plain if absorbed or plain.log_evidence > sharp.log_evidence else sharp
+    if absorbed or plain.log_evidence > sharp.log_evidence:
+        return plain
+    # Within its specification it may absorb as much: of two minima that are about as probable the one with the smaller circuit error is taken.
+    closer = arrive(task, [plain.values], sizes=sizes, most=2)
+    alike = closer.log_evidence > sharp.log_evidence - AS_PROBABLE and _comes_closer(task, closer, sharp)
+    return closer if alike or closer.log_evidence > sharp.log_evidence + 1 else sharp
 
 
 def _comes_closer(task: Task, one: Solution, other: Solution, share: float = CLOSER) -> bool:
