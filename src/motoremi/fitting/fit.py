@@ -283,22 +283,29 @@ def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name:
     Where a line misses by far, its resonances hide how many parts there are: each number is looked at with one mode beside it.
     """
     tried = {value: dataclasses.replace(task, held={**task.held, name: value}) for value in values if value <= most_parts(task.measurement)}
-    found = {}
+    found: dict[float, float] = {}
     if before.motor.is_line and misses_by_far(before.sizes):
         for value, one in tried.items():
             problem = one.relative()
             ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
             found[value] = float(_least(*_with_mode(one, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS).objective.min())
-        return min(found, key=lambda value: found[value], default=values[0])
+    else:
+        found = _counted(tried, starts, COUNTING_BESIDE if before.effects else COUNTING)
+    return min(found, key=lambda value: found[value], default=values[0])
+
+
+def _counted(tried: Mapping[float, Task], starts: Sequence[Mapping[str, float]], rounds: Sequence[tuple[int, int, int]]) -> dict[float, float]:
+    """The lowest objective reached with each number of parts, of fewer numbers and from fewer starts in each round."""
     problems = {value: one.thinned(SEARCH_POINTS) for value, one in tried.items()}
     reached = {value: problem.vectors(starts) for value, problem in problems.items()}
-    for steps, count, numbers in COUNTING_BESIDE if before.effects else COUNTING:
+    found: dict[float, float] = {}
+    for steps, count, numbers in rounds:
         leading = sorted(found, key=lambda value: found[value])[:numbers] or problems
         for value in leading:
             problem, u = problems[value], reached[value]
             ends = polish(problem, u[np.argsort(problem.objective(u))[:count]], iterations=steps, precision=ROUGH)
             reached[value], found[value] = ends.u, float(ends.objective.min())
-    return min(found, key=lambda value: found[value], default=values[0])
+    return found
 
 
 def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Problem, list[dict[str, float]]]:
