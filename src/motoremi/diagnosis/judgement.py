@@ -350,7 +350,10 @@ def _enough(one: Candidate) -> bool:
     Beside such a one another effect at the same place only makes up for its law, which is never quite the motor's: a choke of two materials and a
     loss angle that is not quite constant left 0.03 to 0.04 %, with odds of e^165 and more for a second effect.
     """
-    return bool(one.added) and one.plausible and not one.unusual and one.fit.explained and one.fit.analyser_sigma <= ALLOWED_SIGMA
+    fit = one.fit
+    described = bool(one.added) and one.plausible and not one.unusual and fit.explained
+    # Nor may what is missing have been taken for the analyser's errors or for its fixture, as a lead of 400 nH was.
+    return described and max(fit.analyser_sigma, fit.fixture_sigma) <= ALLOWED_SIGMA
 
 
 def _leaves_less(before: Candidate, after: Candidate) -> bool:

@@ -175,6 +175,12 @@ class Fit:
         ratios = [np.abs(errors[sweep.termination]) / floor for sweep, floor in pairs]
         return bool(self.rms_error_percent <= self.floor_percent and np.mean(np.concatenate(ratios) ** 2) <= SPECIFIED_SIGMA**2)
 
+    @property
+    def fixture_sigma(self) -> float:
+        """How large a fixture without compensation has to be, in standard deviations of one of a few centimetres; 0 without one."""
+        own = [p for p in self.problem.unknowns if p.name.startswith("fixture ") and p.sigma is not None]
+        return max((abs(self.nuisance[p.name]) / p.sigma for p in own if p.sigma is not None), default=0.0)
+
     @cached_property
     def linearised(self) -> Linearised:
         """The likelihood round the solution."""
