@@ -308,9 +308,8 @@ def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
     same, model = the_same_twice(measurement), judgement.model
     if same is None or not (judgement.accepted and model.plausible and not model.unusual):
         return same
-    frame = {p.name: p.usual for p in model.fit.motor.parameters if p.name in ("Cr", "Cf")}
-    one_motor = all(model.fit.parameters[name] <= usual[1] for name, usual in frame.items() if usual is not None)
-    return None if one_motor else same
+    frame = [p for p in model.fit.motor.parameters if p.name in ("Cr", "Cf")]
+    return None if all(p.usual is None or model.fit.parameters[p.name] <= p.usual[1] for p in frame) else same
 
 
 def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
@@ -484,20 +483,18 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         return _reasons_of_none(judgement, verdict)
     best = judgement.best.fit
     left = best.unexplained_percent
-    rest = f"; {left['value']:.2g} % stays undescribed" if left["value"] else ""
     before, after = base.rms_error_percent, best.rms_error_percent
-    said = [
-        f"adding {' and '.join(named)} takes the circuit's error from {before:.3g} % to {after:.3g} % (noise and analyser would leave "
-        f"{best.floor_percent:.2g} %){rest}"
-    ]
+    floor = f"(noise and analyser would leave {best.floor_percent:.2g} %)"
     if after > before:
         # Near a sharp resonance the analyser's errors, within its specification, are a large part of Z.
-        unexplained = base.unexplained_percent["value"]
-        said = [
-            f"adding {' and '.join(named)} takes the error that neither circuit nor analyser describes from {unexplained:.2g} % to "
-            f"{left['value']:.2g} %; the circuit's own error rises from {before:.3g} % to {after:.3g} %, as the analyser's errors are taken out "
-            f"of it (noise and analyser would leave {best.floor_percent:.2g} %)"
-        ]
+        effect = (
+            f"the error that neither circuit nor analyser describes from {base.unexplained_percent['value']:.2g} % to {left['value']:.2g} %; the "
+            f"circuit's own error rises from {before:.3g} % to {after:.3g} %, as the analyser's errors are taken out of it {floor}"
+        )
+    else:
+        rest = f"; {left['value']:.2g} % stays undescribed" if left["value"] else ""
+        effect = f"the circuit's error from {before:.3g} % to {after:.3g} % {floor}{rest}"
+    said = [f"adding {' and '.join(named)} takes {effect}"]
     if verdict == "instrument":
         said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):

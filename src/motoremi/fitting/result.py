@@ -21,7 +21,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
-from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem
+from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem, fixture_parameters
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
 from motoremi.model.circuit import Tape
@@ -178,8 +178,8 @@ class Fit:
     @property
     def fixture_sigma(self) -> float:
         """How large a fixture without compensation has to be, in standard deviations of one of a few centimetres; 0 without one."""
-        own = [p for p in self.problem.unknowns if p.name.startswith("fixture ") and p.sigma is not None]
-        return max((abs(self.nuisance[p.name]) / p.sigma for p in own if p.sigma is not None), default=0.0)
+        sigma = {p.name: p.sigma for p in fixture_parameters(self.measurement.analyser)}
+        return max((abs(self.nuisance.get(name, 0.0)) / one for name, one in sigma.items() if one is not None), default=0.0)
 
     @cached_property
     def linearised(self) -> Linearised:

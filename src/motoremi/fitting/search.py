@@ -241,6 +241,7 @@ def arrived_on_all(
     # Within its specification it may absorb as much: of two minima that are about as probable the one with the smaller circuit error is taken.
     closer = arrive(task, [plain.values], sizes=sizes, most=2)
     alike = closer.log_evidence > sharp.log_evidence - AS_PROBABLE and _comes_closer(task, closer, sharp)
+    # A gain of less than one in log evidence is none: the sharpened solution stays.
     return closer if alike or closer.log_evidence > sharp.log_evidence + 1 else sharp
 
 
