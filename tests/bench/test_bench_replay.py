@@ -143,6 +143,23 @@ def test_a_killed_run_replays_to_the_last_exchange(tmp_path: Path, bench: Simula
     assert (result.same, result.ended) == (True, "killed")
 
 
+def test_a_run_killed_while_its_instrument_was_made_safe_replays(tmp_path: Path, bench: SimulatedBench) -> None:
+    measured(tmp_path / "whole", small(), bench)
+    records = (tmp_path / "whole" / "traffic.jsonl").read_bytes().splitlines(keepends=True)
+    leaves = next(number for number, line in enumerate(records) if b'"direction":"leave"' in line)
+    documents = (tmp_path / "whole" / "session.jsonl").read_bytes().splitlines(keepends=True)
+    safe = next(number for number, line in enumerate(documents) if b'"kind":"safe"' in line)
+    (tmp_path / "whole" / "manifest.json").unlink()
+    (tmp_path / "whole" / "session.jsonl").write_bytes(b"".join(documents[:safe]))
+    assert b'"direction":"close"' in records[-1]
+    assert len(records) - leaves > 3
+    # With all exchanges recorded, nothing in the record says where the kill came.
+    for end in range(leaves, len(records) - 1):
+        (tmp_path / "whole" / "traffic.jsonl").write_bytes(b"".join(records[:end]))
+        result = again(load(tmp_path / "whole"), tmp_path / f"again-{end}")
+        assert (result.same, result.ended) == (True, "killed"), end
+
+
 def changed_session(folder: Path, bench: SimulatedBench, command: str, replacement: str) -> Session:
     """A session whose record holds another command, as an older version of a driver would have sent it."""
     measured(folder, small(), bench)

@@ -58,8 +58,8 @@ class ReplayTransport(Transport):
         # Sessions recorded by versions without service requests were polled, and are polled again.
         self.service_requests = bool(opened.get("service_requests", False))
         self._records = [record for record in everything if record["direction"] not in _MARKS]
-        # The record of a run that was killed ends without a record "leave".
-        self._killed = bool(opened) and not any(record["direction"] == "leave" for record in self._records)
+        # The record of a run that was killed ends without a record "close", also where the kill came while the instrument was made safe.
+        self._killed = bool(opened) and not any(record["direction"] == "close" for record in everything)
         self._position = 0
         self._lenient = lenient
         # Position of the next answer if the last command was found elsewhere in the record; -1: it was not found; None: it was the next record.
