@@ -26,7 +26,7 @@ def left(percent: float, error_percent: float, analyser_sigma: float) -> SimpleN
         floor_percent=1.0,
         noise_percent=0.1,
         analyser_sigma=analyser_sigma,
-        fixture_sigma=0.0,
+        instrument_sigma=analyser_sigma,
         marginal=SimpleNamespace(nothing_left=0.0),
         explained=False,
         within_specification=False,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ import pytest
 from motoremi.blind.sealed import HandheldAnalyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
-from motoremi.diagnosis.candidates import possible_effects
+from motoremi.diagnosis.candidates import Candidate, possible_effects
+from motoremi.diagnosis.findings import of_the_analyser
 from motoremi.fitting.fit import fit, trail_to
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.race import SINGLES, Best, race
@@ -91,6 +93,18 @@ def test_a_circuit_that_errs_less_than_the_analyser_may_is_hardly_likelier() -> 
     erring, far = (weighed_with(times * allowed)[1] for times in (1.0, 10.0))
     assert abs(perfect - erring) < 0.1 * (perfect - far)
     assert perfect - far > 50
+
+
+@pytest.mark.slow
+def test_a_fixture_of_a_long_lead_leaves_something_for_an_effect() -> None:
+    """Of 410 nH, where a fixture of a few centimetres has 30 nH."""
+    nothing_left = dataclasses.replace(base(), marginal=SimpleNamespace(nothing_left=1.0), analyser_sigma=1.0)  # type: ignore[arg-type]
+    assert Candidate((), dataclasses.replace(nothing_left, nuisance={**base().nuisance, "fixture L": 30e-9}), 0.0, ()).done
+    assert not Candidate((), dataclasses.replace(nothing_left, nuisance={**base().nuisance, "fixture L": 410e-9}), 0.0, ()).done
+    findings = of_the_analyser(dataclasses.replace(base(), nuisance={**base().nuisance, "fixture L": 410e-9}), accepted=True)
+    (why,) = (finding.why for finding in findings if finding.id == "not-compensated")
+    assert "L = 410 nH" in why
+    assert "up to 14 times what a fixture of a few centimetres has" in why
 
 
 def test_a_network_analyser_switches_no_ranges_of_impedance() -> None:

@@ -66,8 +66,8 @@ class Candidate:
 
     @cached_property
     def done(self) -> bool:
-        """Whether nothing remains for another effect: neither an undescribed part nor analyser errors beyond `ALLOWED_SIGMA`."""
-        return self.fit.marginal.nothing_left >= 0.5 and self.fit.analyser_sigma <= ALLOWED_SIGMA
+        """Whether nothing remains for another effect: neither an undescribed part nor errors of analyser or fixture beyond `ALLOWED_SIGMA`."""
+        return self.fit.marginal.nothing_left >= 0.5 and self.fit.instrument_sigma <= ALLOWED_SIGMA
 
     @property
     def leaves_nothing(self) -> bool:

@@ -353,7 +353,7 @@ def _enough(one: Candidate) -> bool:
     fit = one.fit
     described = bool(one.added) and one.plausible and not one.unusual and fit.explained
     # Nor may what is missing have been taken for the analyser's errors or for its fixture, as a lead of 400 nH was.
-    return described and max(fit.analyser_sigma, fit.fixture_sigma) <= ALLOWED_SIGMA
+    return described and fit.instrument_sigma <= ALLOWED_SIGMA
 
 
 def _leaves_less(before: Candidate, after: Candidate) -> bool:

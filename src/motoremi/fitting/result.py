@@ -181,6 +181,11 @@ class Fit:
         sigma = {p.name: p.sigma for p in fixture_parameters(self.measurement.analyser)}
         return max((abs(self.nuisance.get(name, 0.0)) / one for name, one in sigma.items() if one is not None), default=0.0)
 
+    @property
+    def instrument_sigma(self) -> float:
+        """The larger of `analyser_sigma` and `fixture_sigma`."""
+        return max(self.analyser_sigma, self.fixture_sigma)
+
     @cached_property
     def linearised(self) -> Linearised:
         """The likelihood round the solution."""
