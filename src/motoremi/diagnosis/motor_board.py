@@ -11,7 +11,7 @@ from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, own_labels, possible_effects, seen_in, unusual_values
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.fitting.beside import Pairs
-from motoremi.fitting.fit import on_all_points, parts_of, task_without, trail_to
+from motoremi.fitting.fit import counted, counted_near, on_all_points, parts_of, task_without, trail_to
 from motoremi.fitting.race import (
     ALIKE_ARRIVING,
     ARRIVING,
@@ -64,10 +64,7 @@ class MotorBoard:
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
         """Of all single effects, or all pairs of them, those near the best, and the next ones with usual values."""
         if size == 1:
-            self._alone = {name: trail_to(self._base, name) for name in possible_effects(self._base)}
-            trails: Mapping[Key, Trail] = {(name,): trail for name, trail in self._alone.items()}
-            solutions, reached = race(trails, SINGLES, (), progress, self._each)
-            self._reached = {key[-1]: standing for key, standing in reached.items()}
+            trails, solutions = self._singles({name: trail_to(self._base, name) for name in possible_effects(self._base)}, progress)
         else:
             pairs = self._leading_pairs(found, part(progress, 0.0, 0.8))
             beside = self._beside_the_best(found)
@@ -76,6 +73,11 @@ class MotorBoard:
             trails = {**pairs, **beside}
         leading = self._near_best(size, solutions)
         near = self._refitted(trails, leading)
+        if size == 1 and not any(one.leaves_nothing for one in near):
+            with_parts, recounted = self._counted()
+            trails, solutions = {**trails, **with_parts}, _likeliest_orders([{**solutions, **recounted}])
+            further = self._near_best(size, recounted)
+            leading, near = {**leading, **further}, near + self._refitted(trails, further)
         others = {key: solution for key, solution in solutions.items() if key not in leading}
         # A further effect cannot be less probable than none: the leaders are then in wrong minima, and the others are fitted too.
         if max((one.fit.log_evidence for one in near), default=-inf) < max(one.fit.log_evidence for one in found.values()):
@@ -87,6 +89,19 @@ class MotorBoard:
         # If an error remains, the decision also uses the values, so sets with usual values are refitted too.
         usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
         return near + self._refitted(trails, {key: others[key] for key in usual[: self._further]})
+
+    def _singles(self, alone: Mapping[str, Trail], progress: Progress | None = None) -> tuple[Mapping[Key, Trail], dict[Key, Solution]]:
+        """The race between single effects, whose end is kept for pairs."""
+        trails: dict[Key, Trail] = {(name,): trail for name, trail in alone.items()}
+        solutions, reached = race(trails, SINGLES, (), progress, self._each)
+        self._alone = {**self._alone, **alone}
+        self._reached = {**self._reached, **{key[-1]: standing for key, standing in reached.items()}}
+        return trails, solutions
+
+    def _counted(self) -> tuple[Mapping[Key, Trail], dict[Key, Solution]]:
+        """The race of effects with a number of parts, if more steps find another number than the brief choice did."""
+        again = {name: counted(trail, each=self._each) for name, trail in self._alone.items()}
+        return self._singles({name: trail for name, trail in again.items() if trail.task.held != self._alone[name].task.held})
 
     def _lines(self, trails: Mapping[Key, Trail], solutions: Mapping[Key, Solution]) -> dict[Key, Solution]:
         """Lines and chains of sections that the race has left behind, each searched alone and from more starts.
@@ -111,12 +126,17 @@ class MotorBoard:
     def _leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
         """The best pairs with their current values as start values; few of them share an effect."""
         fitted = {key[0]: one.fit for key, one in found.items() if len(key) == 1}
+        # Of two numbers of parts, the more probable one.
+        self._alone = {name: _holding(trail, fitted.get(name, self._base)) for name, trail in self._alone.items()}
         pairs = Pairs(self._base, self._alone, self._reached, fitted, self._each)
         trails = pairs.at_a_glance()
         reached = race(trails, GLANCE, (), part(progress, 0.0, 0.5), self._each).reached
         leaders = sorted(reached, key=lambda pair: reached[pair].best)[:LEADERS]
         trails = {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in leaders}
-        trails |= pairs.in_full({pair: reached[pair] for pair in leaders[:IN_FULL]})
+        # A number of parts is chosen anew beside the other effect, from where the first rounds got to.
+        near = dict(zip(leaders[:IN_FULL], self._each(counted_near, [trails[pair] for pair in leaders[:IN_FULL]]), strict=True))
+        for pair, trail in pairs.in_full({pair: reached[pair] for pair in near}).items():
+            trails[pair] = dataclasses.replace(trail, task=near[pair].task)
         reached = race(trails, PAIRS, (), part(progress, 0.5, 1.0), self._each).reached
         chosen: list[Key] = []
         for pair in sorted(reached, key=lambda pair: reached[pair].best):
@@ -175,6 +195,11 @@ class MotorBoard:
             held=task.held,
             bounds=task.bounds,
         )
+
+
+def _holding(trail: Trail, fit: Fit) -> Trail:
+    """The same with the values that are held in a fit."""
+    return dataclasses.replace(trail, task=dataclasses.replace(trail.task, held={**trail.task.held, **fit.held}))
 
 
 def _likeliest_orders(raced: Iterable[Mapping[Key, Solution]]) -> dict[Key, Solution]:

@@ -65,9 +65,9 @@ class Pairs:
 
     def _trails(self, seconds: Mapping[str, Sequence[str]], at_a_glance: bool) -> dict[str, dict[str, Trail]]:
         """By first and second effect, the model with both and start values for adding the second."""
-        # A number of parts takes a search of its own for each value: in the first round it is the one that the effect has by itself.
-        held = {name: parts_of(trail, name) for name, trail in self._alone.items()} if at_a_glance else {}
-        jobs = [(self._with[one], {name: held.get(name, {}) for name in others}, at_a_glance) for one, others in seconds.items()]
+        # A number of parts takes a search of its own for each value: here it is the one that the effect has by itself.
+        held = {name: parts_of(trail, name) for name, trail in self._alone.items()}
+        jobs = [(self._with[one], {name: held[name] for name in others}, at_a_glance) for one, others in seconds.items()]
         return dict(zip(seconds, self._each(_begun, jobs), strict=True))
 
 

@@ -21,7 +21,7 @@ from motoremi.fitting.marginal import marginal
 from motoremi.fitting.paper_colony import paper_colony
 from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
-from motoremi.fitting.race import Trail, raced_alone
+from motoremi.fitting.race import ALL, Round, Rounds, Trail, race, raced_alone
 from motoremi.fitting.result import METHODS, Fit, on_fits, summarise
 from motoremi.fitting.search import (
     FOLLOWED,
@@ -48,18 +48,18 @@ from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 from motoremi.model.parameter import Parameter
 from motoremi.threads import one_blas_thread
+from motoremi.workers import Map
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
 # Number of points that are needed to determine one resonance.
 POINTS_EACH = 3
-# Steps that are made to compare several numbers of parts.
-GLANCE_STEPS = 12
-# How a number of parts is chosen: steps from so many of the best starts, with so many of the best numbers (all where it is 0). Of ten windings of
-# 2 to 12 sections the first finds seven, in 0.6 s; fewer steps or starts find three to six. Beside another effect, and
-# where nothing is left to be described, it is looked at briefly.
-COUNTING = ((12, 100, 0), (40, 20, 6))
-COUNTING_BESIDE = ((12, 12, 0),)
+# Steps that are made to compare several numbers of parts, and from how many of the best starts.
+GLANCE_STEPS, GLANCE_STARTS = 12, 12
+# How a number of parts is chosen where it matters: of ten windings of 2 to 12 sections the right one is found for seven; by fewer steps or starts
+# for three to six.
+COUNTING = Rounds((Round(SEARCH_POINTS, 12, ALL, ALL), Round(SEARCH_POINTS, 40, 20, 6)), 0, SEARCH_POINTS)
+COUNTING_NEAR = Rounds((Round(SEARCH_POINTS, GLANCE_STEPS, ALL, ALL),), 0, SEARCH_POINTS)
 
 
 @one_blas_thread
@@ -209,7 +209,7 @@ def trail_to(
     near: Mapping[str, float] | None = None,
     rival: Fit | None = None,
 ) -> Trail:
-    """Where to look for a fit with one more effect.
+    """Where to look for a fit with one more effect; a number of parts is chosen briefly (see `counted`).
 
     Parameters
     ----------
@@ -265,6 +265,25 @@ def parts_of(trail: Trail, effect: str) -> dict[str, float]:
     return {name: value for name, value in trail.task.held.items() if name in names}
 
 
+def counted(trail: Trail, rounds: Rounds = COUNTING, each: Map = map) -> Trail:
+    """The same with the number of parts, if an effect has one, that reaches the lowest objective from these start values."""
+    trails: dict[float, Trail] = {}
+    for label in trail.task.motor.effects:
+        for name, values in find_effect(label).effect.tried.items():
+            for value in values:
+                if value <= most_parts(trail.task.measurement):
+                    held = {**trail.task.held, f"{label}.{name}": value}
+                    trails[value] = dataclasses.replace(trail, task=dataclasses.replace(trail.task, held=held))
+    reached = race(trails, rounds, each=each).reached
+    return trails[min(reached, key=lambda value: reached[value].best)] if reached else trail
+
+
+@one_blas_thread
+def counted_near(trail: Trail) -> Trail:
+    """`counted`, from start values that are right but for the number of parts."""
+    return counted(trail, COUNTING_NEAR)
+
+
 def _checked_parts(name: str, value: float, before: Fit) -> float:
     """The number of parts that the user holds; refused if these data cannot determine as many."""
     most = most_parts(before.measurement)
@@ -291,23 +310,12 @@ def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name:
             ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
             found[value] = float(_least(*_with_mode(one, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS).objective.min())
     else:
-        briefly = before.effects or before.marginal.nothing_left >= 0.5
-        found = _counted(tried, starts, COUNTING_BESIDE if briefly else COUNTING)
+        for value, one in tried.items():
+            problem = one.thinned(SEARCH_POINTS)
+            u = problem.vectors(starts)
+            best = np.argsort(problem.objective(u))[:GLANCE_STARTS]
+            found[value] = float(polish(problem, u[best], iterations=GLANCE_STEPS, precision=ROUGH).objective.min())
     return min(found, key=lambda value: found[value], default=values[0])
-
-
-def _counted(tried: Mapping[float, Task], starts: Sequence[Mapping[str, float]], rounds: Sequence[tuple[int, int, int]]) -> dict[float, float]:
-    """The lowest objective reached with each number of parts, of fewer numbers and from fewer starts in each round."""
-    problems = {value: one.thinned(SEARCH_POINTS) for value, one in tried.items()}
-    reached = {value: problem.vectors(starts) for value, problem in problems.items()}
-    found: dict[float, float] = {}
-    for steps, count, numbers in rounds:
-        leading = sorted(found, key=lambda value: found[value])[:numbers] or problems
-        for value in leading:
-            problem, u = problems[value], reached[value]
-            ends = polish(problem, u[np.argsort(problem.objective(u))[:count]], iterations=steps, precision=ROUGH)
-            reached[value], found[value] = ends.u, float(ends.objective.min())
-    return found
 
 
 def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Problem, list[dict[str, float]]]:
@@ -403,7 +411,10 @@ def _with_effect(
     added = find_effect(effect).effect
     if misses_by_far(before.sizes) and (added.describes or (added.tried and before.motor.is_line)):
         return _described(trail_to(before, effect, held, limits, near=before.parameters), before)
-    return followed(trail_to(before, effect, held, limits), before, thorough)
+    trail = trail_to(before, effect, held, limits)
+    if not before.effects and not any(name in (held or {}) for name in parts_of(trail, effect)):
+        trail = counted(trail)
+    return followed(trail, before, thorough)
 
 
 def _described(trail: Trail, before: Fit) -> Fit:
