@@ -187,6 +187,23 @@ def test_a_drift_gives_back_its_size(count):
         assert np.median(noise.variance) > 0.5 * np.median(np.abs(noise.drift) ** 2)
 
 
+@pytest.mark.parametrize("count", [3, 5])
+def test_leads_that_are_moved_between_repeats_are_no_drift(count):
+    """Each repeat has a lead of its own, whose share of Z grows with frequency."""
+    rng = np.random.default_rng(11)
+    found = []
+    for seed in range(40):
+        moved = 3e-3 * rng.standard_normal(count)
+        sweeps = [
+            me.ImpedanceSweep(sweep.termination, GRID_HZ, sweep.impedance_ohm * (1 + share * (GRID_HZ / GRID_HZ[-1]) ** 2))
+            for sweep, share in zip(repeats_of(seed, count, 2e-4), moved, strict=True)
+        ]
+        found.append(noise_of(sweeps))
+    # One in twenty, and three standard deviations of their number.
+    assert sum(noise.drift is not None for noise in found) <= 2 + 3 * np.sqrt(2)
+    assert all(noise.correlated is not None for noise in found)
+
+
 @pytest.mark.parametrize("count", [2, 3])
 def test_stations_are_flagged_and_count_for_little(count):
     white = 3e-4

@@ -21,6 +21,11 @@ def ports_of(sweep: ImpedanceSweep) -> str:
     return ports_written(sweep.metadata.get("fixture", ""))
 
 
+def are_reflections(sweeps: Sequence[ImpedanceSweep]) -> bool:
+    """Whether all sweeps were read from reflections at one port, as network analysers save them."""
+    return all(str(sweep.metadata.get("read_as", "")).startswith(_REFLECTIONS) for sweep in sweeps)
+
+
 def declared_analyser(
     sweeps: Sequence[ImpedanceSweep], named: str | None = None, conditioned: Sequence[ImpedanceSweep] = ()
 ) -> tuple[Analyser, str]:
@@ -67,5 +72,5 @@ def refuse_impossible(sweeps: Sequence[ImpedanceSweep], named: str | None) -> No
         if ports and analyser.instrument not in TRANSMISSION:
             takes = ", ".join(TRANSMISSION)
             raise BadInput(f"{source}: was measured {ports}, but {analyser.name} measures no transmission between two ports; use one of {takes}")
-        if analyser.ports and str(sweep.metadata.get("read_as", "")).startswith(_REFLECTIONS):
+        if analyser.ports and are_reflections([sweep]):
             raise BadInput(f"{source}: holds the reflection at one port, but the analyser is declared as {analyser.name}; leave out the fixture")

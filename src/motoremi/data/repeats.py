@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.stats import f
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.directions import directions
@@ -19,6 +20,8 @@ CORRELATED: Parts = ((0.25, 0.03), (0.25, 0.1), (0.25, 0.3), (0.25, 1.0))
 DRIFTING: Parts = ((1.0, 0.15),)
 # Twice the gain in log likelihood above which a drift is accepted.
 DRIFT_GAIN = 10.0
+# Probability with which repeats that differ at random, such as after the leads were moved, may pass for a drift.
+BY_CHANCE = 0.05
 # Largest ratio of correlated to white noise that is considered.
 MOST_CORRELATED = 100.0
 
@@ -71,8 +74,20 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     return float(np.sqrt(np.exp(found.x) * factor)), factor
 
 
+def _in_order(scaled: ComplexArray, shape: FloatArray) -> bool:
+    """Whether the smooth part of the first contrast exceeds that of the others by more than chance allows (F test of one against the rest).
+
+    One degree of freedom for each contrast: what is moved between repeats, such as a lead, has one size for all frequencies.
+    """
+    vectors, variances = directions(shape)
+    first, *others = variances @ np.abs(vectors.T @ scaled.T) ** 2
+    return bool(first > f.isf(BY_CHANCE, 1, len(others)) * np.mean(others))
+
+
 def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, free: ComplexArray) -> ComplexArray | None:
     """Change of ln Z from one repeat to the next, smooth along frequency, shape (n,); None if the repeats show no drift.
+
+    A drift needs a linear contrast far above noise, and far above the other contrasts: repeats in any order have those in equal parts.
 
     Parameters
     ----------
@@ -98,7 +113,7 @@ def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, fre
 
     level = 2 * np.log(float(np.median(sigma)))
     found = minimize_scalar(lambda value: -gain(value), bounds=(level - 8, level + 16), method="bounded")
-    if gain(float(found.x)) < DRIFT_GAIN:
+    if gain(float(found.x)) < DRIFT_GAIN or not _in_order(free / sigma, shape):
         return None
     weight = np.exp(found.x) * variances
     white = vectors @ (weight / (1 + weight) * components)

@@ -16,6 +16,7 @@ import numpy as np
 
 from motoremi.diagnosis.explore import Key, M
 from motoremi.fitting.result import Fit
+from motoremi.fitting.search import BEYOND_SIGMA
 
 Acceptance: TypeAlias = Literal["explained", "slight", "mostly", "not"]
 
@@ -177,7 +178,9 @@ def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     # If nothing remains but the analyser's error is far beyond its specification, the model is accepted and a finding reports the analyser.
     # An added effect that only reaches a stated accuracy counts as `mostly`, since its law may be wrong; a base that reaches it is `explained`.
     enough = best.explained and (best is base or best.measurement.accuracy_percent is None)
-    if best.marginal.nothing_left >= 0.5 or enough:
+    # Nobody knows what an unnamed analyser may err by: if it would have to be a bad one, an effect describes the rest as well.
+    unknown = best is not base and not best.measurement.analyser.named and best.analyser_sigma > BEYOND_SIGMA
+    if (best.marginal.nothing_left >= 0.5 and not unknown) or enough:
         return "explained"
     if left <= SLIGHT_SHARE * best.floor_percent:
         return "slight"

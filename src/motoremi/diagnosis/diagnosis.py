@@ -340,7 +340,7 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
     judgement = declared.judgement
     found = (
-        of_the_noise(judgement.base)
+        of_the_noise(judgement.base, 0.0 if judgement.accepted else judgement.closest.fit.unexplained_percent["value"])
         + of_the_resistance(fit.measurement)
         + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
@@ -349,7 +349,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
     if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:
-        found.insert(0, of_the_declaration(fit.measurement.analyser.name, declared.instead, declared.log_odds))
+        found.insert(0, of_the_declaration(fit.measurement.analyser, declared.instead, declared.log_odds))
     return tuple(found)
 
 

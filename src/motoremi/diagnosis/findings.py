@@ -16,7 +16,8 @@ from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.inspection.unexplained import Remainder
 from motoremi.quantities import show, show_band
 
-# Drift and correlated noise of so many times the white noise could be mistaken for an effect.
+# Drift and correlated noise of so many times the white noise could be mistaken for an effect. A few repeats do not show their size more closely
+# than by this factor, so they may also be the cause of an error that is so many times as large.
 COULD_PASS = 3.0
 # An element of the fixture is reported if it is this many standard deviations from zero.
 SEEN = 4.0
@@ -58,8 +59,18 @@ class Finding:
         return {"id": self.id, "sweep": self.sweep, "band_hz": band, "serious": self.serious, "why": self.why, "remedy": self.remedy}
 
 
-def of_the_noise(fit: Fit) -> list[Finding]:
-    """Findings from the repeats: outliers, drift, correlated noise."""
+def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
+    """Findings from the repeats: outliers, drift, correlated noise.
+
+    Parameters
+    ----------
+    left_percent : float
+        Error that no accepted model describes, relative to Z. Much smaller differences between repeats are not its cause and not serious.
+    """
+
+    def serious(size: float) -> bool:
+        return size > COULD_PASS * white and 100 * size * COULD_PASS > left_percent
+
     found = []
     for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True):
         name, frequency, white = sweep.termination, sweep.frequency_hz, float(np.median(noise.sigma))
@@ -73,7 +84,7 @@ def of_the_noise(fit: Fit) -> list[Finding]:
                     f"the {name} sweep changes steadily from repeat to repeat, by {100 * size:.2g} % over half of them ({size / white:.2g} times "
                     "its noise): the motor warms up, or the analyser does",
                     "let both settle for half an hour, or alternate short and open sweeps",
-                    size > COULD_PASS * white,
+                    serious(size),
                     name,
                     _span(frequency),
                 )
@@ -86,7 +97,7 @@ def of_the_noise(fit: Fit) -> list[Finding]:
                     f"repeats of the {name} sweep differ in the same way over neighbouring frequencies, by {100 * alike:.2g} %: "
                     "averaging more points does not help",
                     "look for loose contacts and moving cables, and repeat",
-                    alike > COULD_PASS * white,
+                    serious(alike),
                     name,
                     _span(frequency),
                 )
@@ -101,8 +112,8 @@ def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> F
         "interference",
         f"{count} of {outliers.size} points of the {name} sweep stand out ({show(float(at[0]), 'Hz')}"
         + (f" - {show(float(at[-1]), 'Hz')}" if count > 1 else "")
-        + "): a station or a bad contact; they get a low weight",
-        "shield the motor, raise the level, or leave these frequencies out",
+        + "): a station, a bad contact, or a resonance narrower than the distance between points; they get a low weight",
+        "sweep around them with more points; shield the motor, raise the level, or leave them out",
         count > 0.05 * outliers.size,
         name,
         (float(at[0]), float(at[-1])),
@@ -171,15 +182,18 @@ def of_the_resistance(measurement: Measurement) -> list[Finding]:
     return found
 
 
-def of_the_declaration(declared: str, instead: Analyser, log_odds: float) -> Finding:
-    """The finding that the data do not fit the declared analyser."""
+def of_the_declaration(declared: Analyser, instead: Analyser, log_odds: float) -> Finding:
+    """The finding that the errors in the data are not those of the declared analyser."""
     odds = "more than a million" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
-    return Finding(
-        "not-as-declared",
-        f"the data are not those of the declared analyser ({declared}): odds of {odds} to 1 that it was a {instead.title}",
-        f"declare it (--analyser {instead.name}), or repeat the compensation and the sweeps",
-        True,
+    title = instead.title if instead.fixture is not None else instead.title.replace(", the fixture not compensated", "")
+    why = f"the errors in the data are not those of the declared analyser ({declared.name}) but as large as those of a {title}"
+    remedy = (
+        f"declare the analyser that was used (--analyser {instead.name}), or repeat the compensation and the sweeps with leads that stay in place"
     )
+    if not declared.named:
+        why = f"no analyser was named, and the errors in the data are as of a {title}"
+        remedy = f"name the analyser that was used (--analyser {instead.name})"
+    return Finding("not-as-declared", f"{why}: odds of {odds} to 1, if it was one of these two", remedy, True)
 
 
 def of_the_sweeps(left: Remainder | None) -> list[Finding]:
