@@ -26,6 +26,7 @@ from motoremi.fitting.race import (
     Best,
     Standing,
     Trail,
+    little_is_left,
     race,
     raced_alone,
 )
@@ -113,10 +114,12 @@ class MotorBoard:
 
     @staticmethod
     def _beside_the_best(found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
-        """Each effect with the best single one, if that leaves little: the likelihood must compare such pairs, not points of equal weight."""
-        best = best_of(one for key, one in found.items() if len(key) == 1)
-        trails = {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
-        return {pair: trail for pair, trail in trails.items() if trail.by_likelihood}
+        """Each effect with the best single one that leaves little: the likelihood must compare such pairs, not points of equal weight."""
+        leaving_little = [one for key, one in found.items() if len(key) == 1 and little_is_left(one.fit.sizes)]
+        if not leaving_little:
+            return {}
+        best = best_of(leaving_little)
+        return {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
 
     def _unusual(self, trail: Trail, solution: Solution) -> bool:
         motor = trail.task.motor

@@ -83,8 +83,13 @@ def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[Any, fl
 
 
 def scaled_ranges(effect: Effect, label: str, measurement: Measurement) -> dict[str, tuple[float, float]]:
-    """Ranges of an effect's parameters that reach further than the catalogue's because the sweep does; none for a sweep like the paper's."""
-    found = {}
+    """Ranges of an effect's parameters that reach further than the catalogue's because the sweep does; none for a sweep like the paper's.
+
+    Suppressors are parts that can be bought: their sizes do not follow the motor's.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    if effect.kin == "suppressor":
+        return found
     for parameter in effect.parameters:
         factors = [band.factor(parameter.unit) for band in bands(measurement)] if _scales(parameter) else [1.0]
         low, high = parameter.low * min(1.0, *factors, 1.0), parameter.high * max(1.0, *factors, 1.0)

@@ -86,6 +86,11 @@ LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
 THOROUGH = Rounds((Round(80, 7, ALL, 1), Round(80, 40, 9, 1)), 1, 120)
 
 
+def little_is_left(sizes: Sizes) -> bool:
+    """Whether the undescribed part is small, and not because the analyser's errors were increased until they absorbed it."""
+    return sizes.discrepancy < 2 * PLAIN and sizes.declared <= MOST_DECLARED
+
+
 @dataclass(frozen=True)
 class Trail:
     """A model and its start values.
@@ -109,8 +114,8 @@ class Trail:
 
     @cached_property
     def by_likelihood(self) -> bool:
-        """Whether the undescribed part is small, and not because the analyser's errors were increased until they absorbed it."""
-        return self.left.discrepancy < 2 * PLAIN and self.left.declared <= MOST_DECLARED
+        """Whether the search is by the likelihood from the beginning."""
+        return little_is_left(self.left)
 
     @property
     def averaged(self) -> Trail:
