@@ -38,6 +38,14 @@ def test_a_repeat_that_is_the_other_termination_is_left_out_whenever_it_was_take
     assert measured_twice(measurement.sweeps, measurement.floors) is None
 
 
+def test_where_both_terminations_are_nearly_the_same_every_repeat_is_used():
+    """Behind a filter they differ by 1 to 3 %, and repeats of one of them by 2 %."""
+    ohm = SHORT.impedance_ohm
+    shorts = [ImpedanceSweep("short", FREQUENCY, (1 + away) * ohm) for away in (0.0, 0.02)]
+    opened = [ImpedanceSweep("open", FREQUENCY, (1 + away) * ohm) for away in (0.01, 0.05)]
+    assert Measurement.of([*shorts, *opened]).mislabelled == ()
+
+
 @pytest.mark.slow
 def test_what_was_left_out_is_a_finding_and_changes_no_verdict():
     found = diagnose(fit(dc_motor(), [SHORT, taken("open", "open", 3), taken("short", "open", 2)]))

@@ -26,7 +26,8 @@ def test_a_transmission_is_none_of_an_analyser_with_one_port():
 
 
 def test_what_has_no_common_error_model_is_taken_as_it_is():
-    measurement = SimpleNamespace(analyser=find_analyser("unknown"), remark="the sweeps were measured in different ways", accuracy_percent=None)
+    remark = "the sweeps were measured in different ways"
+    measurement = SimpleNamespace(analyser=find_analyser("unknown"), reflections=False, remark=remark, accuracy_percent=None)
     fit = SimpleNamespace(measurement=measurement, analyser_sigma=9.0)
     first = SimpleNamespace(base=fit, best=SimpleNamespace(fit=fit), model=SimpleNamespace(fit=fit), acceptance="not", described=False)
     assert likeliest(first).instead is None

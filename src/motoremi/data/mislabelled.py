@@ -60,20 +60,27 @@ def measured_twice(sweeps: Sequence[RepeatedSweep], floors: Sequence[FloatArray]
 def without_mislabelled(sweeps: Sequence[RepeatedSweep]) -> tuple[tuple[RepeatedSweep, ...], tuple[Termination, ...]]:
     """The sweeps without repeats that are the other termination's, and the termination of each repeat that was left out.
 
-    A repeat is left out only if others of its termination differ from the other sweep: they show what it should have been.
+    A repeat is left out only if others of its termination differ plainly from the other sweep, since they show what it should have been: behind a
+    filter both sweeps are nearly the same, and repeats may differ as much.
     """
     if len(sweeps) < 2:
         return tuple(sweeps), ()
     kept, left_out = [], []
     for own, other in (tuple(sweeps), tuple(reversed(sweeps))):
-        differences = [[_apart(own.frequency_hz, one, other.frequency_hz, each) for each in other.impedance_ohm] for one in own.impedance_ohm]
-        good = np.min(differences, axis=1) > THE_SAME
-        if good.all() or not good.any():
+        away = _nearest(own, other)
+        good = away > THE_SAME
+        if good.all() or np.max(away) < PLAINLY:
             kept.append(own)
             continue
         kept.append(replace(own, impedance_ohm=own.impedance_ohm[good]))
         left_out += [own.termination] * int(np.sum(~good))
     return tuple(kept), tuple(left_out)
+
+
+def _nearest(own: RepeatedSweep, other: RepeatedSweep) -> FloatArray:
+    """Difference of each repeat of a sweep from the nearest one of another."""
+    differences = [[_apart(own.frequency_hz, one, other.frequency_hz, each) for each in other.impedance_ohm] for one in own.impedance_ohm]
+    return np.min(differences, axis=1)
 
 
 def _apart(
