@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE
-from motoremi.diagnosis.candidates import Candidate, possible_effects
+from motoremi.diagnosis.candidates import Candidate, own_labels, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
@@ -30,14 +30,15 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, ONE_EFFECT, Judgement, judge
+from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, judge
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
+from motoremi.diagnosis.whole_machine import whole_machine
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import BEYOND_SIGMA, Task, arrived_on_all
+from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Task, arrived_on_all
 from motoremi.inspection.compare import compare
 from motoremi.inspection.unexplained import Remainder, remainder
 from motoremi.investigation.next_measurement import next_measurement
@@ -45,7 +46,7 @@ from motoremi.investigation.question import Question, next_question
 from motoremi.investigation.rivals import Rivals
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
-from motoremi.quantities import show_band
+from motoremi.quantities import show, show_band
 from motoremi.threads import one_blas_thread
 from motoremi.workers import Map, own_processes
 
@@ -286,7 +287,8 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
             # A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any
             # single point.
             first = _without_outliers(fit, fit, again, each) or _without_outliers(fit, first.best.fit, again, each) or first
-        return _informed(Searched(fit, likeliest(first, part(progress, AGAIN, 1.0), each)), fit.measurement, each)
+        declared = _with_whole_machine(likeliest(first, part(progress, AGAIN, 1.0), each), each)
+        return _informed(Searched(fit, declared), fit.measurement, each)
 
 
 def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> Diagnosis:
@@ -298,6 +300,19 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     left = None if judgement.accepted or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
+
+
+def _with_whole_machine(declared: Declared, each: Map) -> Declared:
+    """With the ordinary parts of a machine together, if nothing is accepted and they come much closer.
+
+    They are not tried where less than a per cent is left: no law of a machine is better known.
+    """
+    judgement = declared.judgement
+    much = not judgement.accepted and judgement.closest_found.fit.unexplained_percent["value"] > 100 * PLAIN
+    whole = whole_machine(judgement.base, each) if much else None
+    if whole is None or whole.fit.rms_error_percent > HALF * judgement.closest_found.fit.rms_error_percent:
+        return declared
+    return dataclasses.replace(declared, judgement=dataclasses.replace(judgement, whole=whole))
 
 
 def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
@@ -340,7 +355,7 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
 def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
     judgement = declared.judgement
     found = (
-        of_the_noise(judgement.base, 0.0 if judgement.accepted else judgement.closest.fit.unexplained_percent["value"])
+        of_the_noise(judgement.base, 0.0 if judgement.accepted else judgement.closest_found.fit.unexplained_percent["value"])
         + of_the_resistance(fit.measurement)
         + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
@@ -473,8 +488,10 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
                 f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with unusual values "
                 f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
             ]
+        several = [] if judgement.whole is None else [f"several parts of the machine show at once; fitted together: {_values_of(closest)}"]
         return [
             f"{missing} and none of {tried} effects, nor two of them together, explains it",
+            *several,
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
             *_modes_hint(closest),
@@ -511,6 +528,13 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
+
+
+def _values_of(one: Candidate) -> str:
+    """The parameters that the data determine, by effect."""
+    own = own_labels(one.fit.effects, one.added)
+    names = [p for p in one.fit.motor.parameters if p.name.rpartition(".")[0] in own and one.fit.determined(p.name)]
+    return ", ".join(f"{p.name} = {show(one.fit.parameters[p.name], p.unit)}" for p in names)
 
 
 def _modes_hint(closest: Candidate) -> list[str]:

@@ -66,7 +66,7 @@ def informed(judgement: Judgement, rivals: Rivals) -> Judgement:
     proven = sum(probabilities[one.key] for one in rivals.members if len(one.key) == size and not one.outside) >= ONLY_ONE_LEFT
     if proven:
         found |= {key: dataclasses.replace(one, score=best + weighed[key]) for key, one in judgement.aside.items() if key in weighed}
-    return decided(judgement.base, found, ONLY_ONE_LEFT, proven)
+    return dataclasses.replace(decided(judgement.base, found, ONLY_ONE_LEFT, proven), whole=judgement.whole)
 
 
 def departs(rivals: Rivals) -> bool:

@@ -58,6 +58,8 @@ class Judgement:
         the sweeps alone show little of it.
     aside : dict
         More probable models whose additional effect only reduces the analyser's error: not named, but considered by an investigation.
+    whole : Candidate, optional
+        The ordinary parts of a machine, all at once, if they come much closer than the sets that were found; shown, and never named.
     """
 
     base: Fit
@@ -66,6 +68,7 @@ class Judgement:
     none_named: bool = False
     proven: bool = False
     aside: Mapping[Key, Candidate] = field(default_factory=dict)
+    whole: Candidate | None = None
 
     @cached_property
     def best(self) -> Candidate:
@@ -194,7 +197,12 @@ class Judgement:
 
     @cached_property
     def closest(self) -> Candidate:
-        """The model whose circuit errs least, shown if none is accepted, because the most probable one may need large analyser errors."""
+        """The model that is shown if none is accepted: the whole machine, or the closest of those that were found."""
+        return self.closest_found if self.whole is None else self.whole
+
+    @cached_property
+    def closest_found(self) -> Candidate:
+        """The model whose circuit errs least; the most probable one may need large analyser errors."""
         return min(self.found.values(), key=lambda one: one.fit.rms_error_percent)
 
     @property
