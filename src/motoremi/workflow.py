@@ -18,6 +18,7 @@ from motoremi.data.session import Session, load, reopen
 from motoremi.data.storage import write_whole
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.ladder_step import further, ladder_step
+from motoremi.diagnosis.whole_machine import added_together
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import checked_held, fit
 from motoremi.fitting.result import Fit, restore
@@ -28,6 +29,7 @@ from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.progress import part
 from motoremi.quantities import parse
+from motoremi.workers import own_processes
 
 if TYPE_CHECKING:
     from motoremi.report.contents import Choice, Materials
@@ -195,6 +197,21 @@ def add_to_session(store: Store, effect: str, progress: Progress | None = None) 
     for portion in further(ladder[-1], effect, progress):
         ladder += portion
         save_ladder(store, ladder, kept=len(ladder) - len(portion))
+    return steps[-1], ladder[-1]
+
+
+def add_several_to_session(store: Store, effects: Sequence[str], progress: Progress | None = None) -> tuple[Fit, Fit]:
+    """Add several effects to the current model, fitted at once; returns the model before and after. The ladder gets a step for each."""
+    if len(set(effects)) < len(effects):
+        raise BadInput("an effect is named twice: add it once more afterwards")
+    add_effects(dc_motor(), list(effects))  # a wrong name is reported before anything is fitted
+    steps = current_steps(store, part(progress, 0, FITTING))
+    add_effects(steps[-1].motor, list(effects))
+    if progress is not None:
+        progress(" + ".join(effects), 1, 2)
+    with own_processes() as each:
+        ladder = [*steps, *added_together(steps[-1], tuple(effects), each)]
+    save_ladder(store, ladder, kept=len(steps))
     return steps[-1], ladder[-1]
 
 

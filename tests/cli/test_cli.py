@@ -288,6 +288,22 @@ def test_wrong_use_is_one_line_and_status_2(tmp_path, files):
         assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("effects", "says"),
+    [
+        (("lead-inductance", "eddy-lamination"), "did you mean eddy-laminations?"),
+        (("lead-inductance", "lead-inductance"), "named twice"),
+        (("lead-inductance", "arc-breakdown"), "arc-breakdown belongs to the spectra's model: add it alone"),
+    ],
+)
+def test_several_effects_of_which_one_cannot_be_added_change_nothing(tmp_path, files, effects, says):
+    motoremi("import", tmp_path / "s", "--short", files / "short1.csv", "--open", files / "open1.csv")
+    done = motoremi("add", tmp_path / "s", *effects)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert load(tmp_path / "s").analyses == ()
+
+
 def test_unknown_effect_changes_nothing(tmp_path, files):
     motoremi("import", tmp_path / "s", "--short", files / "short1.csv", "--open", files / "open1.csv")
     before = (tmp_path / "s" / "session.jsonl").read_bytes()

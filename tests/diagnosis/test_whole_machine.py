@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.special import ive
+from typer.testing import CliRunner
 
 import motoremi as me
+from motoremi.cli.app import app
+from motoremi.data.csvfiles import write_impedance_csv
+from motoremi.data.session import load
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 
 FREQUENCY_HZ = np.geomspace(10e3, 30e6, 151)
@@ -29,12 +36,16 @@ def machine(termination: str) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def found() -> me.Diagnosis:
+def sweeps() -> list[me.ImpedanceSweep]:
     analyser = SimulatedAnalyser(4)
-    sweeps = [
+    return [
         me.ImpedanceSweep(name, FREQUENCY_HZ, analyser.measure(name, FREQUENCY_HZ, machine(name), connection=at), metadata={"analyser": "4294a"})
         for at, name in enumerate(("short", "open"))
     ]
+
+
+@pytest.fixture(scope="module")
+def found(sweeps: list[me.ImpedanceSweep]) -> me.Diagnosis:
     return me.diagnose(me.fit(me.dc_motor(), sweeps))
 
 
@@ -48,3 +59,21 @@ def test_its_parts_are_shown_with_their_values_and_not_named(found: me.Diagnosis
     assert values["insulation-leakage@Cf.resistance_ohm"] == pytest.approx(LEAK_OHM, rel=0.1)
     assert values["lead-inductance.inductance_h"] == pytest.approx(LEAD_H, rel=0.3)
     assert any("several parts of the machine show at once" in reason for reason in found.reasons)
+
+
+@pytest.mark.slow
+def test_several_effects_are_added_at_once_as_steps_of_one_each(tmp_path: Path, sweeps: list[me.ImpedanceSweep]) -> None:
+    files = []
+    for sweep in sweeps:
+        files.append(tmp_path / f"{sweep.termination}.csv")
+        write_impedance_csv(files[-1], sweep)
+    folder = tmp_path / "machine"
+    effects = ("lead-inductance", "insulation-leakage@Cf", "skin-effect", "suppressor-capacitor@frame", "ground-strap-inductance")
+    for command in (("import", folder, "--short", files[0], "--open", files[1], "--analyser", "4294a"), ("add", folder, *effects)):
+        done = CliRunner().invoke(app, list(map(str, command)))
+        assert done.exit_code == 0, done.output
+    ladder = [step["fit"] for step in load(folder).ladder]
+    assert [len(one["effects"]) for one in ladder] == [0, 1, 2, 3, 4, 5]
+    assert all(set(one["effects"]) < set(other["effects"]) for one, other in itertools.pairwise(ladder))
+    assert set(ladder[-1]["effects"]) == set(effects)
+    assert ladder[-1]["rms_error_percent"] < 1 < 50 < ladder[0]["rms_error_percent"]

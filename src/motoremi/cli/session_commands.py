@@ -397,7 +397,10 @@ def inspect_(
 
 def add_(
     path: SessionPath,
-    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="From the catalogue: motoremi effects.", show_default=False)],
+    effects: Annotated[
+        list[str],
+        typer.Argument(metavar="EFFECT...", help="From the catalogue: motoremi effects. Several are fitted at once.", show_default=False),
+    ],
     as_json: AsJson = False,
 ) -> None:
     """Add an effect to the model, fit again and show the errors before and after; effects of source and path are added to the spectra's model."""
@@ -405,16 +408,21 @@ def add_(
     from motoremi.cli.emission import show_emission_step
     from motoremi.data.session import load
     from motoremi.emission.source_effects import is_source_effect
-    from motoremi.workflow import add_to_session, opened
+    from motoremi.errors import BadInput
+    from motoremi.workflow import add_several_to_session, add_to_session, opened
     from motoremi.workflow_emission import add_source_effect
 
-    if is_source_effect(effect):
+    of_spectra = [effect for effect in effects if is_source_effect(effect)]
+    if of_spectra and len(effects) > 1:
+        raise BadInput(f"{of_spectra[0]} belongs to the spectra's model: add it alone")
+    if of_spectra:
         with opened(path) as store:
-            steps = add_source_effect(store, effect)
+            steps = add_source_effect(store, effects[0])
         show_emission_step(*steps, as_json)
         return
     with opened(path) as store, progress_bars(as_json) as bars:
-        before, after = add_to_session(store, effect, bars.bar("adding"))
+        bar = bars.bar("adding")
+        before, after = add_to_session(store, effects[0], bar) if len(effects) == 1 else add_several_to_session(store, effects, bar)
     _show_step(before, after, as_json, load(path).ladder[-1])
 
 

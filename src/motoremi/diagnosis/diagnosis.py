@@ -489,6 +489,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
                 f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
             ]
         several = [] if judgement.whole is None else [f"several parts of the machine show at once; fitted together: {_values_of(closest)}"]
+        if judgement.whole is not None:
+            several.append(f"add them to the model: motoremi add SESSION {' '.join(closest.added)}")
         return [
             f"{missing} and none of {tried} effects, nor two of them together, explains it",
             *several,

@@ -100,17 +100,45 @@ def _with_likeliest_losses(base: Fit, trail: Trail, possible: Container[str], ea
     return trail, best
 
 
+def added_together(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
+    """Several effects added to a fit at once, as steps of one effect each: at every step the one without which the rest does best comes last.
+
+    Raises
+    ------
+    BadInput
+        If an effect is unknown, cannot be added, or is given twice.
+    """
+    trail = _scattered(base, names)
+    reached = race({names: trail}, WHOLE, each=each).reached[names]
+    trail = _near(base, names, trail, reached.starts[0])
+    path = [(trail, raced_alone(trail))]
+    while len(_names(base, path[-1][0])) > 1:
+        path.append(_without_one(base, *path[-1], each))
+    ordered: list[str] = []
+    for trail, _ in reversed(path):
+        ordered += [name for name in _names(base, trail) if name not in ordered]
+    jobs = [(_near(base, tuple(ordered[: at + 1]), trail, one.values), one, base) for at, (trail, one) in enumerate(reversed(path))]
+    return list(each(on_all_points, jobs))
+
+
 def _needed(base: Fit, found: tuple[Trail, Solution], each: Map) -> tuple[Trail, Solution]:
     """Without the effects that are more probably absent than present, one after the other."""
     trail, solution = found
-    while len(names := _names(base, trail)) > 1:
-        trails = [_near(base, tuple(name for name in names if name != gone), trail, solution.values) for gone in names]
-        without = list(each(raced_alone, trails))
-        best = max(range(len(names)), key=lambda at: without[at].log_evidence)
-        if without[best].log_evidence + prior_of_set(base, len(names) - 1) < solution.log_evidence + prior_of_set(base, len(names)):
+    while (count := len(_names(base, trail))) > 1:
+        fewer, without = _without_one(base, trail, solution, each)
+        if without.log_evidence + prior_of_set(base, count - 1) < solution.log_evidence + prior_of_set(base, count):
             break
-        trail, solution = trails[best], without[best]
+        trail, solution = fewer, without
     return trail, solution
+
+
+def _without_one(base: Fit, trail: Trail, solution: Solution, each: Map) -> tuple[Trail, Solution]:
+    """Without the effect whose absence leaves the most probable model."""
+    names = _names(base, trail)
+    trails = [_near(base, tuple(name for name in names if name != gone), trail, solution.values) for gone in names]
+    found = list(each(raced_alone, trails))
+    best = max(range(len(names)), key=lambda at: found[at].log_evidence)
+    return trails[best], found[best]
 
 
 def _names(base: Fit, trail: Trail) -> Effects:
