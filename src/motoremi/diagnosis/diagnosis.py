@@ -64,8 +64,8 @@ ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correla
 LOOKS = 3
 # Sets of effects that are listed.
 LISTED = 12
-# Progress, as shares of the longest diagnosis, at the end of the search and of the second one without outliers.
-SEARCH, AGAIN = 0.6, 0.75
+# Progress, as shares of the longest diagnosis, at the end of the search, of the second one without outliers, and of those under other analysers.
+SEARCH, AGAIN, TOGETHER = 0.5, 0.6, 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +287,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
             # A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any
             # single point.
             first = _without_outliers(fit, fit, again, each) or _without_outliers(fit, first.best.fit, again, each) or first
-        declared = _with_whole_machine(likeliest(first, part(progress, AGAIN, 1.0), each), each)
+        declared = _with_whole_machine(likeliest(first, part(progress, AGAIN, TOGETHER), each), part(progress, TOGETHER, 1.0), each)
         return _informed(Searched(fit, declared), fit.measurement, each)
 
 
@@ -302,14 +302,14 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
 
 
-def _with_whole_machine(declared: Declared, each: Map) -> Declared:
+def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map) -> Declared:
     """With the ordinary parts of a machine together, if nothing is accepted and they come much closer.
 
     They are not tried where less than a per cent is left: no law of a machine is better known.
     """
     judgement = declared.judgement
     much = not judgement.accepted and judgement.closest_found.fit.unexplained_percent["value"] > 100 * PLAIN
-    whole = whole_machine(judgement.base, each) if much else None
+    whole = whole_machine(judgement.base, each, progress) if much else None
     if whole is None or whole.fit.rms_error_percent > HALF * judgement.closest_found.fit.rms_error_percent:
         return declared
     return dataclasses.replace(declared, judgement=dataclasses.replace(judgement, whole=whole))

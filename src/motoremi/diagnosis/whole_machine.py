@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from motoremi.arrays import Progress
 from motoremi.data.covariance import Sizes
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, possible_effects, prior_of_set
 from motoremi.fitting.fit import on_all_points, trail_to
@@ -39,7 +40,7 @@ NEARLY_ALL = Sizes(0.01, 1.0)
 WHOLE = Rounds((Round(60, 8, ALL, ALL), Round(60, 20, 120, ALL), Round(60, 40, 20, ALL), Round(80, 60, 3, ALL)), 2, 80)
 
 
-def whole_machine(base: Fit, each: Map = map) -> Candidate | None:
+def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) -> Candidate | None:
     """The model with all ordinary parts that the sweeps need; None if it has no more than two.
 
     Parameters
@@ -48,12 +49,13 @@ def whole_machine(base: Fit, each: Map = map) -> Candidate | None:
         Nothing added; its own effects stay.
     each : callable
         As the built-in `map`.
+    progress : callable, optional
     """
     possible = set(possible_effects(base)) - set(base.effects)
     ordinary = [name for name in (*ALWAYS, *(row[0] for row in LOSSES)) if name in possible]
     sets = {tuple(name for name in (*ordinary, *further) if name in possible) for further in product(WINDING, BUILT_IN)}
     trails = {names: _scattered(base, names) for names in sorted(sets)}
-    reached = race(trails, WHOLE, each=each).reached
+    reached = race(trails, WHOLE, (), progress, each).reached
     best = min(reached, key=lambda names: reached[names].best)
     trail = _near(base, best, trails[best], reached[best].starts[0])
     found = _needed(base, _with_likeliest_losses(base, trail, possible, each), each)

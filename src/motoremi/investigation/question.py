@@ -37,7 +37,7 @@ ODDS = 20.0
 # enough to stop, since no measurement under another condition makes one of them describe these sweeps.
 NONE_DESCRIBES = 0.9
 _UNKNOWN = (
-    f"{OUTSIDE} is left: no effect of the catalogue describes the sweeps, so a measurement under another condition would not find one that does; "
+    f"{OUTSIDE} is left: no one or two effects of the catalogue describe the sweeps, so a measurement under another condition would not find them; "
     "repeat both sweeps, look where the model fails (motoremi inspect), or add an effect of your own (docs/howto/own-effect.md)"
 )
 # Largest number of explanations that are considered, and smallest probability of one.
