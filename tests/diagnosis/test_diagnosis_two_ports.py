@@ -25,6 +25,12 @@ def test_a_transmission_is_none_of_an_analyser_with_one_port():
     assert hypotheses(find_analyser("none+series-through"))[0].fixture is None
 
 
+def test_reflections_of_an_unnamed_analyser_may_be_those_of_a_network_analyser_with_its_fixture():
+    first, *others = hypotheses(find_analyser("unknown"), reflections=True)
+    assert (first.name, first.fixture is None) == ("nanovna", False)
+    assert all(one.fixture is None for one in (*others, *hypotheses(find_analyser("4294a"), reflections=True)))
+
+
 def test_what_has_no_common_error_model_is_taken_as_it_is():
     remark = "the sweeps were measured in different ways"
     measurement = SimpleNamespace(analyser=find_analyser("unknown"), reflections=False, remark=remark, accuracy_percent=None)

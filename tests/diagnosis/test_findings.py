@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_amount, of_the_hardly_seen, of_the_resistance
+from motoremi.data.noise import Noise
+from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_amount, of_the_hardly_seen, of_the_noise, of_the_resistance
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 
@@ -40,6 +43,16 @@ def test_a_phase_that_any_analyser_may_err_by_is_not_blamed_where_none_is_declar
         turned = z * np.exp(-1j * share * NEGATIVE * UNDECLARED)
         assert np.mean(turned.real < 0) > OFTEN
         assert len(of_the_resistance(Measurement.of([me.ImpedanceSweep("short", FREQUENCY_HZ, turned)], "unknown"))) == count
+
+
+@pytest.mark.parametrize(("left_percent", "serious"), [(0.0, True), (2.0, True), (10.0, False)])
+def test_small_differences_between_repeats_are_not_the_cause_of_a_large_error(left_percent, serious):
+    """Of 1 %, ten times the noise: three times as much may be their true size, and an error of 10 % is not theirs."""
+    sigma = np.full(FREQUENCY_HZ.size, 1e-3)
+    noise = Noise(sigma, "repeats", correlated=10 * sigma)
+    measurement = SimpleNamespace(sweeps=swept(0.0, "4294a").sweeps, noise=(noise,))
+    (finding,) = of_the_noise(SimpleNamespace(measurement=measurement), left_percent)  # type: ignore[arg-type]
+    assert (finding.id, finding.serious) == ("correlated-noise", serious)
 
 
 @pytest.mark.slow

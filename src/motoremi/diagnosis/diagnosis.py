@@ -283,11 +283,14 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
             if twice_in(fit.measurement, alone.judgement) is not None:
                 return _informed(Searched(fit, alone), fit.measurement, each)
         first = judge(fit, search, each=each)
-        if not first.model.done or first.model.unusual:
-            # A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any
-            # single point.
-            first = _without_outliers(fit, fit, again, each) or _without_outliers(fit, first.best.fit, again, each) or first
-        declared = _with_whole_machine(likeliest(first, part(progress, AGAIN, TOGETHER), each), part(progress, TOGETHER, 1.0), each)
+        under_others, last = part(progress, AGAIN, TOGETHER), part(progress, TOGETHER, 1.0)
+        # The errors of a network analyser that nobody named would pass for outliers.
+        unnamed = fit.measurement.reflections and not fit.measurement.analyser.named
+        declared = likeliest(first, under_others, each) if unnamed else None
+        if declared is None or declared.instead is None:
+            quiet = _quiet(fit, first, again, each)
+            declared = declared if declared is not None and quiet is first else likeliest(quiet, under_others, each)
+        declared = _with_whole_machine(declared, last, each)
         return _informed(Searched(fit, declared), fit.measurement, each)
 
 
@@ -300,6 +303,16 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     left = None if judgement.accepted or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
+
+
+def _quiet(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement:
+    """The judgement without outliers, if there are any; `first` otherwise.
+
+    A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any single point.
+    """
+    if first.model.done and not first.model.unusual:
+        return first
+    return _without_outliers(fit, fit, progress, each) or _without_outliers(fit, first.best.fit, progress, each) or first
 
 
 def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map) -> Declared:
