@@ -21,7 +21,7 @@ DRIFTING: Parts = ((1.0, 0.15),)
 # Twice the gain in log likelihood above which a drift is accepted.
 DRIFT_GAIN = 10.0
 # Probability with which repeats that differ at random, such as after the leads were moved, may pass for a drift.
-BY_CHANCE = 0.05
+BY_CHANCE = 0.1
 # Largest ratio of correlated to white noise that is considered.
 MOST_CORRELATED = 100.0
 
@@ -77,11 +77,13 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
 def _in_order(scaled: ComplexArray, shape: FloatArray) -> bool:
     """Whether the smooth part of the first contrast exceeds that of the others by more than chance allows (F test of one against the rest).
 
-    One degree of freedom for each contrast: what is moved between repeats, such as a lead, has one size for all frequencies.
+    One degree of freedom for each contrast: what is moved between repeats, such as a lead, has one size for all frequencies. White noise, of unit
+    variance here, is taken off.
     """
     vectors, variances = directions(shape)
-    first, *others = variances @ np.abs(vectors.T @ scaled.T) ** 2
-    return bool(first > f.isf(BY_CHANCE, 1, len(others)) * np.mean(others))
+    first, *others = variances @ np.abs(vectors.T @ scaled.T) ** 2 - 2 * variances.sum()
+    by_noise = 2 * float(np.sqrt(np.sum(variances**2) / len(others)))
+    return bool(first > f.isf(BY_CHANCE, 1, len(others)) * max(np.mean(others), by_noise))
 
 
 def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, free: ComplexArray) -> ComplexArray | None:
