@@ -201,7 +201,7 @@ def test_leads_that_are_moved_between_repeats_are_no_drift(count):
         found.append(noise_of(sweeps))
     # One in ten, and three standard deviations of their number.
     assert sum(noise.drift is not None for noise in found) <= 4 + 3 * 2
-    assert all(noise.correlated is not None for noise in found)
+    assert all(noise.correlated is not None or noise.drift is not None for noise in found)
 
 
 @pytest.mark.parametrize("count", [2, 3])
