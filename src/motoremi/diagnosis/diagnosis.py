@@ -501,12 +501,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
                 f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with unusual values "
                 f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
             ]
-        several = [] if judgement.whole is None else [f"several parts of the machine show at once; fitted together: {_values_of(closest)}"]
-        if judgement.whole is not None:
-            several.append(f"add them to the model: motoremi add SESSION {' '.join(closest.added)}")
         return [
             f"{missing} and none of {tried} effects, nor two of them together, explains it",
-            *several,
+            *_whole_machine_told(judgement.whole),
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
             *_modes_hint(closest),
@@ -545,11 +542,17 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     return said
 
 
-def _values_of(one: Candidate) -> str:
-    """The parameters that the data determine, by effect."""
-    own = own_labels(one.fit.effects, one.added)
-    names = [p for p in one.fit.motor.parameters if p.name.rpartition(".")[0] in own and one.fit.determined(p.name)]
-    return ", ".join(f"{p.name} = {show(one.fit.parameters[p.name], p.unit)}" for p in names)
+def _whole_machine_told(whole: Candidate | None) -> list[str]:
+    """The parts of a machine that were fitted together, with the values that the data determine, and the command that adds them."""
+    if whole is None:
+        return []
+    own = own_labels(whole.fit.effects, whole.added)
+    names = [p for p in whole.fit.motor.parameters if p.name.rpartition(".")[0] in own and whole.fit.determined(p.name)]
+    values = ", ".join(f"{p.name} = {show(whole.fit.parameters[p.name], p.unit)}" for p in names)
+    return [
+        f"several parts of the machine show at once; fitted together: {values}",
+        f"add them to the model: motoremi add SESSION {' '.join(whole.added)}",
+    ]
 
 
 def _modes_hint(closest: Candidate) -> list[str]:

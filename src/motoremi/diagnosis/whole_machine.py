@@ -1,7 +1,7 @@
 """The parts that every machine has, fitted all at once: leads, strap, terminals, losses of copper, iron and insulation, suppressors.
 
-Where several of them show, a search that adds one effect after the other goes astray: each one by itself is bent until it does what the others
-would do. Together, each starts with a typical value and keeps near it; those that the sweeps do not need are then left out again.
+Where several of them show, a search that adds one effect after the other goes astray: the values of each one by itself are those with which it also
+does what the others would do. So they are fitted together, from many start values, and those that the sweeps do not need are then left out again.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ WINDING = ("", "distributed-winding")
 STARTS, SPREADS = 1000, (0.3, 2.0)
 # Little is left from the start, so that the likelihood compares the parts: an error of equal weights does not show which are needed.
 NEARLY_ALL = Sizes(0.01, 1.0)
+# Few steps from all starts, then to the end from the best ones.
 WHOLE = Rounds((Round(60, 8, ALL, ALL), Round(60, 20, 120, ALL), Round(60, 40, 20, ALL), Round(80, 60, 3, ALL)), 2, 80)
 
 
@@ -57,7 +58,7 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
     trails = {names: _scattered(base, names) for names in sorted(sets)}
     reached = race(trails, WHOLE, (), progress, each).reached
     best = min(reached, key=lambda names: reached[names].best)
-    trail = _near(base, best, trails[best], reached[best].starts[0])
+    trail = _near(base, best, reached[best].starts[0])
     found = _needed(base, _with_likeliest_losses(base, trail, possible, each), each)
     return candidate(on_all_points((*found, base)), base) if len(_names(base, found[0])) > 2 else None
 
@@ -91,7 +92,7 @@ def _with_likeliest_losses(base: Fit, trail: Trail, possible: Container[str], ea
         instead = {other: tuple(other if name == first else name for name in names) for other in others if other in possible and first in names}
         trails = [
             dataclasses.replace(
-                near := _near(base, kept, trail, best.values),
+                near := _near(base, kept, best.values),
                 starts=[with_start(near.starts[0], start, other) for start in find_effect(other).effect.starts],
             )
             for other, kept in instead.items()
@@ -110,16 +111,15 @@ def added_together(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
     BadInput
         If an effect is unknown, cannot be added, or is given twice.
     """
-    trail = _scattered(base, names)
-    reached = race({names: trail}, WHOLE, each=each).reached[names]
-    trail = _near(base, names, trail, reached.starts[0])
+    reached = race({names: _scattered(base, names)}, WHOLE, each=each).reached[names]
+    trail = _near(base, names, reached.starts[0])
     path = [(trail, raced_alone(trail))]
     while len(_names(base, path[-1][0])) > 1:
         path.append(_without_one(base, *path[-1], each))
     ordered: list[str] = []
     for trail, _ in reversed(path):
         ordered += [name for name in _names(base, trail) if name not in ordered]
-    jobs = [(_near(base, tuple(ordered[: at + 1]), trail, one.values), one, base) for at, (trail, one) in enumerate(reversed(path))]
+    jobs = [(_near(base, tuple(ordered[: at + 1]), one.values), one, base) for at, (_, one) in enumerate(reversed(path))]
     return list(each(on_all_points, jobs))
 
 
@@ -137,7 +137,7 @@ def _needed(base: Fit, found: tuple[Trail, Solution], each: Map) -> tuple[Trail,
 def _without_one(base: Fit, trail: Trail, solution: Solution, each: Map) -> tuple[Trail, Solution]:
     """Without the effect whose absence leaves the most probable model."""
     names = _names(base, trail)
-    trails = [_near(base, tuple(name for name in names if name != gone), trail, solution.values) for gone in names]
+    trails = [_near(base, tuple(name for name in names if name != gone), solution.values) for gone in names]
     found = list(each(raced_alone, trails))
     best = max(range(len(names)), key=lambda at: found[at].log_evidence)
     return trails[best], found[best]
@@ -151,9 +151,6 @@ def _names(base: Fit, trail: Trail) -> Effects:
     return tuple(names)
 
 
-def _near(base: Fit, names: Effects, before: Trail, values: Mapping[str, float]) -> Trail:
+def _near(base: Fit, names: Effects, values: Mapping[str, float]) -> Trail:
     """These effects, from the values of a solution with more of them or others."""
-    motor = add_effects(base.motor, names)
-    own = {parameter.name for parameter in motor.parameters}
-    bounds = {name: limits for name, limits in before.task.bounds.items() if name in own}
-    return Trail(Task(motor, base.measurement, bounds, base.held), [values], 1, NEARLY_ALL)
+    return Trail(Task(add_effects(base.motor, names), base.measurement, base.bounds, base.held), [values], 1, NEARLY_ALL)
