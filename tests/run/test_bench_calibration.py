@@ -18,8 +18,17 @@ from motoremi.run.calibration_check import calibration_doubts, refuse_unless_cal
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.procedure import Procedure, load_procedure, parse_procedure
 
-OLD, FRESH, FUTURE = (date.today() - timedelta(days=age) for age in (2882, 20, -11))
+TODAY = date(2026, 3, 4)
+OLD, FRESH, FUTURE = (TODAY - timedelta(days=age) for age in (2882, 20, -11))
 OLD_SAYS, FUTURE_SAYS = "the calibration of the analyser is 2882 days old", "the calibration of the analyser lies 11 days in the future"
+
+
+@pytest.fixture(autouse=True)
+def _the_day_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run starts on one day: a suite that runs past midnight computes the same ages."""
+    day = type("Day", (date,), {"today": staticmethod(lambda: TODAY)})
+    for module in ("calibration_check", "runner"):
+        monkeypatch.setattr(f"motoremi.run.{module}.date", day)
 
 
 def procedure_with(within: str | None) -> Procedure:
