@@ -67,7 +67,7 @@ def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tup
     repeats = np.array([mean(curve + np.log(one / sweep.mean_ohm)) - bend for one in sweep.impedance_ohm])
     outliers = noise.outliers
     return (
-        RepeatedSweep(sweep.termination, np.exp(middle), np.exp(repeats), None, np.bincount(bins).astype(np.float64)),
+        RepeatedSweep(sweep.termination, np.exp(middle), np.exp(repeats), None, np.bincount(bins).astype(np.float64), sweep.moved),
         Noise(
             1 / np.sqrt(total),
             noise.source,
@@ -75,6 +75,7 @@ def coarse(sweep: RepeatedSweep, noise: Noise, steps_hz: Sequence[float]) -> tup
             None if noise.drift is None else mean(noise.drift),
             None if outliers is None else _all_of(bins, outliers),
             None if noise.within is None else mean(noise.within),
+            None if noise.moved is None else np.column_stack([mean(column) for column in noise.moved.T]),
         ),
     )
 

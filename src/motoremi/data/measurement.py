@@ -18,6 +18,7 @@ from motoremi.data.coarse import coarse
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.declaration import are_reflections, declared_analyser
 from motoremi.data.mislabelled import without_mislabelled
+from motoremi.data.moved import at_average_leads
 from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.quantity import Quantity
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, Termination, group_repeats
@@ -91,11 +92,12 @@ class Measurement:
         members = [sweep for sweep in given if sweep.condition is None]
         if given and not members:
             raise BadInput("every sweep is under a condition: also give sweeps of the motor as it is, without a condition")
-        groups, mislabelled = without_mislabelled(group_repeats(members))
+        kept, mislabelled = without_mislabelled(group_repeats(members))
         conditioned = [sweep for sweep in given if sweep.condition is not None]
         chosen, remark = declared_analyser(members, analyser, conditioned)
         stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
         compensated = all({"open", "short"} <= set(m.metadata.get("compensated") or ()) for m in members)
+        groups = tuple(at_average_leads(group, chosen.quantity) for group in kept)
         return cls(
             groups,
             tuple(estimate_noise(group, chosen.quantity) for group in groups),
@@ -211,13 +213,15 @@ def _arrived(token: str, *own: Any) -> Measurement:
 
 
 def _by_condition(sweeps: list[ImpedanceSweep], quantity: Quantity | None) -> tuple[Conditioned, ...]:
-    found = []
+    found: list[Conditioned] = []
     for condition in dict.fromkeys(sweep.condition for sweep in sweeps):
         try:
             groups = group_repeats(sweep for sweep in sweeps if sweep.condition == condition)
         except BadInput as error:
             raise BadInput(f"{condition}: {error}") from error
-        found += [Conditioned(condition, group, estimate_noise(group, quantity)) for group in groups if condition is not None]
+        if condition is not None:
+            still = [at_average_leads(group, quantity) for group in groups]
+            found += [Conditioned(condition, group, estimate_noise(group, quantity)) for group in still]
     return tuple(found)
 
 

@@ -56,6 +56,8 @@ class Noise:
     within : ndarray, shape (n,), or None
         Complex; one standard deviation, of the real and of the imaginary part each, of the error at each point because the motor changed
         from the first point of a sweep to its last.
+    moved : ndarray, shape (n, 4), or None
+        Complex; one standard deviation of the error of the mean because of a series R and L and a shunt G and C that changed between repeats.
     outliers : ndarray of bool, shape (n,), or None
         Points that differ from their repeats or from their neighbours; their `sigma` is as large as the deviation.
     """
@@ -66,6 +68,7 @@ class Noise:
     drift: ComplexArray | None = None
     outliers: BoolArray | None = None
     within: ComplexArray | None = None
+    moved: ComplexArray | None = None
 
     @property
     def regular(self) -> BoolArray:
@@ -77,7 +80,8 @@ class Noise:
         """Variance of all parts together, of the real and of the imaginary part each, shape (n,)."""
         drift = 0.0 if self.drift is None else 0.5 * np.abs(self.drift) ** 2
         within = 0.0 if self.within is None else np.abs(self.within) ** 2
-        return self.sigma**2 + self.correlated_sigma**2 + drift + within
+        moved = 0.0 if self.moved is None else 0.5 * np.sum(np.abs(self.moved) ** 2, axis=1)
+        return self.sigma**2 + self.correlated_sigma**2 + drift + within + moved
 
     @property
     def correlated_sigma(self) -> FloatArray:
@@ -97,7 +101,7 @@ class _ByContent:
 def estimate_noise(sweep: RepeatedSweep, quantity: Quantity | None = None) -> Noise:
     """Noise of the mean of a repeated sweep, as a bridge has it or, with a `quantity`, a network analyser that measures this."""
     checkpoint()
-    arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(() if sweep.sigma_relative is None else (sweep.sigma_relative,)))
+    arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(array for array in (sweep.sigma_relative, sweep.moved) if array is not None))
     parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
     return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), quantity, sweep))
 
@@ -106,7 +110,9 @@ def estimate_noise(sweep: RepeatedSweep, quantity: Quantity | None = None) -> No
 @lru_cache(maxsize=8)
 def _noise_of(key: _ByContent) -> Noise:
     sweep = key.sweep
-    noise = estimated(sweep, _relative_domain(sweep.mean_ohm) if key.quantity is None else _wave_domain(key.quantity, sweep.mean_ohm))
+    noise = estimated(sweep, _domain_of(sweep, key.quantity))
+    if sweep.moved is not None:
+        noise = dataclasses.replace(noise, moved=sweep.changes_by_leads * sweep.moved_of_mean)
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated_sigma))
     if not off.any():
         return noise
@@ -131,6 +137,10 @@ class _Domain:
     response: ComplexArray
     to_relative: FloatArray | ComplexArray
     law: FloatArray
+
+
+def _domain_of(sweep: RepeatedSweep, quantity: Quantity | None) -> _Domain:
+    return _relative_domain(sweep.mean_ohm) if quantity is None else _wave_domain(quantity, sweep.mean_ohm)
 
 
 def _relative_domain(mean_ohm: ComplexArray) -> _Domain:
@@ -158,6 +168,16 @@ def estimated(sweep: RepeatedSweep, domain: _Domain) -> Noise:
     return Noise(sigma * np.abs(domain.to_relative), "scatter", UNSEEN_BY_SCATTER * float(np.median(sigma)) * domain.to_relative)
 
 
+def repeats_log_likelihood(sweep: RepeatedSweep, quantity: Quantity | None = None) -> float:
+    """Log likelihood of the contrasts of the repeats with the white and correlated noise that is estimated from them."""
+    domain = _domain_of(sweep, quantity)
+    free = contrasts((sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative)
+    variance = np.mean(np.abs(free) ** 2, axis=0) / 2
+    inside = ~_outliers(variance, domain.law)
+    sigma = _white(np.where(inside, variance, _median_of_neighbours(variance)), domain.law)[inside]
+    return correlated_part(sweep.frequency_hz[inside], sigma, free[:, inside]).log_likelihood
+
+
 def _from_repeats(sweep: RepeatedSweep, domain: _Domain) -> Noise:
     """White noise from sample variances, fitted by the analyser's law times a slow correction; then correlated noise and drift."""
     deviations = (sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative
@@ -167,14 +187,14 @@ def _from_repeats(sweep: RepeatedSweep, domain: _Domain) -> Noise:
     quiet = np.where(outliers, _median_of_neighbours(variance), variance)
     sigma = _white(quiet, domain.law)
     inside = ~outliers
-    correlated, factor = correlated_part(sweep.frequency_hz[inside], sigma[inside], free[:, inside])
+    correlated, factor, _ = correlated_part(sweep.frequency_hz[inside], sigma[inside], free[:, inside])
     sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
     drift = _drift(sweep, sigma, correlated, free, inside)
     if drift is not None and correlated > 0:
         # Correlated noise was estimated with the drift in it; it is estimated again without.
         order = np.arange(sweep.repeats) - (sweep.repeats - 1) / 2
         steady = contrasts(deviations - order[:, None] * drift)
-        correlated, factor = correlated_part(sweep.frequency_hz[inside], sigma[inside], steady[:, inside])
+        correlated, factor, _ = correlated_part(sweep.frequency_hz[inside], sigma[inside], steady[:, inside])
         sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
     sigma = np.where(outliers, np.sqrt(np.maximum(variance, sigma**2)) * np.sqrt(OUTLIER), sigma)
     drifting = None if drift is None else drift * domain.to_relative

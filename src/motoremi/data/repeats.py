@@ -6,6 +6,8 @@ The estimates use contrasts: orthonormal combinations of the repeats in which th
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import f
@@ -35,8 +37,26 @@ def contrasts(relative: ComplexArray) -> ComplexArray:
     return (orthonormal * np.sign(orthonormal[-1])).T @ relative
 
 
-def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexArray) -> tuple[float, float]:
-    """Size of the correlated noise, and the factor on the variance of the white noise that goes with it, for one repeat.
+class CorrelatedPart(NamedTuple):
+    """Correlated noise, estimated from contrasts.
+
+    Parameters
+    ----------
+    size : float
+        Standard deviation; 0 if it does not improve the likelihood significantly.
+    factor : float
+        On the variance of the white noise that goes with it.
+    log_likelihood : float
+        Of the contrasts with both.
+    """
+
+    size: float
+    factor: float
+    log_likelihood: float
+
+
+def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexArray) -> CorrelatedPart:
+    """Correlated noise of one repeat.
 
     Parameters
     ----------
@@ -44,12 +64,6 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
         White noise of one repeat.
     free : ndarray, shape (m, n)
         Contrasts.
-
-    Returns
-    -------
-    size : float
-        Standard deviation; 0 if it does not improve the likelihood significantly.
-    factor : float
     """
     basis = smooth_basis(frequency_hz, CORRELATED) / sigma[:, None]
     vectors, variances = directions(basis)
@@ -67,11 +81,12 @@ def correlated_part(frequency_hz: FloatArray, sigma: FloatArray, free: ComplexAr
     scale = float(np.median(sigma)) ** 2
     found = minimize_scalar(lambda value: cost(value)[0], bounds=(np.log(1e-4 * scale), np.log(MOST_CORRELATED**2 * scale)), method="bounded")
     white_only, factor_only = cost(-np.inf)
+    scales = 2 * count * float(np.sum(np.log(sigma)))
     # Chi-squared of one degree of freedom at its boundary exceeds 2.7 by chance once in twenty.
     if 2 * (white_only - found.fun) < 2.7:
-        return 0.0, factor_only
+        return CorrelatedPart(0.0, factor_only, -white_only - scales)
     factor = cost(float(found.x))[1]
-    return float(np.sqrt(np.exp(found.x) * factor)), factor
+    return CorrelatedPart(float(np.sqrt(np.exp(found.x) * factor)), factor, -float(found.fun) - scales)
 
 
 def _in_order(scaled: ComplexArray, shape: FloatArray) -> bool:

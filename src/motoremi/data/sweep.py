@@ -263,6 +263,9 @@ class RepeatedSweep:
         Noise of one repeat as stated by the user.
     counts : ndarray, shape (n,), or None
         Number of measured points that each point is the mean of; None: one each.
+    moved : ndarray, shape (4,), or None
+        Standard deviation in one repeat of the R, L, G and C of leads that moved between the repeats, in SI units; the repeats are those with
+        the leads in their average position (`data.moved`).
     """
 
     termination: Termination
@@ -270,6 +273,7 @@ class RepeatedSweep:
     impedance_ohm: ComplexArray
     sigma_relative: FloatArray | None
     counts: FloatArray | None = None
+    moved: FloatArray | None = None
 
     @property
     def repeats(self) -> int:
@@ -280,6 +284,17 @@ class RepeatedSweep:
     def mean_ohm(self) -> ComplexArray:
         """Mean of the repeats, in ohm."""
         return self.impedance_ohm.mean(axis=0)
+
+    @property
+    def moved_of_mean(self) -> FloatArray:
+        """Standard deviation of the average R, L, G and C of the leads, shape (4,)."""
+        return np.zeros(4) if self.moved is None else self.moved / np.sqrt(self.repeats)
+
+    @property
+    def changes_by_leads(self) -> ComplexArray:
+        """Relative change of Z for a series ohm and henry and a shunt siemens and farad, shape (n, 4)."""
+        s, impedance = 2j * np.pi * self.frequency_hz, self.mean_ohm
+        return np.column_stack([1 / impedance, s / impedance, -impedance, -s * impedance])
 
 
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:

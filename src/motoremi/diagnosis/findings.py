@@ -10,6 +10,8 @@ from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
+from motoremi.data.moved import of_few
+from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA
@@ -89,7 +91,9 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
                     _span(frequency),
                 )
             )
-        if noise.correlated is not None and noise.source == "repeats":
+        if sweep.moved is not None:
+            found.append(_leads_moved(sweep, sweep.moved))
+        elif noise.correlated is not None and noise.source == "repeats":
             alike = float(np.median(noise.correlated_sigma))
             found.append(
                 Finding(
@@ -103,6 +107,24 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
                 )
             )
     return found
+
+
+def _leads_moved(sweep: RepeatedSweep, sigma: FloatArray) -> Finding:
+    """What changed between the repeats, those elements that are felt: a tenth of the one that changes Z most, or more."""
+    typical = sigma / of_few(sweep.repeats - 1)
+    felt = np.sqrt(np.mean(np.abs(sweep.changes_by_leads) ** 2, axis=0)) * typical
+    sizes = [
+        show(float(size), unit, 2) for size, unit, effect in zip(typical, ("Ohm", "H", "S", "F"), felt, strict=True) if effect > 0.1 * felt.max()
+    ]
+    return Finding(
+        "correlated-noise",
+        f"between repeats of the {sweep.termination} sweep the leads moved, as {', '.join(sizes)} more or less would do: the repeats are "
+        "converted to the average position of the leads, whose own error counts against no model",
+        "fix the leads and connect them the same way each time, or state the fixture's errors",
+        False,
+        sweep.termination,
+        _span(sweep.frequency_hz),
+    )
 
 
 def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> Finding:

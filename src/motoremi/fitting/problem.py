@@ -41,6 +41,7 @@ ALLOWED = 3.0
 SEARCHED = 0.01
 # Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
 FAR = 1e4
+NOT_MOVED = np.zeros(4)
 
 
 @dataclass
@@ -175,7 +176,8 @@ class Problem:
         if self.weights == "relative" or analyser.ideal:
             return ()
         if self.weights == "likelihood":
-            return nuisance_parameters(analyser, self.measurement.terminations)
+            own = (p for sweep in self.measurement.sweeps for p in residual_parameters(analyser, sweep.termination, sweep.moved_of_mean))
+            return [*own, *fixture_parameters(analyser)]
         # Ants and far steps stay where a fixture can be.
         return fixture_parameters(analyser, ALLOWED)
 
@@ -509,17 +511,19 @@ def _declared(parameter: Parameter) -> bool:
     return parameter.name.split(" ")[-2:-1] == ["connection"]
 
 
-def residual_parameters(analyser: Analyser, termination: str) -> tuple[Parameter, ...]:
-    """What compensation left at one connection."""
+def residual_parameters(analyser: Analyser, termination: str, moved: FloatArray = NOT_MOVED) -> tuple[Parameter, ...]:
+    """What compensation left at one connection, and leads whose average position is known to `moved`, shape (4,): R, L, G and C in SI units."""
 
     def one(name: str, unit: str, sigma: float) -> Parameter:
         return Parameter(f"{termination} connection {name}", unit, -FAR * sigma, FAR * sigma, "the analyser's specification", "linear", sigma)
 
+    resistance, inductance, _, capacitance = moved.tolist()
     return (
-        one("R", "Ohm", analyser.resistance_sigma_ohm),
-        one("L", "H", analyser.inductance_sigma_h),
-        one("G", "1", 1.0),  # in multiples of the specified conductance, which depends on frequency
-        one("C", "F", analyser.capacitance_sigma_f),
+        one("R", "Ohm", float(np.hypot(analyser.resistance_sigma_ohm, resistance))),
+        one("L", "H", float(np.hypot(analyser.inductance_sigma_h, inductance))),
+        # In multiples of the specified conductance, which depends on frequency; that of moved leads is in the covariance.
+        one("G", "1", 1.0),
+        one("C", "F", float(np.hypot(analyser.capacitance_sigma_f, capacitance))),
     )
 
 
@@ -540,11 +544,6 @@ def fixture_parameters(analyser: Analyser, farthest: float = FAR) -> tuple[Param
         *([one("C to ground", "F", fixture.ground_capacitance_f)] if fixture.ground_capacitance_f else []),
         *([one("L of the line", "H", fixture.line_inductance_h)] if fixture.line_inductance_h else []),
     )
-
-
-def nuisance_parameters(analyser: Analyser, terminations: Sequence[str]) -> list[Parameter]:
-    """Everything between the plane of calibration and the motor."""
-    return [*(p for t in terminations for p in residual_parameters(analyser, t)), *fixture_parameters(analyser)]
 
 
 def on_fixture(circuit: Node, analyser: Analyser) -> Node:

@@ -168,8 +168,9 @@ class Outcome:
         if analyser.ideal or self._bare:
             return part
         declared = self.fit.sizes.declared
-        own = [p for t in dict.fromkeys(sweep.termination for sweep in self.sweeps) for p in residual_parameters(analyser, t)]
-        return part + [(self._names.index(p.name), 0.0, declared * float(p.sigma or 0.0)) for p in own if p.name in self._names]
+        connections = tuple(f"{termination} connection" for termination in dict.fromkeys(sweep.termination for sweep in self.sweeps))
+        own = [(place, p) for place, p in enumerate(self.fit.problem.everything) if p.name.startswith(connections)]
+        return part + [(place, 0.0, declared * float(p.sigma or 0.0)) for place, p in own]
 
     def _physical(self, u: FloatArray) -> FloatArray:
         """Values of all names; an added part has its nominal one."""

@@ -1,0 +1,85 @@
+"""Leads that moved between the repeats of a sweep: a series R and L and a shunt G and C that differ from one repeat to the next.
+
+The repeats then differ in a known way along frequency: 1 pF changes |Z| by 60 % at 3 kOhm and 30 MHz, and by nothing at 10 Ohm. Taken for
+white noise, that would count against a correct model at every point; for noise that is correlated along frequency, it would be too large
+elsewhere. Each repeat is therefore converted to the average position of the leads, and only the error of that position remains.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.stats import t
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.noise import Noise, estimate_noise, repeats_log_likelihood
+from motoremi.data.quantity import Quantity
+from motoremi.data.repeats import contrasts
+from motoremi.data.sweep import RepeatedSweep
+
+# The noise and what moved depend on each other, and large shunts change Z by more than in proportion: each round is a Gauss-Newton step.
+ROUNDS = 5
+
+
+def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> RepeatedSweep:
+    """The repeats as if the leads had stayed in their average position, with the size of what moved; the sweep itself if nothing did.
+
+    Parameters
+    ----------
+    sweep : RepeatedSweep
+    quantity : Quantity, optional
+        What a network analyser measures, for its noise.
+    """
+    before = estimate_noise(sweep, quantity)
+    # A drift has its own description, and the motor it is of must not be converted to an average.
+    if sweep.repeats < 2 or before.drift is not None:
+        return sweep
+    combine = contrasts(np.eye(sweep.repeats, dtype=np.complex128)).real
+    leads, still, noise = np.zeros((sweep.repeats, 4)), sweep, before
+    for _ in range(ROUNDS):
+        step, by_noise = _moved(still, noise, combine)
+        leads += combine.T @ step
+        still = dataclasses.replace(sweep, impedance_ohm=_without(sweep, leads))
+        if not np.isfinite(still.impedance_ohm).all():
+            return sweep
+        noise = estimate_noise(still, quantity)
+    # Each estimated value costs half the logarithm of the number of data (Schwarz 1978).
+    cost = 0.5 * step.size * np.log(2 * len(combine) * sweep.frequency_hz.size)
+    if repeats_log_likelihood(still, quantity) - cost < repeats_log_likelihood(sweep, quantity):
+        return sweep
+    variance = np.mean((combine @ leads) ** 2, axis=0) - by_noise
+    return dataclasses.replace(still, moved=of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def of_few(differences: int) -> float:
+    """Factor on a standard deviation estimated from so few differences, so that a normal distribution keeps the 95 % limits of Student's.
+
+    Source: Guide to the expression of uncertainty in measurement (JCGM 100:2008), G.3.
+    """
+    return float(t.isf(0.025, differences) / 1.96)
+
+
+def _moved(sweep: RepeatedSweep, noise: Noise, combine: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """R, L, G and C of the contrasts by least squares, shape (m, 4), and the variance of each because of noise, shape (4,)."""
+    inside = noise.regular
+    sigma = np.sqrt(sweep.repeats) * np.hypot(noise.sigma, noise.correlated_sigma)[inside]
+    columns = sweep.changes_by_leads[inside] / sigma[:, None]
+    lengths = np.linalg.norm(columns, axis=0)
+    # R, L, G and C are real: the real and the imaginary part of a contrast are an equation each.
+    inverse = np.linalg.pinv(_parts(columns.T / lengths[:, None]).T, rcond=1e-6)
+    weighted = (combine @ (sweep.impedance_ohm / sweep.mean_ohm - 1))[:, inside] / sigma
+    return _parts(weighted) @ inverse.T / lengths, np.sum(inverse**2, axis=1) / lengths**2
+
+
+def _without(sweep: RepeatedSweep, leads: FloatArray) -> ComplexArray:
+    """Impedances of the repeats without leads of R, L, G and C, shape (repeats, 4)."""
+    s = 2j * np.pi * sweep.frequency_hz
+    resistance, inductance, conductance, capacitance = leads.T[..., None]
+    with np.errstate(all="ignore"):
+        return 1 / (1 / sweep.impedance_ohm - conductance - s * capacitance) - resistance - s * inductance
+
+
+def _parts(rows: ComplexArray) -> FloatArray:
+    """Real parts and after them imaginary parts, shape (m, 2 n)."""
+    return np.concatenate([rows.real, rows.imag], axis=1)
