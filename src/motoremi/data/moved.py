@@ -20,6 +20,8 @@ from motoremi.data.sweep import RepeatedSweep
 
 # The noise and what moved depend on each other, and large shunts change Z by more than in proportion: each round is a Gauss-Newton step.
 ROUNDS = 5
+# Points on which they are estimated.
+ENOUGH_POINTS = 800
 
 
 def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> RepeatedSweep:
@@ -31,25 +33,28 @@ def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> 
     quantity : Quantity, optional
         What a network analyser measures, for its noise.
     """
-    before = estimate_noise(sweep, quantity)
+    few = _thinned(sweep)
+    before = estimate_noise(few, quantity)
     # A drift has its own description, and the motor it is of must not be converted to an average.
     if sweep.repeats < 2 or before.drift is not None:
         return sweep
     combine = contrasts(np.eye(sweep.repeats, dtype=np.complex128)).real
-    leads, still, noise = np.zeros((sweep.repeats, 4)), sweep, before
+    leads, still, noise = np.zeros((sweep.repeats, 4)), few, before
     for _ in range(ROUNDS):
         step, by_noise = _moved(still, noise, combine)
         leads += combine.T @ step
-        still = dataclasses.replace(sweep, impedance_ohm=_without(sweep, leads))
+        still = _without(few, leads)
         if not np.isfinite(still.impedance_ohm).all():
             return sweep
         noise = estimate_noise(still, quantity)
+        if np.all(step**2 <= by_noise):
+            break
     # Each estimated value costs half the logarithm of the number of data (Schwarz 1978).
-    cost = 0.5 * step.size * np.log(2 * len(combine) * sweep.frequency_hz.size)
-    if repeats_log_likelihood(still, quantity) - cost < repeats_log_likelihood(sweep, quantity):
+    cost = 0.5 * step.size * np.log(2 * len(combine) * few.frequency_hz.size)
+    if repeats_log_likelihood(still, quantity) - cost < repeats_log_likelihood(few, quantity):
         return sweep
     variance = np.mean((combine @ leads) ** 2, axis=0) - by_noise
-    return dataclasses.replace(still, moved=of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0)))
+    return dataclasses.replace(_without(sweep, leads), moved=of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def of_few(differences: int) -> float:
@@ -72,12 +77,20 @@ def _moved(sweep: RepeatedSweep, noise: Noise, combine: FloatArray) -> tuple[Flo
     return _parts(weighted) @ inverse.T / lengths, np.sum(inverse**2, axis=1) / lengths**2
 
 
-def _without(sweep: RepeatedSweep, leads: FloatArray) -> ComplexArray:
-    """Impedances of the repeats without leads of R, L, G and C, shape (repeats, 4)."""
+def _thinned(sweep: RepeatedSweep) -> RepeatedSweep:
+    """Every so many points of a sweep, if it has many: they show four values as well as all of them."""
+    step = -(-sweep.frequency_hz.size // ENOUGH_POINTS)
+    stated = None if sweep.sigma_relative is None else sweep.sigma_relative[::step]
+    return RepeatedSweep(sweep.termination, sweep.frequency_hz[::step], sweep.impedance_ohm[:, ::step], stated)
+
+
+def _without(sweep: RepeatedSweep, leads: FloatArray) -> RepeatedSweep:
+    """The repeats without leads of R, L, G and C, shape (repeats, 4)."""
     s = 2j * np.pi * sweep.frequency_hz
     resistance, inductance, conductance, capacitance = leads.T[..., None]
     with np.errstate(all="ignore"):
-        return 1 / (1 / sweep.impedance_ohm - conductance - s * capacitance) - resistance - s * inductance
+        impedance = 1 / (1 / sweep.impedance_ohm - conductance - s * capacitance) - resistance - s * inductance
+    return dataclasses.replace(sweep, impedance_ohm=impedance)
 
 
 def _parts(rows: ComplexArray) -> FloatArray:
