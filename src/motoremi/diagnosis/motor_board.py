@@ -81,10 +81,11 @@ class MotorBoard:
             leading, near = {**leading, **further}, near + self._refitted(trails, further)
         others = {key: solution for key, solution in solutions.items() if key not in leading}
         # A further effect cannot be less probable than none: the leaders are then in wrong minima, and the others are fitted too.
-        if max((one.fit.log_evidence for one in near), default=-inf) < max(one.fit.log_evidence for one in found.values()):
-            return near + self._refitted(trails, others)
-        if size == 1 and misses_by_far(self._base.sizes) and min(one.fit.rms_error_percent for one in near) > CLOSER * self._base.rms_error_percent:
-            return near + self._refitted(trails, {**others, **self._lines(trails, solutions)})
+        lost = max((one.fit.log_evidence for one in near), default=-inf) < max(one.fit.log_evidence for one in found.values())
+        least = min((one.fit.rms_error_percent for one in near), default=inf)
+        by_far = size == 1 and misses_by_far(self._base.sizes) and least > CLOSER * self._base.rms_error_percent
+        if lost or by_far:
+            return near + self._refitted(trails, {**others, **(self._lines(trails, solutions) if by_far else {})})
         if any(one.done for one in near):
             return near
         # If an error remains, the decision also uses the values, so sets with usual values are refitted too.
