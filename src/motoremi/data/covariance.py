@@ -7,7 +7,7 @@ along frequency, so that each part is marginalised exactly:
 white noise            sigma^2, of the mean of the repeats (`noise`)
 correlated noise       c^2 K of lengths 0.03, 0.1, 0.3 and 1 decade, for each sweep; its size from the repeats
 drift                  d d', change of the motor from repeat to repeat and within a sweep, for each sweep
-moved leads            m m' for a shunt G that differs between repeats, for each sweep; R, L and C are unknowns (`fitting.problem`)
+moved leads            m m' for a shunt G, of an ideal analyser also for R, L and C, which else are unknowns (`fitting.problem`)
 analyser               its smooth errors, common to all sweeps, times the square of `declared` (`analyser`)
 discrepancy in value   delta^2 [0.8 K(0.3 decades) + 0.2 K(0.08 decades)], for each sweep
 discrepancy in place   delta^2 D K(0.3) D*, D = d ln Z / d ln f: near a resonance of quality Q a model may be off by Q times as much

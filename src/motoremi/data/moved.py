@@ -8,20 +8,23 @@ elsewhere. Each repeat is therefore converted to the average position of the lea
 from __future__ import annotations
 
 import dataclasses
+from functools import lru_cache
 
 import numpy as np
 from scipy.stats import t
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.noise import Noise, estimate_noise, repeats_log_likelihood
+from motoremi.data.noise import ByContent, Noise, noise_anew, repeats_log_likelihood
 from motoremi.data.quantity import Quantity
 from motoremi.data.repeats import contrasts
 from motoremi.data.sweep import RepeatedSweep
 
-# The noise and what moved depend on each other, and large shunts change Z by more than in proportion: each round is a Gauss-Newton step.
+# At most; fewer if a step is within its noise. Noise and what moved depend on each other, and large shunts change Z by more than in proportion.
 ROUNDS = 5
-# Points on which they are estimated.
+# Points on which they are estimated: four values need no more, and ten thousand points would take seconds.
 ENOUGH_POINTS = 800
+# Combinations of R, L, G and C whose effect on a sweep is smaller than that of others by this factor are taken for none.
+UNSEEN = 1e-6
 
 
 def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> RepeatedSweep:
@@ -33,28 +36,36 @@ def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> 
     quantity : Quantity, optional
         What a network analyser measures, for its noise.
     """
-    few = _thinned(sweep)
-    before = estimate_noise(few, quantity)
+    found = None if sweep.repeats < 2 else _leads(ByContent.of(_thinned(sweep), quantity))
+    return sweep if found is None else dataclasses.replace(_without(sweep, found[0]), moved=found[1])
+
+
+# As the noise, asked for again and again by the workbench.
+@lru_cache(maxsize=8)
+def _leads(key: ByContent) -> tuple[FloatArray, FloatArray] | None:
+    """R, L, G and C of each repeat, shape (repeats, 4), and their standard deviation as in `RepeatedSweep.moved`; None if nothing moved."""
+    sweep, quantity = key.sweep, key.quantity
+    noise = noise_anew(sweep, quantity)
     # A drift has its own description, and the motor it is of must not be converted to an average.
-    if sweep.repeats < 2 or before.drift is not None:
-        return sweep
+    if noise.drift is not None:
+        return None
     combine = contrasts(np.eye(sweep.repeats, dtype=np.complex128)).real
-    leads, still, noise = np.zeros((sweep.repeats, 4)), few, before
+    leads, still = np.zeros((sweep.repeats, 4)), sweep
     for _ in range(ROUNDS):
         step, by_noise = _moved(still, noise, combine)
         leads += combine.T @ step
-        still = _without(few, leads)
+        still = _without(sweep, leads)
         if not np.isfinite(still.impedance_ohm).all():
-            return sweep
-        noise = estimate_noise(still, quantity)
+            return None
         if np.all(step**2 <= by_noise):
             break
+        noise = noise_anew(still, quantity)
     # Each estimated value costs half the logarithm of the number of data (Schwarz 1978).
-    cost = 0.5 * step.size * np.log(2 * len(combine) * few.frequency_hz.size)
-    if repeats_log_likelihood(still, quantity) - cost < repeats_log_likelihood(few, quantity):
-        return sweep
+    cost = 0.5 * step.size * np.log(2 * len(combine) * sweep.frequency_hz.size)
+    if repeats_log_likelihood(still, quantity) - cost < repeats_log_likelihood(sweep, quantity):
+        return None
     variance = np.mean((combine @ leads) ** 2, axis=0) - by_noise
-    return dataclasses.replace(_without(sweep, leads), moved=of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0)))
+    return leads, of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0))
 
 
 def of_few(differences: int) -> float:
@@ -72,7 +83,7 @@ def _moved(sweep: RepeatedSweep, noise: Noise, combine: FloatArray) -> tuple[Flo
     columns = sweep.changes_by_leads[inside] / sigma[:, None]
     lengths = np.linalg.norm(columns, axis=0)
     # R, L, G and C are real: the real and the imaginary part of a contrast are an equation each.
-    inverse = np.linalg.pinv(_parts(columns.T / lengths[:, None]).T, rcond=1e-6)
+    inverse = np.linalg.pinv(_parts(columns.T / lengths[:, None]).T, rcond=UNSEEN)
     weighted = (combine @ (sweep.impedance_ohm / sweep.mean_ohm - 1))[:, inside] / sigma
     return _parts(weighted) @ inverse.T / lengths, np.sum(inverse**2, axis=1) / lengths**2
 

@@ -14,7 +14,7 @@ import dataclasses
 import hashlib
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
@@ -22,7 +22,7 @@ from scipy.optimize import nnls
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
 from motoremi.data.quantity import Quantity
-from motoremi.data.repeats import contrasts, correlated_part, drift_of
+from motoremi.data.repeats import CorrelatedPart, contrasts, correlated_part, drift_of
 from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.interrupts import checkpoint
@@ -90,27 +90,36 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class _ByContent:
-    """A sweep as a cache key: equal to another with the same bytes."""
+class ByContent:
+    """A sweep and what its analyser measures as a cache key: equal to another with the same bytes, whatever the termination."""
 
     digest: bytes
     quantity: Quantity | None
     sweep: RepeatedSweep = field(compare=False)
 
+    @classmethod
+    def of(cls, sweep: RepeatedSweep, quantity: Quantity | None) -> ByContent:
+        """The key of a sweep."""
+        arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(array for array in (sweep.sigma_relative, sweep.moved) if array is not None))
+        parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
+        return cls(hashlib.sha256(b"".join(parts)).digest(), quantity, sweep)
+
 
 def estimate_noise(sweep: RepeatedSweep, quantity: Quantity | None = None) -> Noise:
     """Noise of the mean of a repeated sweep, as a bridge has it or, with a `quantity`, a network analyser that measures this."""
-    checkpoint()
-    arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(array for array in (sweep.sigma_relative, sweep.moved) if array is not None))
-    parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
-    return _noise_of(_ByContent(hashlib.sha256(b"".join(parts)).digest(), quantity, sweep))
+    return _noise_of(ByContent.of(sweep, quantity))
 
 
 # The workbench estimates the noise of the same sweeps to fit, show and diagnose them; with ten thousand points that takes a second or more.
 @lru_cache(maxsize=8)
-def _noise_of(key: _ByContent) -> Noise:
-    sweep = key.sweep
-    noise = estimated(sweep, _domain_of(sweep, key.quantity))
+def _noise_of(key: ByContent) -> Noise:
+    return noise_anew(key.sweep, key.quantity)
+
+
+def noise_anew(sweep: RepeatedSweep, quantity: Quantity | None) -> Noise:
+    """The same as `estimate_noise`, computed each time: for sweeps that will not come again."""
+    checkpoint()
+    noise = estimated(sweep, _domain_of(sweep, quantity))
     if sweep.moved is not None:
         noise = dataclasses.replace(noise, moved=sweep.changes_by_leads * sweep.moved_of_mean)
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated_sigma))
@@ -168,27 +177,38 @@ def estimated(sweep: RepeatedSweep, domain: _Domain) -> Noise:
     return Noise(sigma * np.abs(domain.to_relative), "scatter", UNSEEN_BY_SCATTER * float(np.median(sigma)) * domain.to_relative)
 
 
-def repeats_log_likelihood(sweep: RepeatedSweep, quantity: Quantity | None = None) -> float:
-    """Log likelihood of the contrasts of the repeats with the white and correlated noise that is estimated from them."""
-    domain = _domain_of(sweep, quantity)
-    free = contrasts((sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative)
-    variance = np.mean(np.abs(free) ** 2, axis=0) / 2
-    inside = ~_outliers(variance, domain.law)
-    sigma = _white(np.where(inside, variance, _median_of_neighbours(variance)), domain.law)[inside]
-    return correlated_part(sweep.frequency_hz[inside], sigma, free[:, inside]).log_likelihood
+class _Random(NamedTuple):
+    """Contrasts of the repeats, and the noise that is estimated from them; all but `correlated` at every point."""
+
+    deviations: ComplexArray
+    free: ComplexArray
+    variance: FloatArray
+    outliers: BoolArray
+    white: FloatArray
+    correlated: CorrelatedPart
 
 
-def _from_repeats(sweep: RepeatedSweep, domain: _Domain) -> Noise:
-    """White noise from sample variances, fitted by the analyser's law times a slow correction; then correlated noise and drift."""
+def _random(sweep: RepeatedSweep, domain: _Domain) -> _Random:
+    """White noise from sample variances, fitted by the analyser's law times a slow correction; then correlated noise."""
     deviations = (sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative
     free = contrasts(deviations)
     variance = np.mean(np.abs(free) ** 2, axis=0) / 2
     outliers = _outliers(variance, domain.law)
-    quiet = np.where(outliers, _median_of_neighbours(variance), variance)
-    sigma = _white(quiet, domain.law)
+    white = _white(np.where(outliers, _median_of_neighbours(variance), variance), domain.law)
+    correlated = correlated_part(sweep.frequency_hz[~outliers], white[~outliers], free[:, ~outliers])
+    return _Random(deviations, free, variance, outliers, white, correlated)
+
+
+def repeats_log_likelihood(sweep: RepeatedSweep, quantity: Quantity | None) -> float:
+    """Log likelihood of the contrasts of the repeats with the white and correlated noise that is estimated from them."""
+    return _random(sweep, _domain_of(sweep, quantity)).correlated.log_likelihood
+
+
+def _from_repeats(sweep: RepeatedSweep, domain: _Domain) -> Noise:
+    """White and correlated noise, and a drift."""
+    deviations, free, variance, outliers, white, (correlated, factor, _) = _random(sweep, domain)
     inside = ~outliers
-    correlated, factor, _ = correlated_part(sweep.frequency_hz[inside], sigma[inside], free[:, inside])
-    sigma = np.maximum(sigma * np.sqrt(factor), SMALLEST_SIGMA)
+    sigma = np.maximum(white * np.sqrt(factor), SMALLEST_SIGMA)
     drift = _drift(sweep, sigma, correlated, free, inside)
     if drift is not None and correlated > 0:
         # Correlated noise was estimated with the drift in it; it is estimated again without.
@@ -216,7 +236,7 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
     steady = free[1:]
     if correlated > 0:
         # How large the correlated noise is without the trend.
-        correlated = correlated_part(sweep.frequency_hz[inside], sigma[inside], steady[:, inside])[0]
+        correlated = correlated_part(sweep.frequency_hz[inside], sigma[inside], steady[:, inside]).size
     found = drift_of(sweep.frequency_hz[inside], sigma[inside], correlated, free[:, inside])
     if found is None:
         return None

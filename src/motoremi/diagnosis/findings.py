@@ -118,9 +118,9 @@ def _leads_moved(sweep: RepeatedSweep, sigma: FloatArray) -> Finding:
     ]
     return Finding(
         "correlated-noise",
-        f"between repeats of the {sweep.termination} sweep the leads moved, as {', '.join(sizes)} more or less would do: the repeats are "
-        "converted to the average position of the leads, whose own error counts against no model",
-        "fix the leads and connect them the same way each time, or state the fixture's errors",
+        f"the leads moved between repeats of the {sweep.termination} sweep, by about {' and '.join(sizes)}: each repeat is converted to their "
+        "average position, and the error that remains is allowed for",
+        "fix the leads, or connect them the same way each time",
         False,
         sweep.termination,
         _span(sweep.frequency_hz),

@@ -41,6 +41,7 @@ ALLOWED = 3.0
 SEARCHED = 0.01
 # Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
 FAR = 1e4
+# Standard deviations of R, L, G and C of leads that stayed where they were.
 NOT_MOVED = np.zeros(4)
 
 
@@ -512,7 +513,13 @@ def _declared(parameter: Parameter) -> bool:
 
 
 def residual_parameters(analyser: Analyser, termination: str, moved: FloatArray = NOT_MOVED) -> tuple[Parameter, ...]:
-    """What compensation left at one connection, and leads whose average position is known to `moved`, shape (4,): R, L, G and C in SI units."""
+    """What compensation left at one connection, together with leads that moved.
+
+    Parameters
+    ----------
+    moved : ndarray, shape (4,)
+        Standard deviations of the average R, L, G and C of the leads, in SI units.
+    """
 
     def one(name: str, unit: str, sigma: float) -> Parameter:
         return Parameter(f"{termination} connection {name}", unit, -FAR * sigma, FAR * sigma, "the analyser's specification", "linear", sigma)
