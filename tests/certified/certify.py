@@ -21,7 +21,7 @@ mp.mp.dps = 60
 STEP = mp.mpf(10) ** -20
 ELEMENTS = ("Ra", "La", "Ca", "Rr", "Lr", "Cr", "Cf")
 RANGES = {
-    "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "1e-6")},
+    "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "5e-6")},
     "terminal-capacitance": {"capacitance_f": ("0.8e-12", "400e-12")},
     "core-loss": {"resistance_ohm": ("30", "100e3")},
     "eddy-laminations": {"share": ("0.01", "0.999"), "corner_hz": ("300", "1e6")},

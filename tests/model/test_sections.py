@@ -69,9 +69,9 @@ def test_the_closed_form_is_the_nodal_equations(termination, n, coupling):
 
 @pytest.mark.parametrize("termination", ["short", "open"])
 def test_a_suppressor_lies_across_the_ends_of_all_sections(termination):
-    part = {"suppressor-capacitor.capacitance_f": 2e-9, "suppressor-capacitor.esr_ohm": 0.3, "suppressor-capacitor.esl_h": 1e-8}
+    part = {f"suppressor-capacitor.{name}": value for name, value in (("capacitance_f", 2e-9), ("esr_ohm", 0.3), ("esl_h", 1e-8), ("tan_delta", 0.02))}
     got = modelled(termination, ("winding-sections", "suppressor-capacitor"), **sections(0.5, 6, 0.6), **part)
-    expected = seen(termination, 0.5, 6, 0.6, lambda s: 1 / (0.3 + s * 1e-8 + 1 / (s * 2e-9)))
+    expected = seen(termination, 0.5, 6, 0.6, lambda s: 1 / (0.3 + s * 1e-8 + (s / (2e6 * np.pi)) ** (2 / np.pi * np.arctan(0.02)) / (s * 2e-9)))
     np.testing.assert_allclose(got, expected, rtol=1e-7)
 
 

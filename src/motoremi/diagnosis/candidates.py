@@ -30,8 +30,8 @@ ALLOWED_SIGMA = 4.0
 BENDING = 3
 # Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
 UNSURE = 2.0
-# Parameters whose lower bound means zero (a lead below 1 mOhm): being at that bound costs nothing.
-_SOFT = frozenset({"resistance_ohm"})
+# Parameters whose lower bound means zero (a lead or a capacitor below 1 mOhm): being at that bound costs nothing.
+_SOFT = frozenset({"resistance_ohm", "esr_ohm"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +70,14 @@ class Candidate:
         return self.fit.marginal.nothing_left >= 0.5 and self.fit.instrument_sigma <= ALLOWED_SIGMA
 
     @property
+    def ordinary(self) -> bool:
+        """Whether all values are usual and within their physical range."""
+        return self.plausible and not self.unusual
+
+    @property
     def leaves_nothing(self) -> bool:
-        """Whether the model describes everything, with usual values."""
-        return self.done and self.plausible and not self.unusual
+        """Whether the model describes everything, with ordinary values."""
+        return self.done and self.ordinary
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:

@@ -334,7 +334,7 @@ def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
     A capacitor across a winding hides its far end. One sweep under two names is described only with a path to the frame of almost no impedance.
     """
     same, model = the_same_twice(measurement), judgement.model
-    if same is None or not (judgement.accepted and model.plausible and not model.unusual):
+    if same is None or not (judgement.accepted and model.ordinary):
         return same
     frame = [p for p in model.fit.motor.parameters if p.name in ("Cr", "Cf")]
     return None if all(p.usual is None or model.fit.parameters[p.name] <= p.usual[1] for p in frame) else same
@@ -433,7 +433,7 @@ def _concluded(
 
 def closeness(one: Candidate) -> float:
     """Sort key if no model is accepted: the circuit's error, doubled for unusual values or a parameter at a bound."""
-    return one.fit.rms_error_percent * (1 if one.plausible and not one.unusual else ALIKE)
+    return one.fit.rms_error_percent * (1 if one.ordinary else ALIKE)
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:

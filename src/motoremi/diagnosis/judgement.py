@@ -74,14 +74,27 @@ class Judgement:
     def best(self) -> Candidate:
         """The most probable model, without effects that only reduce the analyser's error, unless by clear odds."""
         best = self.found[tuple(sorted(self.belief.named))] if self.belief.named else best_of(self.found.values())
-        while len(best.added) > 1 and not self.proven:
-            fewer = [self.found[key] for key in combinations(sorted(best.added), len(best.added) - 1) if key in self.found]
-            under = max(fewer, key=lambda one: one.score, default=None)
-            needed = under is not None and (_leaves_less(under, best) or _comes_closer(under, best) or _relieves(under, best))
-            if under is None or (needed and not (_enough(under) and self._at_one_place(best.added))):
-                break
+        while len(best.added) > 1 and not self.proven and (under := self._under(best)) is not None and not self._needs_all(best, under):
             best = under
         return best
+
+    def _under(self, model: Candidate) -> Candidate | None:
+        """The most probable of the models with one effect fewer; None if none was found."""
+        fewer = [self.found[key] for key in combinations(sorted(model.added), len(model.added) - 1) if key in self.found]
+        return max(fewer, key=lambda one: one.score, default=None)
+
+    def _needs_all(self, model: Candidate, under: Candidate) -> bool:
+        """Whether the effect that a model has beyond a smaller one does more than to reduce the analyser's error a little."""
+        needed = _leaves_less(under, model) or _comes_closer(under, model) or _relieves(under, model)
+        return needed and not (_enough(under) and self._at_one_place(model.added))
+
+    @property
+    def of_needed(self) -> Judgement:
+        """The judgement among the sets of the most probable model's size and the larger ones of which every effect is needed."""
+        size = len(self.best.added)
+        under = {key: self._under(one) for key, one in self.found.items() if len(key) > size}
+        larger = {key: self.found[key] for key, fewer in under.items() if fewer is not None and self._needs_all(self.found[key], fewer)}
+        return self.among({**{key: one for key, one in self.found.items() if len(key) <= size}, **larger})
 
     def _at_one_place(self, effects: Effects) -> bool:
         """Whether all of these effects show in the same sweeps."""
@@ -239,7 +252,7 @@ class Judgement:
         errors; the one with usual values that reduces the circuit's error most is better evidence.
         """
         singles = {key: one for key, one in self.found.items() if len(key) == 1}
-        close = {key: one for key, one in singles.items() if one.plausible and not one.unusual}
+        close = {key: one for key, one in singles.items() if one.ordinary}
         if not close or self.distributed:
             return None
         likeliest = best_of(singles.values())
@@ -359,7 +372,7 @@ def _enough(one: Candidate) -> bool:
     loss angle that is not quite constant left 0.03 to 0.04 %, with odds of e^165 and more for a second effect.
     """
     fit = one.fit
-    described = bool(one.added) and one.plausible and not one.unusual and fit.explained
+    described = bool(one.added) and one.ordinary and fit.explained
     # Nor may what is missing have been taken for the analyser's errors or for its fixture, as a lead of 400 nH was.
     return described and fit.instrument_sigma <= ALLOWED_SIGMA
 
@@ -406,13 +419,12 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:
     """The decision from the models that were found; `together` as in `belief.believe`, `proven` as in `Judgement`."""
     judgement = _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
-    needed = len(judgement.best.added)
-    if needed < len(judgement.belief.named):
-        # The further effects of the larger set only reduce the analyser's error; without them another set may be the most probable.
-        fewer = judgement.among({key: one for key, one in judgement.found.items() if len(key) <= needed})
-        larger = {key: one for key, one in judgement.found.items() if len(key) > needed}
-        aside = {key: one for key, one in larger.items() if one.leaves_nothing and one.score > fewer.best.score}
-        judgement = dataclasses.replace(fewer, aside=aside)
+    if len(judgement.best.added) < len(judgement.belief.named):
+        # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
+        needed = judgement.of_needed
+        others = {key: one for key, one in judgement.found.items() if key not in needed.found}
+        aside = {key: one for key, one in others.items() if one.leaves_nothing and one.score > needed.best.score and len(key) > len(needed.best.added)}
+        judgement = dataclasses.replace(needed, aside=aside)
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
     if (enough := judgement.of_accurate) is not None:
@@ -424,17 +436,18 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
-    """The judgement among the sets with usual values, if the most probable set has unusual ones and one of the others does as well.
+    """The judgement among the sets with ordinary values, if the most probable set has others and one of these does as well.
 
-    If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A pair that describes everything
-    with unusual values is replaced by one that does so with usual values, unless the odds against it are clear.
+    If an error remains, the laws are approximate and likelihood ratios mean little, so ordinary values decide. A pair that describes everything
+    with unusual values, or with one at a physical bound, is replaced by one that does so with ordinary values, unless the odds against it are
+    clear.
     """
     likeliest = judgement.model
     leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
-    if not likeliest.unusual or (leaves_nothing and len(likeliest.added) < MOST_NAMES):
+    if likeliest.ordinary or (leaves_nothing and len(likeliest.added) < MOST_NAMES):
         return judgement
     for size in range(len(likeliest.added), MOST_NAMES + 1):
-        usual = {key: one for key, one in judgement.found.items() if not one.unusual and len(key) <= size}
+        usual = {key: one for key, one in judgement.found.items() if one.ordinary and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(usual, together))
         if leaves_nothing:
             alike = other.model.done and likeliest.score - other.model.score <= ENOUGH_GAIN

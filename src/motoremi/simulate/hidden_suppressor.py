@@ -6,24 +6,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, log_uniform, uniform
 from motoremi.simulate.parts import IN, OUT, Network
 
 
 def _capacitor(name: str, low_farad: float, high_farad: float, ends: Sequence[tuple[str, str]]) -> EffectKind:
-    """A capacitor with its wires between each of some pairs of nodes."""
+    """A capacitor with a constant loss angle and its wires between each of some pairs of nodes."""
 
     def draw(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
         return {
             "capacitance_f": log_uniform(rng, low_farad, high_farad),
             "esr_ohm": log_uniform(rng, 0.05, 1.0),
             "esl_h": log_uniform(rng, 5e-9, 4e-8),
+            "tan_delta": log_uniform(rng, 5e-4, 0.03),
         }
 
     def apply(network: Network, elements: Elements, sizes: Sizes) -> Network:
+        loss = sizes.get("tan_delta", 0.0)
+        farad = sizes["capacitance_f"]
         capacitor = (
             Network()
-            .capacitor("c", IN, "foil", sizes["capacitance_f"])
+            .block("c", IN, "foil", ladders.constant_phase(farad, loss) if loss else Network().capacitor("c", IN, OUT, farad))
             .resistor("r", "foil", "wire", sizes["esr_ohm"])
             .inductor("l", "wire", OUT, sizes["esl_h"])
         )

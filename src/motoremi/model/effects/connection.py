@@ -36,7 +36,7 @@ EFFECTS = (
         formula="Z + resistance_ohm + s * inductance_h",
         parameters=(
             Parameter("resistance_ohm", "Ohm", 1e-3, 5.0, "1 - 50 mOhm and the skin effect at MHz; thin wire of a metre more", usual=(1e-3, 0.5)),
-            Parameter("inductance_h", "H", 15e-9, 1e-6, "0.7 - 1 nH a millimetre, 20 mm to 1 m"),
+            Parameter("inductance_h", "H", 15e-9, 5e-6, "0.7 - 1.3 nH a millimetre; 20 mm to 1 m, a long cable more", usual=(15e-9, 1e-6)),
         ),
         limit="resistance_ohm, inductance_h -> 0",
         limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0},

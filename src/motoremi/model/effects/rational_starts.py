@@ -36,6 +36,8 @@ SPREAD_PARTS, ACTING, MOST_SPREAD, COUPLINGS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02
 # Suppressor: its shares of the whole capacitance that are tried, and typical elements of the path to the frame of a small motor.
 SUPPRESSOR_SHARES = (0.6, 0.9, 0.99)
 SMALL_FRAME = {"Rr": 40.0, "Lr": 2e-6, "Cr": 5e-10, "Cf": 5e-10}
+# Loss tangent of a good capacitor.
+LITTLE_LOSS = 0.002
 # Uniform line: fewest resonances, largest relative difference of their distances, points of the mean, and the turns' share of the capacitance.
 LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
 # Frame beside a capacitor: points of the open-circuit sweep that are used, fewest of them that must determine the frame, largest ratio of the
@@ -324,7 +326,8 @@ def suppressor_capacitor(seen: Seen) -> list[dict[Any, float]]:
     frame of a small motor.
     """
     read = _from(seen.resonating, _suppressed)
-    return [{**start, **frame} for start in read for frame in _unsuppressed(seen, start)] + _shares(seen)
+    found = [{**start, **frame} for start in read for frame in _unsuppressed(seen, start)] + _shares(seen)
+    return [{**start, "tan_delta": LITTLE_LOSS} for start in found]
 
 
 def _fractions(numerator: FloatArray, denominator: FloatArray) -> tuple[float, float, float, complex, complex] | None:

@@ -15,9 +15,10 @@ from motoremi.model.parameter import Parameter
 
 
 def _capacitor(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    loss = (parameters["tan_delta"],)
     branch = Series(
         (
-            Leaf("suppressor C", laws.capacitor, (parameters["capacitance_f"],)),
+            Scaled(Leaf("suppressor C", laws.capacitor, (parameters["capacitance_f"],)), materials.constant_phase_factor, loss),
             Leaf("suppressor ESR", laws.resistance_and_inductance, (parameters["esr_ohm"], parameters["esl_h"])),
         )
     )
@@ -46,20 +47,35 @@ EFFECTS = (
             "a suppressor capacitor, alone or with a resistor (snubber): across the terminals, from the terminal to the frame, or one from either "
             "terminal to the frame"
         ),
-        formula="Z_across / (1 + Z_across / (esr_ohm + s * esl_h + 1 / (s * capacitance_f)))",
+        formula=(
+            "Z_across / (1 + Z_across / (esr_ohm + s * esl_h + (s / (2 * pi * 1e6))**(2 * atan(tan_delta) / pi) / (s * capacitance_f)))"
+        ),
         parameters=(
             Parameter("capacitance_f", "F", 0.4e-9, 10e-6, "1 nF to the frame, 10 nF - 1 uF across the terminals; a varistor is one of 0.5 - 5 nF"),
             Parameter("esr_ohm", "Ohm", 1e-3, 300.0, "10 mOhm - 1 Ohm of capacitors, more of varistors; 10 - 200 Ohm in a snubber"),
             Parameter("esl_h", "H", 0.3e-9, 200e-9, "1 nH a chip, 1 nH a millimetre of wire"),
+            Parameter(
+                "tan_delta",
+                "",
+                1e-4,
+                0.1,
+                "0.0005 polypropylene, 0.01 polyester, up to 0.035 ceramic of class 2, more of varistors; 1e-4 is none",
+                special=1e-4,
+            ),
         ),
         limit="capacitance_f -> 0",
-        limit_values={"capacitance_f": 1e-24, "esr_ohm": 0.1, "esl_h": 1e-8},
+        limit_values={"capacitance_f": 1e-24, "esr_ohm": 0.1, "esl_h": 1e-8, "tan_delta": 1e-4},
         signature="|Z| low over a wide band with a sharp series resonance at 1 - 50 MHz, inductive above",
         look_alikes=("second-resonance", "winding-modes", "terminal-capacitance"),
         deciding="look: a disc or film capacitor, or a varistor, at the brush holder; lift one of its legs and sweep again",
-        source="IEC 60384-14 (capacitors of class X and Y); values as in suppressor data sheets, unconfirmed for a given motor",
+        source=(
+            "IEC 60384-14 (capacitors of class X and Y), IEC 60384-9 (loss of ceramic capacitors of class 2); values as in data sheets, unconfirmed "
+            "for a given motor"
+        ),
         change=_capacitor,
-        starts=tuple({"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)),
+        starts=tuple(
+            {"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x, "tan_delta": rational_starts.LITTLE_LOSS} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)
+        ),
         reader=rational_starts.suppressor_capacitor,
         places=("", "frame", "pair"),
         responds={"second-temperature": {"capacitance_f": 0.97}, "brushes-lifted": {"capacitance_f": 0.0}},
