@@ -14,7 +14,8 @@ from motoremi.model.motor import dc_motor
 from motoremi.simulate.simulated_motor import SimulatedMotor
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 101)
-# The loss of the simulated capacitor is a ladder of four branches per decade, which differs from a constant loss angle by less than this, most near a resonance.
+# The loss of the simulated capacitor is a ladder of four branches per decade; most near a resonance, but by less than this, it differs from a
+# constant loss angle.
 LADDER = 3e-6
 # From the motor outwards, as they are connected.
 OUTWARDS = (

@@ -67,11 +67,16 @@ def test_the_closed_form_is_the_nodal_equations(termination, n, coupling):
     np.testing.assert_allclose(got, seen(termination, 0.6, n, coupling), rtol=1e-7)
 
 
+def suppressor_admittance(s):
+    return 1 / (0.3 + s * 1e-8 + (s / (2e6 * np.pi)) ** (2 / np.pi * np.arctan(0.02)) / (s * 2e-9))
+
+
 @pytest.mark.parametrize("termination", ["short", "open"])
 def test_a_suppressor_lies_across_the_ends_of_all_sections(termination):
-    part = {f"suppressor-capacitor.{name}": value for name, value in (("capacitance_f", 2e-9), ("esr_ohm", 0.3), ("esl_h", 1e-8), ("tan_delta", 0.02))}
+    sizes = {"capacitance_f": 2e-9, "esr_ohm": 0.3, "esl_h": 1e-8, "tan_delta": 0.02}
+    part = {f"suppressor-capacitor.{name}": value for name, value in sizes.items()}
     got = modelled(termination, ("winding-sections", "suppressor-capacitor"), **sections(0.5, 6, 0.6), **part)
-    expected = seen(termination, 0.5, 6, 0.6, lambda s: 1 / (0.3 + s * 1e-8 + (s / (2e6 * np.pi)) ** (2 / np.pi * np.arctan(0.02)) / (s * 2e-9)))
+    expected = seen(termination, 0.5, 6, 0.6, suppressor_admittance)
     np.testing.assert_allclose(got, expected, rtol=1e-7)
 
 

@@ -422,8 +422,8 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     if len(judgement.best.added) < len(judgement.belief.named):
         # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
         needed = judgement.of_needed
-        others = {key: one for key, one in judgement.found.items() if key not in needed.found}
-        aside = {key: one for key, one in others.items() if one.leaves_nothing and one.score > needed.best.score and len(key) > len(needed.best.added)}
+        more = {key: one for key, one in judgement.found.items() if key not in needed.found and len(key) > len(needed.best.added)}
+        aside = {key: one for key, one in more.items() if one.leaves_nothing and one.score > needed.best.score}
         judgement = dataclasses.replace(needed, aside=aside)
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)

@@ -69,12 +69,14 @@ EFFECTS = (
         look_alikes=("second-resonance", "winding-modes", "terminal-capacitance"),
         deciding="look: a disc or film capacitor, or a varistor, at the brush holder; lift one of its legs and sweep again",
         source=(
-            "IEC 60384-14 (capacitors of class X and Y), IEC 60384-9 (loss of ceramic capacitors of class 2); values as in data sheets, unconfirmed "
-            "for a given motor"
+            "IEC 60384-14 (capacitors of class X and Y), IEC 60384-9 (loss of ceramic capacitors of class 2); values as in data sheets, "
+            "unconfirmed for a given motor"
         ),
         change=_capacitor,
         starts=tuple(
-            {"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x, "tan_delta": rational_starts.LITTLE_LOSS} for c in (1e-9, 1e-8, 1e-7) for x in (5e-9, 3e-8)
+            {"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x, "tan_delta": rational_starts.LITTLE_LOSS}
+            for c in (1e-9, 1e-8, 1e-7)
+            for x in (5e-9, 3e-8)
         ),
         reader=rational_starts.suppressor_capacitor,
         places=("", "frame", "pair"),
