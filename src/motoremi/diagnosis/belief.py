@@ -31,6 +31,8 @@ MOST_NAMES = 2
 SLIGHT_SHARE = 0.25
 # A model describes most of the error if its undescribed part is at most this share of the base's.
 MOSTLY = 0.25
+# Largest analyser error, in percent, with which an error is compared: no working analyser errs by more where it is meant to be used.
+MOST_ERRING_PERCENT = 10.0
 # In standard deviations, of which three are the specification: no working analyser errs by 100 times that: then the circuit is wrong.
 NO_ANALYSER_SIGMA = 300.0
 # Share of true answers of each kind, for the errors that the posterior does not contain: estimated from the scoreboards of
@@ -182,7 +184,8 @@ def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     unknown = best is not base and not best.measurement.analyser.named and best.analyser_sigma > BEYOND_SIGMA
     if (best.marginal.nothing_left >= 0.5 and not unknown) or enough:
         return "explained"
-    if left <= SLIGHT_SHARE * best.floor_percent:
+    floor_percent = best.floor_percent if best.measurement.analyser.named else min(best.floor_percent, MOST_ERRING_PERCENT)
+    if left <= SLIGHT_SHARE * floor_percent:
         return "slight"
     if best is not base and (left <= MOSTLY * base.unexplained_percent["value"] or best.explained):
         return "mostly"
