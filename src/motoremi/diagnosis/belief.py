@@ -184,8 +184,7 @@ def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     unknown = best is not base and not best.measurement.analyser.named and best.analyser_sigma > BEYOND_SIGMA
     if (best.marginal.nothing_left >= 0.5 and not unknown) or enough:
         return "explained"
-    floor_percent = best.floor_percent if best.measurement.analyser.named else min(best.floor_percent, MOST_ERRING_PERCENT)
-    if left <= SLIGHT_SHARE * floor_percent:
+    if left <= SLIGHT_SHARE * min(best.floor_percent, MOST_ERRING_PERCENT):
         return "slight"
     if best is not base and (left <= MOSTLY * base.unexplained_percent["value"] or best.explained):
         return "mostly"

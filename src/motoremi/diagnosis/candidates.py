@@ -47,12 +47,15 @@ class Candidate:
         Log of evidence times prior; comparable among models of the same data only.
     at_bound : tuple of str
         Parameters of these effects that the data push against a bound.
+    left_share : float
+        Share of the error that the diagnosed model leaves undescribed which this one leaves too, at most 1.
     """
 
     added: Effects
     fit: Fit
     score: float
     at_bound: tuple[str, ...]
+    left_share: float = 0.0
 
     @property
     def effect(self) -> str:
@@ -83,10 +86,12 @@ class Candidate:
     def unusual(self) -> tuple[str, ...]:
         """Parameters of flexible laws (`BENDING`) outside their usual range by more than their uncertainty.
 
-        If an error remains undescribed, the laws are approximate and the uncertainty is ignored.
+        If an error remains undescribed, the laws are approximate: their values are known as well as they describe the motor.
         """
-        open_by = self.fit.sigma if self.fit.marginal.nothing_left >= 0.5 else None
-        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, open_by)
+        sigma = self.fit.sigma
+        if self.fit.marginal.nothing_left < 0.5:
+            sigma = {name: self.left_share * abs(value) / UNSURE for name, value in self.fit.parameters.items()}
+        return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, sigma)
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
@@ -139,7 +144,8 @@ def candidate(fit: Fit, base: Fit) -> Candidate:
     added = fit.effects[len(base.effects) :]
     bounds = at_bounds(fit, added)
     score = fit.log_evidence + prior_of_set(base, len(added)) + prior_of_values(fit, added) - BOUND_PENALTY * len(bounds)
-    return Candidate(added, fit, float(score), bounds)
+    before, after = base.unexplained_percent["value"], fit.unexplained_percent["value"]
+    return Candidate(added, fit, float(score), bounds, min(1.0, after / before) if before else 0.0)
 
 
 def prior_of_set(base: Fit, size: int) -> float:
