@@ -71,8 +71,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # Only single effects: two of them and the large errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
         odds = other.best.score - first.best.score
-        # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much. If the file shows that it was
-        # such an analyser the latter is not asked for, and it may err by twice as much: what a calibration leaves has no specification.
+        # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much. If the file shows that it
+        # was such an analyser the latter is not asked for, and it may err by twice as much: what a calibration leaves has no specification.
         waves = shown and base.measurement.analyser.by_waves
         as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent or waves
         within = other.model.fit.analyser_sigma <= (BEYOND_SIGMA if waves else SPECIFIED_SIGMA) and as_close
