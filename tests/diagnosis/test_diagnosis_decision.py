@@ -34,10 +34,13 @@ def left(percent: float, error_percent: float, analyser_sigma: float) -> SimpleN
     )
 
 
-def model(added: tuple[str, ...], score: float, error_percent: float, left_percent: float, unusual: tuple[str, ...] = ()) -> SimpleNamespace:
+def model(
+    added: tuple[str, ...], score: float, error_percent: float, left_percent: float, unusual: tuple[str, ...] = (), analyser_sigma: float = 1.0
+) -> SimpleNamespace:
     """A candidate of which only that is known."""
+    fit = left(left_percent, error_percent, analyser_sigma)
     return SimpleNamespace(
-        added=added, score=score, fit=left(left_percent, error_percent, 1.0), unusual=unusual, plausible=True, done=False, leaves_nothing=False
+        added=added, score=score, fit=fit, unusual=unusual, plausible=True, ordinary=not unusual, done=False, leaves_nothing=False
     )
 
 
@@ -87,7 +90,13 @@ def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best)
     found = {
         (): SimpleNamespace(added=(), score=0.0, fit=left(45.0, 46.0, 39.0), leaves_nothing=False),
         ("permeability-relaxation",): SimpleNamespace(
-            added=("permeability-relaxation",), score=450.0, fit=left(7.9, 9.0, 13.0), plausible=True, unusual=(), leaves_nothing=False
+            added=("permeability-relaxation",),
+            score=450.0,
+            fit=left(7.9, 9.0, 13.0),
+            plausible=True,
+            unusual=(),
+            ordinary=True,
+            leaves_nothing=False,
         ),
         ("eddy-laminations", "permeability-relaxation"): SimpleNamespace(
             added=("permeability-relaxation", "eddy-laminations"), score=500.0, fit=left(second_leaves, 39.0, 21.0), leaves_nothing=False
@@ -95,6 +104,53 @@ def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best)
     }
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
     assert judgement.best.added == best
+
+
+def test_a_pair_of_which_both_are_needed_is_named_beside_a_likelier_one_of_which_only_one_is(healthy):
+    """Leakage on a poorly compensated fixture: a relaxation takes up fine structure; only the residual brings the analyser within its bounds."""
+    leak = ("insulation-leakage@Cf",)
+    found = of(
+        model((), 0.0, 8.5, 8.1, analyser_sigma=17.0),
+        model(leak, 1000.0, 3.7, 0.0, analyser_sigma=7.0),
+        model((*leak, "dielectric-relaxation@Cf"), 1040.0, 3.7, 0.0, analyser_sigma=7.0),
+        model((*leak, "short-residual"), 1022.0, 0.08, 0.0, analyser_sigma=2.0),
+    )
+    for key, one in found.items():
+        one.fit.marginal.nothing_left = float(bool(key))
+    judgement = decided(healthy, found)  # type: ignore[arg-type]
+    assert set(judgement.best.added) == {*leak, "short-residual"}
+    del found["insulation-leakage@Cf", "short-residual"]
+    assert decided(healthy, found).best.added == leak  # type: ignore[arg-type]
+
+
+def test_a_pair_at_a_physical_bound_gives_way_to_one_within_its_ranges(healthy):
+    """Leads of a metre and a motor that drifted: a choke whose ferrite relaxes beyond any has six parameters more to bend."""
+    choke, lead = ("suppressor-choke", "temperature-drift"), ("lead-inductance", "temperature-drift")
+    found = of(model((), 0.0, 75.0, 75.0), model(choke, 6740.0, 0.29, 0.0), model(lead, 6734.0, 0.18, 0.0))
+    for key in (choke, lead):
+        one = found[tuple(sorted(key))]
+        one.fit.marginal.nothing_left, one.done = 1.0, True
+    assert decided(healthy, found).best.added == choke  # type: ignore[arg-type]
+    at_bound = found[tuple(sorted(choke))]
+    at_bound.plausible = at_bound.ordinary = False
+    assert decided(healthy, found).best.added == lead  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("floor_percent", "acceptance"), [(6.0, "slight"), (140.0, "not")])
+def test_no_large_error_is_slight_because_moved_leads_change_a_resonance_by_more_than_itself(floor_percent, acceptance):
+    base, fitted = left(73.0, 73.0, 2.0), left(1.4 if floor_percent < 10 else 34.0, 34.0, 2.0)
+    fitted.floor_percent = floor_percent
+    fitted.measurement.analyser.named = True
+    assert acceptance_of(base, fitted) == acceptance  # type: ignore[arg-type]
+
+
+def test_a_value_just_outside_its_usual_range_is_not_unusual_where_the_law_leaves_more(healthy):
+    with_relaxation = healthy.add("dielectric-relaxation@Cf")
+    label = "dielectric-relaxation@Cf.strength"
+    values = {**with_relaxation.parameters, label: 0.501, "dielectric-relaxation@Cf.exponent": 0.8}
+    rough = dataclasses.replace(with_relaxation, parameters=values, marginal=SimpleNamespace(nothing_left=0.0))
+    assert Candidate(("dielectric-relaxation@Cf",), rough, 0.0, ()).unusual == (label,)
+    assert Candidate(("dielectric-relaxation@Cf",), rough, 0.0, (), left_share=0.01).unusual == ()
 
 
 @pytest.fixture(scope="module")
