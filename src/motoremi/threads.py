@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
+import sys
 import threading
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -19,11 +20,12 @@ class _OneThread:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._inside = 0
+        self._modules = 0
 
     def __enter__(self) -> None:
         with self._lock:
             if not self._inside:
-                self._limits = threadpool_limits(limits=1, user_api="blas")
+                self._limits = self._libraries().limit(limits=1, user_api="blas")
             self._inside += 1
 
     def __exit__(self, *error: object) -> None:
@@ -31,6 +33,13 @@ class _OneThread:
             self._inside -= 1
             if not self._inside:
                 self._limits.restore_original_limits()
+
+    def _libraries(self) -> ThreadpoolController:
+        """The libraries that this process has loaded. To look for them takes milliseconds; new ones only come when a module is imported."""
+        modules = len(sys.modules)
+        if modules != self._modules:
+            self._controller, self._modules = ThreadpoolController(), modules
+        return self._controller
 
 
 _one_thread = _OneThread()

@@ -56,10 +56,11 @@ def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
     assert (found.verdict, found.effects) == ("adequate", ())
 
 
+# In the series fixture motors 1, 2, 3 and 5 leave a family after a search of pairs, which takes eight times as long; so does motor 1 in the other.
 @pytest.mark.slow
-@pytest.mark.parametrize("fixture", ["series-through", "shunt-through"])
-def test_a_hidden_effect_is_named(tmp_path, fixture):
-    found = diagnosed(tmp_path, fixture, 1, ("eddy-laminations",))
+@pytest.mark.parametrize(("fixture", "seed"), [("series-through", 4), ("shunt-through", 1)])
+def test_a_hidden_effect_is_named(tmp_path, fixture, seed):
+    found = diagnosed(tmp_path, fixture, seed, ("eddy-laminations",))
     assert found.verdict in ("missing-effect", "family")
     assert "eddy-laminations" in {*found.effects, *(one for family in found.families for one in family)}
 

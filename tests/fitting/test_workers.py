@@ -24,6 +24,9 @@ from motoremi import workers
 from motoremi.blind.cases import Case
 from motoremi.data.analyser import ADAPTERS, ANALYSERS, FIXTURES, find_analyser
 from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.candidates import possible_effects
+from motoremi.fitting.fit import trail_to
+from motoremi.fitting.race import raced_alone
 from motoremi.interrupts import Cancelled, checkpoint
 from motoremi.threads import one_blas_thread
 from motoremi.workers import own_processes, useful_processes
@@ -185,30 +188,55 @@ def test_one_core_does_it_all(monkeypatch: pytest.MonkeyPatch) -> None:
         assert {process for _, process in each(slow_square, range(3))} == {os.getpid()}
 
 
+# The two that are hidden and a few beside: a search for all effects has more jobs, but none of another kind than these and `raced_alone`.
+FEW_EFFECTS = frozenset(
+    {
+        *("terminal-capacitance", "bearing-film", "core-loss", "skin-effect", "distributed-winding"),
+        *("insulation-leakage@Cf", "lead-inductance"),
+    }
+)
+
+
 @pytest.mark.slow
 @needs_fork
 def test_a_diagnosis_does_not_depend_on_who_works(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit, on a motor with two hidden effects: two processes, one, and somebody else's `map` that sends all there is."""
     case = Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122)
     base = me.fit(me.dc_motor(), case.sweeps())
+    monkeypatch.setattr(
+        "motoremi.diagnosis.motor_board.possible_effects", lambda fit: [name for name in possible_effects(fit) if name in FEW_EFFECTS]
+    )
     # Which the tests' own workers do without.
     monkeypatch.setattr("motoremi.diagnosis.diagnosis.own_processes", own_processes)
     both = me.diagnose(base)
-    sent = 0
+    sent: list[str] = []
 
     def sending(work: Any, jobs: Iterable[object], /) -> Iterator[object]:
-        nonlocal sent
         for job in jobs:
-            sent += 1
+            sent.append(work.__name__)
             work_there, job_there = pickle.loads(pickle.dumps((work, job)))
             yield pickle.loads(pickle.dumps(work_there(job_there)))
 
     elsewhere = me.diagnose(base, map=sending)
-    assert sent > 50
+    assert len(sent) > 50
+    # One round of a race, its arrival and its end, the fit on all points, and the two looks at pairs.
+    assert len(set(sent)) == 6
     monkeypatch.setattr(workers, "useful_processes", lambda: 1)
     alone = me.diagnose(base)
+    assert set(both.effects) == set(case.hidden)
     assert both.to_dict() == alone.to_dict() == elsewhere.to_dict()
     np.testing.assert_array_equal(both.best.unknowns, alone.best.unknowns)
+
+
+@pytest.mark.slow
+@needs_fork
+def test_a_search_from_more_starts_does_not_depend_on_who_works() -> None:
+    """What a diagnosis makes of lines that its races leave behind."""
+    base = me.fit(me.dc_motor(), Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122).sweeps(points=101))
+    trails = [trail_to(base, name) for name in ("distributed-winding", "core-loss")]
+    with own_processes() as each:
+        both = list(each(raced_alone, trails))
+    assert [one.values for one in both] == [raced_alone(trail).values for trail in trails]
 
 
 @pytest.mark.slow

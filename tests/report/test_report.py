@@ -35,12 +35,17 @@ def session(tmp_path_factory, measure) -> Path:
     return diagnosed_session(tmp_path_factory.mktemp("report") / "session", measure)
 
 
-def test_same_session_gives_the_same_bytes(session):
-    assert rendered(session) == rendered(session)
+@pytest.fixture(scope="module")
+def files(session) -> dict[str, bytes]:
+    return rendered(session)
 
 
-def test_page_stands_alone_and_shows_the_story(session):
-    html = rendered(session)["report/report.html"].decode()
+def test_same_session_gives_the_same_bytes(session, files):
+    assert rendered(session) == files
+
+
+def test_page_stands_alone_and_shows_the_story(session, files):
+    html = files["report/report.html"].decode()
     page = parsed(html)
     assert len(html) < 3e6
     assert page.tags.count("svg") == 6  # sweeps, training, ladder, comparison, ranking, spectrum
@@ -63,8 +68,7 @@ def test_page_stands_alone_and_shows_the_story(session):
     assert len(identifiers) == len(set(identifiers))
 
 
-def test_machines_read_the_figures_of_the_fit(session):
-    files = rendered(session)
+def test_machines_read_the_figures_of_the_fit(session, files):
     data = json.loads(files["report/report.json"])
     last = ladder_of(load(session))[-1]
     assert data["ladder"][-1]["parameters"]["La"]["value"] == last.parameters["La"]

@@ -28,6 +28,8 @@ def directions(columns: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, Flo
     """
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0), dtype=np.complex128), np.zeros(0)
+    if not columns.any():  # such as those of correlated noise where there is none
+        return np.zeros((len(columns), 0), dtype=columns.dtype), np.zeros(0)
     if columns.shape[1] > len(columns):
         variances, vectors = np.linalg.eigh(columns @ columns.conj().T)
         keep = variances > max(least, 0.0)

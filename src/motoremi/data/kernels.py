@@ -7,6 +7,7 @@ of a calibration (Rasmussen and Williams, Gaussian Processes for Machine Learnin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -32,7 +33,6 @@ def matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
     return (1 + distance) * np.exp(-distance)
 
 
-@one_blas_thread
 def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
     """Columns B, shape (n, q), such that B c with independent standard normal c is a draw of a sum of smooth processes.
 
@@ -43,7 +43,14 @@ def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
     parts : sequence of (share, length)
         Share of the variance and length in decades of each process.
     """
-    place = np.log10(frequency_hz)
+    return _smooth_basis(np.asarray(frequency_hz, dtype=np.float64).tobytes(), tuple(parts))
+
+
+# The noise of one sweep needs the same few columns some ten times, and the other sweeps of a motor mostly have the same frequencies.
+@lru_cache(maxsize=8)
+@one_blas_thread
+def _smooth_basis(frequencies: bytes, parts: tuple[tuple[float, float], ...]) -> FloatArray:
+    place = np.log10(np.frombuffer(frequencies))
     span = float(np.ptp(place))
     shortest = min(length for _, length in parts)
     knots = place.min() + np.linspace(0.0, span, max(4, int(np.ceil(KNOTS_PER_LENGTH * span / shortest)) + 1))
@@ -54,7 +61,9 @@ def smooth_basis(frequency_hz: FloatArray, parts: Parts) -> FloatArray:
     step = span / (knots.size - 1)
     at = np.clip(((place - knots[0]) / step).astype(np.intp), 0, knots.size - 2)
     share = ((place - knots[at]) / step)[:, None]
-    return (1 - share) * modes[at] + share * modes[at + 1]
+    columns: FloatArray = (1 - share) * modes[at] + share * modes[at + 1]
+    columns.flags.writeable = False
+    return columns
 
 
 def logarithm(impedance_ohm: ComplexArray) -> ComplexArray:

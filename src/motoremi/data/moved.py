@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import t
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.data.noise import ByContent, Noise, noise_anew, repeats_log_likelihood
+from motoremi.data.noise import ByContent, Noise, noise_anew, noise_of, repeats_log_likelihood
 from motoremi.data.quantity import Quantity
 from motoremi.data.repeats import contrasts
 from motoremi.data.sweep import RepeatedSweep
@@ -45,7 +45,7 @@ def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> 
 def _leads(key: ByContent) -> tuple[FloatArray, FloatArray] | None:
     """R, L, G and C of each repeat, shape (repeats, 4), and their standard deviation as in `RepeatedSweep.moved`; None if nothing moved."""
     sweep, quantity = key.sweep, key.quantity
-    noise = noise_anew(sweep, quantity)
+    noise = noise_of(key)
     # A drift has its own description, and the motor it is of must not be converted to an average.
     if noise.drift is not None:
         return None
@@ -59,10 +59,10 @@ def _leads(key: ByContent) -> tuple[FloatArray, FloatArray] | None:
             return None
         if np.all(step**2 <= by_noise):
             break
-        noise = noise_anew(still, quantity)
+        noise = noise_anew(ByContent.of(still, quantity))
     # Each estimated value costs half the logarithm of the number of data (Schwarz 1978).
     cost = 0.5 * step.size * np.log(2 * len(combine) * sweep.frequency_hz.size)
-    if repeats_log_likelihood(still, quantity) - cost < repeats_log_likelihood(sweep, quantity):
+    if repeats_log_likelihood(ByContent.of(still, quantity)) - cost < repeats_log_likelihood(key):
         return None
     variance = np.mean((combine @ leads) ** 2, axis=0) - by_noise
     return leads, of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0))

@@ -107,19 +107,20 @@ class ByContent:
 
 def estimate_noise(sweep: RepeatedSweep, quantity: Quantity | None = None) -> Noise:
     """Noise of the mean of a repeated sweep, as a bridge has it or, with a `quantity`, a network analyser that measures this."""
-    return _noise_of(ByContent.of(sweep, quantity))
+    return noise_of(ByContent.of(sweep, quantity))
 
 
 # The workbench estimates the noise of the same sweeps to fit, show and diagnose them; with ten thousand points that takes a second or more.
-@lru_cache(maxsize=8)
-def _noise_of(key: ByContent) -> Noise:
-    return noise_anew(key.sweep, key.quantity)
+@lru_cache(maxsize=16)
+def noise_of(key: ByContent) -> Noise:
+    """The same as `estimate_noise`."""
+    return noise_anew(key)
 
 
-def noise_anew(sweep: RepeatedSweep, quantity: Quantity | None) -> Noise:
-    """The same as `estimate_noise`, computed each time: for sweeps that will not come again."""
+def noise_anew(key: ByContent) -> Noise:
+    """The same, computed each time: for sweeps that will not come again."""
     checkpoint()
-    noise = estimated(sweep, _domain_of(sweep, quantity))
+    sweep, noise = key.sweep, estimated(key)
     if sweep.moved is not None:
         noise = dataclasses.replace(noise, moved=sweep.changes_by_leads * sweep.moved_of_mean)
     off = spikes(sweep.frequency_hz, sweep.mean_ohm, np.hypot(noise.sigma, noise.correlated_sigma))
@@ -148,8 +149,8 @@ class _Domain:
     law: FloatArray
 
 
-def _domain_of(sweep: RepeatedSweep, quantity: Quantity | None) -> _Domain:
-    return _relative_domain(sweep.mean_ohm) if quantity is None else _wave_domain(quantity, sweep.mean_ohm)
+def _domain_of(key: ByContent) -> _Domain:
+    return _relative_domain(key.sweep.mean_ohm) if key.quantity is None else _wave_domain(key.quantity, key.sweep.mean_ohm)
 
 
 def _relative_domain(mean_ohm: ComplexArray) -> _Domain:
@@ -167,10 +168,11 @@ def _wave_domain(quantity: Quantity, mean_ohm: ComplexArray) -> _Domain:
     return _Domain(coefficient, quantity.relative(quantity.smoothed(mean_ohm)), law)
 
 
-def estimated(sweep: RepeatedSweep, domain: _Domain) -> Noise:
+def estimated(key: ByContent) -> Noise:
     """Noise from the repeats, as stated by the user, or from the scatter."""
+    sweep, domain = key.sweep, _domain_of(key)
     if sweep.repeats > 1:
-        return _from_repeats(sweep, domain)
+        return _from_repeats(key, domain)
     if sweep.sigma_relative is not None:
         return Noise(np.maximum(sweep.sigma_relative, SMALLEST_SIGMA), "stated")
     sigma = _from_scatter(sweep.frequency_hz, domain.response)
@@ -188,8 +190,11 @@ class _Random(NamedTuple):
     correlated: CorrelatedPart
 
 
-def _random(sweep: RepeatedSweep, domain: _Domain) -> _Random:
+# Whether leads moved between the repeats is judged by the likelihood of sweeps whose noise was just estimated.
+@lru_cache(maxsize=4)
+def _random(key: ByContent) -> _Random:
     """White noise from sample variances, fitted by the analyser's law times a slow correction; then correlated noise."""
+    sweep, domain = key.sweep, _domain_of(key)
     deviations = (sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative
     free = contrasts(deviations)
     variance = np.mean(np.abs(free) ** 2, axis=0) / 2
@@ -199,14 +204,15 @@ def _random(sweep: RepeatedSweep, domain: _Domain) -> _Random:
     return _Random(deviations, free, variance, outliers, white, correlated)
 
 
-def repeats_log_likelihood(sweep: RepeatedSweep, quantity: Quantity | None) -> float:
+def repeats_log_likelihood(key: ByContent) -> float:
     """Log likelihood of the contrasts of the repeats with the white and correlated noise that is estimated from them."""
-    return _random(sweep, _domain_of(sweep, quantity)).correlated.log_likelihood
+    return _random(key).correlated.log_likelihood
 
 
-def _from_repeats(sweep: RepeatedSweep, domain: _Domain) -> Noise:
+def _from_repeats(key: ByContent, domain: _Domain) -> Noise:
     """White and correlated noise, and a drift."""
-    deviations, free, variance, outliers, white, (correlated, factor, _) = _random(sweep, domain)
+    sweep = key.sweep
+    deviations, free, variance, outliers, white, (correlated, factor, _) = _random(key)
     inside = ~outliers
     sigma = np.maximum(white * np.sqrt(factor), SMALLEST_SIGMA)
     drift = _drift(sweep, sigma, correlated, free, inside)
