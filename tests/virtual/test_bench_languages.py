@@ -78,6 +78,10 @@ def test_scpi_queries_are_answered(bench: SimulatedBench, name: str) -> None:
     assert (float(client.query("FREQ:CENT?")), float(client.query("FREQ:SPAN?"))) == (2e6, 2e6)
     client.write("FREQ:CENT 10 MHZ;:FREQ:SPAN 4 MHZ")
     assert (float(client.query("FREQ:STAR?")), float(client.query("FREQ:STOP?"))) == (8e6, 12e6)
+    # Whatever start and stop were before, also the wrong way round, a centre beyond the range is one at its end.
+    for end in ("0", "99999999999999999999"):
+        client.write(f"FREQ:STAR 20 MHZ;:FREQ:STOP 1 MHZ;:FREQ:CENT {end}")
+        assert client.query("*OPC?") == "1"
 
 
 @pytest.mark.parametrize("name", ["4294a", *SCPI])

@@ -45,7 +45,7 @@ def band_commands(device: SimulatedDevice, center: str, span: str, start: str, s
             return
         first, last = edges()
         limits = float(device.limits(start)[0]), float(device.limits(stop)[1])
-        first, last = as_wide_as((first + last) / 2, value / 2, *limits) if width else about(value, (last - first) / 2, *limits)
+        first, last = as_wide_as((first + last) / 2, value / 2, *limits) if width else about(value, abs(last - first) / 2, *limits)
         device.set_value(start, first)
         device.set_value(stop, last)
 
