@@ -39,6 +39,39 @@ def test_what_has_no_common_error_model_is_taken_as_it_is():
     assert likeliest(first).instead is None
 
 
+@pytest.mark.parametrize(
+    ("reflections", "analyser_sigma", "taken"),
+    [(True, 5.0, True), (True, 7.0, False), (False, 2.0, False)],
+    ids=["twice an ordinary calibration", "beyond it", "no reflections"],
+)
+def test_a_network_analyser_that_the_file_shows_may_err_by_twice_an_ordinary_calibration(reflections, analyser_sigma, taken, monkeypatch):
+    """A line on a NanoVNA with 0.5 % of directivity: its circuit errs by 77 %, far from 50 ohm, with the analyser's errors taken out of it."""
+
+    def measured_by(analyser):
+        return SimpleNamespace(analyser=analyser, reflections=reflections, remark="", accuracy_percent=None, with_analyser=measured_by)
+
+    def fitted(measurement, log_evidence):
+        return SimpleNamespace(
+            measurement=measurement, motor=None, bounds={}, held={}, parameters={}, search_parameters={}, history=(), method="", seed=1,
+            log_evidence=log_evidence, analyser_sigma=9.0, rms_error_percent=31.0,
+        )  # fmt: skip
+
+    before = fitted(measured_by(find_analyser("unknown")), 0.0)
+    first = SimpleNamespace(
+        base=before, best=SimpleNamespace(fit=before, score=0.0), model=SimpleNamespace(fit=before), acceptance="not", described=False
+    )
+    model = SimpleNamespace(fit=SimpleNamespace(rms_error_percent=77.0, analyser_sigma=analyser_sigma))
+    monkeypatch.setattr("motoremi.diagnosis.declared.Task", lambda motor, measurement, bounds, held: measurement)
+    monkeypatch.setattr("motoremi.diagnosis.declared.arrived_on_all", lambda task, starts: task)
+    monkeypatch.setattr("motoremi.diagnosis.declared.Found", lambda measurement, history, values: measurement)
+    monkeypatch.setattr("motoremi.diagnosis.declared.summarise", lambda task, measurement, method, seed: fitted(measurement, 100.0))
+    monkeypatch.setattr(
+        "motoremi.diagnosis.declared.judge", lambda *given: SimpleNamespace(best=SimpleNamespace(score=100.0), model=model, accepted=True)
+    )
+    instead = likeliest(first).instead  # type: ignore[arg-type]
+    assert (instead is not None and instead.by_waves) == taken
+
+
 def diagnosed(folder, fixture, seed, effects=(), analyser="unknown", strays=SOUND):
     motor = SimulatedMotor.random(seed, effects)
     sweeps = [one.with_metadata(analyser=analyser) for one in measured(folder, motor, TwoPorts(seed), fixture, strays)]
