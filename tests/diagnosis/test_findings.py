@@ -11,7 +11,16 @@ from paper_circuit import DAMPED, impedance
 import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import Noise
-from motoremi.diagnosis.findings import NEGATIVE, OFTEN, UNDECLARED, of_the_amount, of_the_hardly_seen, of_the_noise, of_the_resistance
+from motoremi.diagnosis.findings import (
+    NEGATIVE,
+    OFTEN,
+    UNDECLARED,
+    of_the_amount,
+    of_the_hardly_seen,
+    of_the_noise,
+    of_the_resistance,
+    shows_nothing,
+)
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 
@@ -77,6 +86,21 @@ def test_sweeps_that_an_effect_comes_near_show_a_circuit_though_the_seven_elemen
     base = me.fit(me.dc_motor(), [sweep])
     for nearest, told in ((base, 1), (base.add("permeability-relaxation"), 0)):
         assert sum("show no circuit" in finding.why for finding in of_the_amount(base, nearest)) == told
+
+
+def test_an_open_sweep_of_which_two_resonances_may_be_exchanged_shows_a_circuit():
+    """No element is determined, since each may be the winding's or the frame's; the curve is described to 0.1 %."""
+    frequency = np.geomspace(150e3, 60e6, 201)
+    s = 2j * np.pi * frequency
+    winding = 1 / (1 / (590 + s * 784e-6) + s * 24.9e-12)
+    frame = 1 / (1 / (24.7 + s * 7e-6 + 1 / (s * 424e-12)) + s * 345e-12)
+    noise = 1e-4 * np.random.default_rng(4).standard_normal((3, frequency.size, 2)) @ [1, 1j]
+    sweeps = [me.ImpedanceSweep("open", frequency, (winding + frame) * (1 + one)) for one in noise]
+    fit = me.fit(me.dc_motor(), sweeps, analyser="4294a")
+    assert fit.exchange is not None
+    assert set(fit.undetermined()) == set(fit.parameters)
+    assert not shows_nothing(fit)
+    assert not [finding.why for finding in of_the_amount(fit, fit) if "show no circuit" in finding.why]
 
 
 @pytest.mark.parametrize(("core_ohm", "found"), [(5e3, 1), (np.inf, 0)])

@@ -29,6 +29,8 @@ NEGATIVE, OFTEN = 3.0, 0.02
 UNDECLARED = 0.01
 # A circuit that misses half of the points by more than this describes nothing.
 MISSED = 0.5
+# Standard deviation of the logarithm of a parameter that is not determined, as in `Fit.determined`.
+UNDETERMINED = 0.5
 # With fewer points than this, a sweep hardly determines more than the seven elements.
 FEW_POINTS = 30
 
@@ -275,8 +277,15 @@ def of_the_amount(fit: Fit, nearest: Fit) -> list[Finding]:
 
 
 def shows_nothing(fit: Fit) -> bool:
-    """Whether no parameter of the circuit is determined by the sweeps, or the circuit misses most points by far."""
-    undetermined = not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
+    """Whether no parameter of the circuit is determined by the sweeps, or the circuit misses most points by far.
+
+    Resonances that may be exchanged are seen, whichever of the two is the winding's.
+    """
+    if fit.exchange is None:
+        undetermined = not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
+    else:
+        of_circuit = [index for index, p in enumerate(fit.problem.unknowns) if p.name in fit.parameters and p.scale == "log"]
+        undetermined = bool(np.all(np.diag(fit.covariance)[of_circuit] > UNDETERMINED**2))
     return undetermined or float(np.median(np.abs(np.concatenate(list(fit.errors().values()))))) > MISSED
 
 

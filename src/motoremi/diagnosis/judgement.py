@@ -445,19 +445,20 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
-    """The judgement among the sets with ordinary values, if the most probable set has others and one of these does as well.
+    """The judgement among the sets with usual values, if the most probable set has unusual ones and one of the others does as well.
 
-    If an error remains, the laws are approximate and likelihood ratios mean little, so ordinary values decide. A pair that describes everything
+    If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A pair that describes everything
     with unusual values, or with one at a physical bound, is replaced by one that does so with ordinary values, unless the odds against it are
     clear.
     """
     likeliest = judgement.model
     leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
-    if likeliest.ordinary or (leaves_nothing and len(likeliest.added) < MOST_NAMES):
+    usual = {key for key, one in judgement.found.items() if (one.ordinary if leaves_nothing else not one.unusual)}
+    if tuple(sorted(likeliest.added)) in usual or (leaves_nothing and len(likeliest.added) < MOST_NAMES):
         return judgement
     for size in range(len(likeliest.added), MOST_NAMES + 1):
-        usual = {key: one for key, one in judgement.found.items() if one.ordinary and len(key) <= size}
-        other = dataclasses.replace(judgement, belief=believe(usual, together))
+        found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
+        other = dataclasses.replace(judgement, belief=believe(found, together))
         if leaves_nothing:
             alike = other.model.done and likeliest.score - other.model.score <= ENOUGH_GAIN
         else:
