@@ -23,6 +23,7 @@ def _capacitor(name: str, low_farad: float, high_farad: float, ends: Sequence[tu
         }
 
     def apply(network: Network, elements: Elements, sizes: Sizes) -> Network:
+        # Sizes without a loss, as in motors stored by earlier versions, mean none.
         loss = sizes.get("tan_delta", 0.0)
         farad = sizes["capacitance_f"]
         capacitor = (

@@ -168,6 +168,7 @@ EFFECTS = (
                 10.0,
                 "of a damped resonance (Lorentz) at corner_hz / quality; 0.01 is none, cores have up to 1 (docs/cores.md)",
                 special=0.01,
+                # Twice the largest of docs/cores.md; the N87 material of docs/materials.md has 6, which leaves the other half of the prior.
                 usual=(0.01, 2.0),
             ),
         ),
