@@ -21,7 +21,7 @@ mp.mp.dps = 60
 STEP = mp.mpf(10) ** -20
 ELEMENTS = ("Ra", "La", "Ca", "Rr", "Lr", "Cr", "Cf")
 RANGES = {
-    "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "5e-6")},
+    "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "5e-6"), "skin_ohm": ("1e-4", "0.3")},
     "terminal-capacitance": {"capacitance_f": ("0.8e-12", "400e-12")},
     "core-loss": {"resistance_ohm": ("30", "100e3")},
     "eddy-laminations": {"share": ("0.01", "0.999"), "corner_hz": ("300", "1e6")},
@@ -43,7 +43,7 @@ def impedances(effect: str, values: list, frequency_hz) -> tuple:
     winding = 1 / (1 / (ra + coil) + s * ca)
     frame = 1 / (1 / (rr + s * lr + 1 / (s * cr)) + s * cf)
     if effect == "lead-inductance":
-        lead = more[0] + s * more[1]
+        lead = more[0] + s * more[1] + more[2] * mp.sqrt(2 * s / (2 * mp.pi * 10**6))
         return winding + lead, winding + frame + lead
     if effect == "terminal-capacitance":
         return 1 / (1 / winding + s * more[0]), 1 / (1 / (winding + frame) + s * more[0])

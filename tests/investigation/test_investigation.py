@@ -405,7 +405,8 @@ def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_a
     strained = fit(
         dc_motor(),
         Measurement.of(
-            sweeps({leak[0]: {"resistance_ohm": 5e3}, "lead-inductance": {"inductance_h": 5e-9, "resistance_ohm": 0.01}}), analyser="4294a"
+            sweeps({leak[0]: {"resistance_ohm": 5e3}, "lead-inductance": {"inductance_h": 5e-9, "resistance_ohm": 0.01, "skin_ohm": 1e-4}}),
+            analyser="4294a",
         ),
     )
     single = strained.add(*leak)
@@ -574,7 +575,7 @@ def test_an_added_part_need_not_have_its_nominal_value(condition: str, part: str
 
 
 def test_a_strap_carries_what_flows_through_the_frame_also_where_the_far_end_is_tied_to_it() -> None:
-    strapped = {"ground-strap-inductance": {"resistance_ohm": 0.01, "inductance_h": 2e-7}}
+    strapped = {"ground-strap-inductance": {"resistance_ohm": 0.01, "inductance_h": 2e-7, "skin_ohm": 0.0}}
     bare, with_strap = simulated("grounded", {}), simulated("grounded", strapped)
     np.testing.assert_allclose(with_strap - bare, 0.01 + 2j * np.pi * FREQUENCY * 2e-7, rtol=1e-6, atol=1e-3 * np.abs(bare).max())
 

@@ -131,7 +131,8 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
 
 
 def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:
-    if parameter.usual is None:
+    # An effect that the data exclude is held at the values at which it vanishes.
+    if parameter.usual is None or (parameter.scale == "log" and not value):
         return False
     low, high = parameter.usual
     if parameter.scale == "log":

@@ -91,6 +91,15 @@ def resistance_and_inductance(s: ComplexArray, resistance: Any, inductance: Any)
     return resistance + s * inductance, (_ONE, s)
 
 
+def conductor(s: ComplexArray, resistance: Any, inductance: Any, skin: Any) -> ValueAndSlopes:
+    """Z = R + s L + Rs sqrt(2 s / w1), w1 = 2 pi 1 MHz: Rs is the resistance that the skin effect adds at 1 MHz.
+
+    The surface impedance of any cross-section whose penetration depth is small; for a round wire R is then a quarter of its DC resistance.
+    """
+    rise = np.sqrt(s) * (2 / (TWO_PI * 1e6)) ** 0.5
+    return resistance + s * inductance + skin * rise, (_ONE, s, rise)
+
+
 def positive_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
     """Z = R if R > 0, else 0."""
     on = (resistance > 0) + 0j

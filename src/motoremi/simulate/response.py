@@ -93,8 +93,8 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
         "winding-modes": {"quality": _linear(-2e-3)},
         "suppressor-capacitor": {"capacitance_f": _linear(-1e-3)},
         "suppressor-choke": {"resistance_ohm": _copper(), "corner_hz": _linear(-2e-3)},
-        "lead-inductance": {"resistance_ohm": _copper()},
-        "ground-strap-inductance": {"resistance_ohm": _copper()},
+        "lead-inductance": {"resistance_ohm": _copper(), "skin_ohm": _copper(0.5)},
+        "ground-strap-inductance": {"resistance_ohm": _copper(), "skin_ohm": _copper(0.5)},
         "outside-charge-diffusion": {"resistance_ohm": _activated(-0.2)},
     },
     "shaft-turned": {
@@ -124,7 +124,7 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
     },
     # The open terminals of the field winding are shorted: its capacitance is then negligible.
     "field-winding": {"field-coupling": {"field_capacitance_f": _times(1e6)}},
-    "longer-strap": {"ground-strap-inductance": {"inductance_h": _times(2.0), "resistance_ohm": _times(2.0)}},
+    "longer-strap": {"ground-strap-inductance": {"inductance_h": _times(2.0), "resistance_ohm": _times(2.0), "skin_ohm": _times(2.0)}},
     "terminal-block": {"terminal-capacitance": {"capacitance_f": _times(0.05)}},
     # The leads are connected to single commutator bars, while brushes cover several.
     "brushes-lifted": {"Ra": {"": _scatter(0.02)}, "La": {"": _scatter(0.02)}, "Ca": {"": _scatter(0.02)}, "Cf": {"": _times(0.99)}},

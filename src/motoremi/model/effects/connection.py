@@ -13,8 +13,12 @@ from motoremi.model.motor import Motor, Outwards
 from motoremi.model.parameter import Parameter
 
 
+def _conductor(name: str, parameters: Mapping[str, Parameter]) -> Leaf:
+    return Leaf(name, laws.conductor, tuple(parameters[key] for key in ("resistance_ohm", "inductance_h", "skin_ohm")))
+
+
 def _lead(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    lead = Leaf("lead", laws.resistance_and_inductance, (parameters["resistance_ohm"], parameters["inductance_h"]))
+    lead = _conductor("lead", parameters)
     return motor.attached(lambda node: Series((node, lead)))
 
 
@@ -24,28 +28,38 @@ def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> 
 
 
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    strap = Leaf("strap", laws.resistance_and_inductance, (parameters["resistance_ohm"], parameters["inductance_h"]))
+    strap = _conductor("strap", parameters)
     return dataclasses.replace(motor, strap=strap if motor.strap is None else Series((motor.strap, strap)))
 
+
+_SKIN = Parameter(
+    "skin_ohm",
+    "Ohm",
+    1e-4,
+    0.3,
+    "at 1 MHz 0.04 Ohm a metre of copper wire of 2 mm diameter, 0.13 of 0.6 mm; 1e-4 is none",
+    special=1e-4,
+)
 
 EFFECTS = (
     Effect(
         name="lead-inductance",
         group="connection",
         title="inductance and resistance of the leads",
-        formula="Z + resistance_ohm + s * inductance_h",
+        formula="Z + resistance_ohm + s * inductance_h + skin_ohm * sqrt(2 * s / (2 * pi * 1e6))",
         parameters=(
-            Parameter("resistance_ohm", "Ohm", 1e-3, 5.0, "1 - 50 mOhm and the skin effect at MHz; thin wire of a metre more", usual=(1e-3, 0.5)),
-            Parameter("inductance_h", "H", 15e-9, 5e-6, "0.7 - 1.3 nH a millimetre; 20 mm to 1 m, a long cable more", usual=(15e-9, 1e-6)),
+            Parameter("resistance_ohm", "Ohm", 1e-3, 5.0, "1 - 50 mOhm; thin wire of a metre more", usual=(1e-3, 0.5)),
+            Parameter("inductance_h", "H", 15e-9, 5e-6, "0.7 - 1.3 nH a millimetre; 20 mm to 2 m, a long cable more", usual=(15e-9, 2e-6)),
+            _SKIN,
         ),
-        limit="resistance_ohm, inductance_h -> 0",
-        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0},
+        limit="resistance_ohm, inductance_h, skin_ohm -> 0",
+        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0, "skin_ohm": 0.0},
         signature="the same inductive difference in both sweeps, growing with f; a series resonance at high f",
         look_alikes=("short-residual", "gain-error", "ground-strap-inductance"),
         deciding="add a known 50 mm of lead; measure a short bar and a 100 pF standard on the same fixture",
         source="inductance of straight wires: Grover, Inductance Calculations (1946)",
         change=_lead,
-        starts=({"resistance_ohm": 0.02, "inductance_h": 1e-7},),
+        starts=({"resistance_ohm": 0.02, "inductance_h": 1e-7, "skin_ohm": 0.01},),
         seen_as=("series-inductance",),
     ),
     Effect(
@@ -68,19 +82,20 @@ EFFECTS = (
         name="ground-strap-inductance",
         group="connection",
         title="inductance and resistance of the frame strap",
-        formula="Z_frame + resistance_ohm + s * inductance_h",
+        formula="Z_frame + resistance_ohm + s * inductance_h + skin_ohm * sqrt(2 * s / (2 * pi * 1e6))",
         parameters=(
             Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "1 - 100 mOhm and the path through the laminations"),
             Parameter("inductance_h", "H", 5e-9, 1e-6, "10 - 300 nH for a strap or a wire"),
+            _SKIN,
         ),
-        limit="resistance_ohm, inductance_h -> 0",
-        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0},
+        limit="resistance_ohm, inductance_h, skin_ohm -> 0",
+        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0, "skin_ohm": 0.0},
         signature="open-circuit sweep only, inductive at high f; series resonance with Cf",
         look_alikes=("lead-inductance",),
         deciding="shorten or double the strap",
         source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142; straight wires: Grover (1946)",
         change=_strap,
-        starts=tuple({"resistance_ohm": 0.02, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
-        responds={"longer-strap": {"resistance_ohm": 2.0, "inductance_h": 2.0}},
+        starts=tuple({"resistance_ohm": 0.02, "inductance_h": x, "skin_ohm": 0.01} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+        responds={"longer-strap": {"resistance_ohm": 2.0, "inductance_h": 2.0, "skin_ohm": 2.0}},
     ),
 )

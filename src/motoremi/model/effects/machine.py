@@ -69,7 +69,7 @@ EFFECTS = (
         reader=rational_starts.winding_modes,
         repeatable=True,
         describes=True,
-        hides=("Ra", "lead-inductance.resistance_ohm"),
+        hides=("Ra", "lead-inductance.resistance_ohm", "lead-inductance.skin_ohm"),
     ),
     Effect(
         name="machine-winding",
