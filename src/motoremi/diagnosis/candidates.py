@@ -195,7 +195,7 @@ def _simplest_form(fit: Fit, index: int, parameter: Parameter, variances: FloatA
 
 
 def _usual_size(fit: Fit, index: int, parameter: Parameter, variances: FloatArray) -> float:
-    """Half of the prior is on the usual range: an effect that needs an element of unusual size, such as 1 uF to the rotor, becomes improbable."""
+    """Half of the prior is on the usual range: an effect that needs an element of unusual size, such as 1 uF to the core, becomes improbable."""
     assert parameter.usual is not None
     problem = fit.problem
     low, high = (problem.unknown(index, value) for value in parameter.usual)
