@@ -1,7 +1,7 @@
 """The parts that every machine has, fitted all at once: leads, strap, terminals, losses of copper, iron and insulation, suppressors.
 
-If several of them are visible, a search that adds one effect after the other fails: fitted alone, each takes values with which it also describes part
-of the others. So they are fitted together, from many start values, and those that are not needed are then left out again.
+If several of them are visible, a search that adds one effect after the other fails: fitted alone, each takes values with which it also describes
+part of the others. So they are fitted together, from many start values, and those that are not needed are then left out again.
 """
 
 from __future__ import annotations
