@@ -123,15 +123,12 @@ class Weighed:
         Of the data, all unknowns integrated over; comparable among models, and among explanations of the same sweeps.
     known : Known
         Distribution of the model's own unknowns afterwards.
-    undescribed : float
-        Most probable size of the part of the change that the model does not describe.
     unchanged : float
         Probability that the data show the motor as it was.
     """
 
     log_likelihood: float
     known: Known
-    undescribed: float
     unchanged: float = 0.0
 
 
@@ -167,7 +164,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     best = _best_near(best, prediction, white, smooth, likeliest)
     logs = {at: noise + best.log_integral(at) + prior for at, prior in priors.items()}
     likeliest = max(logs, key=lambda at: logs[at])
-    return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest), likeliest[0])
+    return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest))
 
 
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
