@@ -1,4 +1,4 @@
-"""The EMI receiver by formula: filter, detectors, noise floor, attenuator, preamplifier, overload."""
+"""The EMI receiver by formula: filter, detectors, noise floor, attenuator, preamplifier."""
 
 from __future__ import annotations
 
