@@ -18,8 +18,8 @@ from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
 
-# Points of each detector that a fit uses: all below this frequency, where the lines of combs are resolved, and this number above; of more than twice
-# that number below, a part at equal distances.
+# Points of each detector that a fit uses: all below this frequency, where the lines of combs are resolved, and this number above; if there are more
+# than twice that number below, a part of them at equal distances.
 ALL_BELOW_HZ = 1.2e6
 POINTS_ABOVE = 260
 # Error of the formulas compared with the time domain, without its part that is smooth along frequency.
