@@ -39,7 +39,7 @@ STEPS, DAMPING = 25, 1e-3
 FARTHEST_RESPONSE = 6.0
 # Smallest gain of a step, and the same as a share of the cost: an explanation whose cost is thousands need not be refined.
 CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
-# Size of what no model describes, and share of what nobody can predict of elements and of effects.
+# Size of what no model describes, and shares of the unpredictable changes of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
 
@@ -60,7 +60,7 @@ class Prediction(Protocol):
 
     @property
     def unpredicted(self) -> IntArray:
-        """Which response numbers belong to what nobody can predict, shape (size,): 1 of an element, 2 of an effect, 0 elsewhere."""
+        """Which response numbers belong to changes that cannot be predicted, shape (size,): 1 of an element, 2 of an effect, 0 elsewhere."""
 
     @property
     def sigma(self) -> FloatArray:
@@ -144,7 +144,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Sizes of what no model describes -> prior.
     """
     sizes = sizes or UNDESCRIBED
-    # From where almost anything goes to where little does: a resonance that moved by more than its width is out of sight of the second.
+    # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
     most, middle = max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))
     u, eta = known.centre, np.zeros(prediction.size)
     for blur in BLURS:
@@ -268,7 +268,7 @@ class _System:
         self._moving[:k] &= prediction.moving
 
     def _scales(self, at: Scale) -> FloatArray:
-        """The unit of each unknown in the normal equations: a width for what nobody can predict, and the size of what no model describes."""
+        """The unit of each unknown in the normal equations: a width for unpredictable changes, and the size of what no model describes."""
         size, *widths = at
         return np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unpredicted]
 
