@@ -53,7 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Six thousand collected tests last as long as the run: that the garbage collector does not visit them again saves a fiftieth of its time."""
+    """Collected tests live until the end of the run. If the garbage collector leaves them out, the run takes a fiftieth less time."""
     gc.collect()
     gc.freeze()
 

@@ -58,7 +58,7 @@ class Plan:
 
 
 class BenchOperator(Protocol):
-    """The operator of a real bench; on a simulated one nobody is asked."""
+    """The operator of a real bench; a simulated one has no prompts."""
 
     def prompt(self, text: str) -> Answer | None:
         """Show an instruction and return the answer."""

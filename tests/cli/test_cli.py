@@ -14,7 +14,7 @@ from conftest import simulated_sweeps
 from places import DATA, ROOT
 
 import motoremi as me
-from motoremi.cli.arguments import expanded
+from motoremi.cli.arguments import ONE_VALUE, SEVERAL_FILES, expanded
 from motoremi.cli.demo import PLAIN_PERCENT, plain_story
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
@@ -364,6 +364,22 @@ def test_several_files_behind_one_option():
     assert expanded(given) == ["import", "out", "--short", "a", "--short", "b", "--open", "c", "--analyser", "none"]
     assert expanded(["import", "--short", "a", "--open", "c", "out"]) == ["import", "out", "--short", "a", "--open", "c"]
     assert expanded(["fit", "--short"]) == ["fit", "--short"]
+
+
+def test_a_forgotten_folder_is_not_taken_from_the_value_of_an_option():
+    given = ["import", "--short", "a", "b", "--open", "c", "d", "--motor", "M 7"]
+    assert expanded(given) == ["import", "--short", "a", "--short", "b", "--open", "c", "--open", "d", "--motor", "M 7"]
+    assert motoremi(*given).stderr.strip().endswith("Missing argument 'OUT'.")
+
+
+def test_every_option_of_import_is_known_where_files_are_told_from_values():
+    from typer.main import get_command
+
+    from motoremi.cli.app import app
+
+    options = [one for one in get_command(app).commands["import"].params if one.param_type_name == "option" and not one.is_flag]
+    assert {name for one in options for name in one.opts} == {*SEVERAL_FILES, *ONE_VALUE}
+    assert {name for one in options if one.multiple for name in one.opts} >= {*SEVERAL_FILES}
 
 
 @pytest.mark.parametrize("where", ["while loading", "before the session", "in the session"])

@@ -124,7 +124,7 @@ def test_a_pair_of_which_both_are_needed_is_named_beside_a_likelier_one_of_which
 
 
 def test_a_pair_at_a_physical_bound_gives_way_to_one_within_its_ranges(healthy):
-    """Leads of a metre and a motor that drifted: a choke whose ferrite relaxes beyond any has six parameters more to bend."""
+    """Leads of a metre and a motor that drifted: a choke describes them too, with six more parameters and a corner beyond that of any ferrite."""
     choke, lead = ("suppressor-choke", "temperature-drift"), ("lead-inductance", "temperature-drift")
     found = of(model((), 0.0, 75.0, 75.0), model(choke, 6740.0, 0.29, 0.0), model(lead, 6734.0, 0.18, 0.0))
     for key in (choke, lead):

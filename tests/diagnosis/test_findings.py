@@ -56,7 +56,7 @@ def test_a_phase_that_any_analyser_may_err_by_is_not_blamed_where_none_is_declar
 
 @pytest.mark.parametrize(("left_percent", "serious"), [(0.0, True), (2.0, True), (10.0, False)])
 def test_small_differences_between_repeats_are_not_the_cause_of_a_large_error(left_percent, serious):
-    """Of 1 %, ten times the noise: three times as much may be their true size, and an error of 10 % is not theirs."""
+    """They are 1 %, ten times the noise. Their true size may be three times that, which does not explain an error of 10 %."""
     sigma = np.full(FREQUENCY_HZ.size, 1e-3)
     noise = Noise(sigma, "repeats", correlated=10 * sigma)
     measurement = SimpleNamespace(sweeps=swept(0.0, "4294a").sweeps, noise=(noise,))

@@ -157,13 +157,11 @@ def test_pulses_and_sines_in_noise():
     assert pulses_on_noise(np.array([1e-2]), noise, rate_hz, BAND_B)[0] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_floor_attenuator_preamplifier_and_overload():
+def test_floor_attenuator_and_preamplifier():
     # kTB with 10 dB is -17.5 dBuV in 9 kHz; the Gaussian filter passes 1.2 dB less, and the mean is 1.05 dB below the rms.
     assert Receiver(attenuation_db=0.0).floor_dbuv == pytest.approx(-19.75, abs=0.1)
     assert Receiver(attenuation_db=20.0).floor_dbuv == pytest.approx(Receiver(attenuation_db=0.0).floor_dbuv + 20)
     assert Receiver(preamplifier=True).floor_dbuv < Receiver().floor_dbuv
-    assert Receiver(preamplifier=True).overload_dbuv == Receiver().overload_dbuv - 20
-    assert Receiver(attenuation_db=0.0).overloaded(np.array([96.0, 98.0])).tolist() == [False, True]
     assert Receiver().to_dict()["band"] == "B"
 
 

@@ -30,7 +30,7 @@ def frame(film: np.ndarray | float = 0.0) -> np.ndarray:
 
 
 def measured(winding: np.ndarray, rotor: np.ndarray, terminations: tuple[str, ...] = ("short", "open"), added: bool = True) -> Measurement:
-    """The second is the way to the frame, or what the open-circuit sweep shows if it is not to be `added` to the winding."""
+    """The second is the path to the frame, or what the open-circuit sweep shows if it is not to be `added` to the winding."""
     rng = np.random.default_rng(5)
     true = {"short": winding, "open": winding + rotor if added else rotor}
     return Measurement.of([

@@ -231,7 +231,7 @@ def test_a_diagnosis_does_not_depend_on_who_works(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.slow
 @needs_fork
 def test_a_search_from_more_starts_does_not_depend_on_who_works() -> None:
-    """What a diagnosis makes of lines that its races leave behind."""
+    """How a diagnosis searches lines that fall behind in its races."""
     base = me.fit(me.dc_motor(), Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122).sweeps(points=101))
     trails = [trail_to(base, name) for name in ("distributed-winding", "core-loss")]
     with own_processes() as each:

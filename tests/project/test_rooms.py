@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -108,6 +109,20 @@ def test_every_folder_is_a_room():
     assert folders | {"instruments", "workflow"} == set(MAY_IMPORT)
     # The catalogue's own entry for users: `motoremi.effects`.
     assert alone == PLAIN | {"effects"}
+
+
+def test_the_map_in_the_documentation_is_this_one():
+    """The last column of the table of packages names the rooms that each may import, or all."""
+    stated: dict[str, set[str]] = {}
+    for line in (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").splitlines():
+        if not line.startswith("| `"):
+            continue
+        _, packages, _, uses, _ = line.split("|")
+        name = re.search(r"`(?:src/motoremi/)?(\w+)", packages)
+        assert name is not None
+        if name[1] in MAY_IMPORT:
+            stated[name[1]] = set(MAY_IMPORT) - {"cli"} if uses.strip() == "all" else set(re.findall(r"\w+", uses)) & set(MAY_IMPORT)
+    assert stated == MAY_IMPORT
 
 
 def test_rooms_stand_in_an_order():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 import shlex
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import command_line
+import numpy as np
 import pytest
 import typer.main
 from conftest import simulated_sweeps
@@ -18,11 +20,18 @@ from typer.testing import CliRunner
 
 import motoremi as me
 from motoremi.cli.app import app
+from motoremi.data import coarse, measurement, mislabelled
+from motoremi.data.analyser import DECLARED, find_analyser
 from motoremi.data.csvfiles import impedance_csv
 from motoremi.data.laboratory import laboratory_of
+from motoremi.diagnosis import belief, candidates, declared, findings, informed, judgement
 from motoremi.diagnosis.diagnosis import Verdict
+from motoremi.emission import spectrum_problem
 from motoremi.emission.setup import read_setup
 from motoremi.errors import BadInput, InstrumentError, Stopped
+from motoremi.fitting import marginal, race, result, search
+from motoremi.investigation import mistakes, outcome, question, responses, rivals, weighing
+from motoremi.model.effects import machine
 from motoremi.model.effects.effect import Effect
 from motoremi.schema.keys import reference
 from motoremi.workbench import body, server, thinning, tray
@@ -284,3 +293,71 @@ def test_modules_on_the_map_exist():
             if not any(place.exists() or place.with_name(f"{place.name}.py").exists() for place in places):
                 missing.append(f"{cells[1].strip()}: {name}")
     assert missing == []
+
+
+def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
+    """Thresholds in words and digits; a sentence that is written differently has to be changed here too."""
+    evidence, details, investigations, spectra = (
+        " ".join(page(name).split())
+        for name in ("explanation/evidence.md", "explanation/evidence_details.md", "explanation/investigation.md", "emission.md")
+    )
+    none, one, two, _ = candidates.PRIOR_OF_SIZE
+    sizes = marginal.DISCREPANCIES
+    for text, stated in (
+        (evidence, f"from {100 * sizes[1]:g} % to {100 * sizes[-1]:g} %"),
+        (evidence, f"(odds above e^{declared.TAKEN:g})"),
+        (evidence, f"half of the motors need no effect, {100 * one:g} % one, {100 * two:g} % two"),
+        (
+            evidence,
+            f"more steps for {race.GLANCE.rounds[1].models} of them, and for the {race.LEADERS} best more points, {race.IN_FULL} of them from",
+        ),
+        (evidence, f"leaves less than {200 * search.PLAIN:g} %"),
+        (evidence, f"together have {100 * belief.FAMILY_TOGETHER:g} % of its probability"),
+        (evidence, f"at most {belief.MOST_ERRING_PERCENT:g} % counts"),
+        (evidence, f"odds of e^{judgement.CLEAR_GAIN:g}, and half the error"),
+        (evidence, f"at most {belief.RELIABLE['names, not as declared']:g} if the data also fit another analyser"),
+        (evidence, f"at most {belief.RELIABLE['names beyond the specification']:g} if an impedance analyser"),
+        (
+            evidence,
+            f"From the open-circuit sweep alone a name is stated with at most {belief.RELIABLE['named from the open-circuit sweep alone']:g}",
+        ),
+        (evidence, f"`adequate` is stated with at most {belief.RELIABLE['adequate, a weak effect unnamed']:g}"),
+        (details, f"twice and four times those of the specification is {100 * DECLARED[2.0]:g} % and {100 * DECLARED[4.0]:g} %"),
+        (details, f"one of {math.sqrt(result.WORSE):.1f} standard deviations"),
+        (details, f"more than {coarse.MOST_POINTS} points are reduced to about {coarse.COARSE_POINTS - 1} averages"),
+        (details, f"at more than {100 * findings.OFTEN:g} % of the points"),
+        (details, f"at least by {100 * findings.NEGATIVE * findings.UNDECLARED:g} % of |Z|"),
+        (details, f"within {100 * mislabelled.THE_SAME:g} % at {100 * mislabelled.OF_POINTS:g} % of the points"),
+        (details, f"or {measurement.GOOD_ENOUGH_PERCENT:g} % if none is stated"),
+        (details, f"odds of e^{judgement.CLEAR_GAIN:g}, or of e^{judgement.ENOUGH_GAIN:g} if it describes everything"),
+        (details, f"sweeps that begin below {machine.CAGE_SEEN_BELOW_HZ / 1e3:g} kHz"),
+        (
+            investigations,
+            f"{100 * informed.OUTSIDE['explained']:g} % if a model describes everything, up to {100 * informed.OUTSIDE['not']:g} % if none",
+        ),
+        (investigations, f"from {100 * min(weighing.UNDESCRIBED):g} % to {100 * max(weighing.UNDESCRIBED):g} %"),
+        (investigations, f"{responses.ROOM_DEGC:g} ± {responses.ROOM_SIGMA_K:g} °C"),
+        (investigations, f"a lead to {100 * outcome.LEAD_TOLERANCE:g} %, a capacitor to {100 * outcome.CAPACITOR_TOLERANCE:g} %"),
+        (investigations, f"with a probability of {100 * rivals.UNMOVED:g} %; with {100 * rivals.NOTHING_DONE:g} % the change was not made"),
+        (investigations, f"With a probability of {100 * rivals.DOUBT:g} %"),
+        (investigations, f"a prior of {100 * mistakes.WRONG:g} % in all"),
+        (investigations, f"with {100 * mistakes.STRANGE:g} % an unknown mistake"),
+        (investigations, f"{question.DRAWS} outcomes drawn under each explanation"),
+        (investigations, f"{question.ODDS:g} times as probable as all others together"),
+        (investigations, f"no remaining measurement gives {question.NOTHING_BITS:g} bits"),
+        (spectra, f"below {spectrum_problem.ALL_BELOW_HZ / 1e6:g} MHz (of more than {2 * spectrum_problem.POINTS_ABOVE} points there, "),
+    ):
+        assert stated in text, stated
+    assert none == 0.5
+
+
+def test_ranges_of_a_motor_between_two_ports_are_those_of_the_error_model():
+    """At the ends of each range in the table the error is about 10 %: they are stated with one or two digits."""
+    row = next(line for line in page("howto/two-ports.md").splitlines() if line.startswith("| a NanoVNA is taken to err by less than 10 %"))
+    low, high, high_30 = (float(one) for one in re.findall(r"[\d.]+", row.split("|")[2].replace("30 MHz", "")))
+    ends = [("series-through", 10e6, low), ("series-through", 10e6, 1e3 * high), ("series-through", 30e6, 1e3 * high_30)]
+    low, high, low_1, low_30 = (float(one) for one in re.findall(r"[\d.]+", re.sub(r"\d+ MHz", "", row.split("|")[3])))
+    ends += [("shunt-through", 10e6, low), ("shunt-through", 10e6, high), ("shunt-through", 1e6, low_1), ("shunt-through", 30e6, low_30)]
+    for fixture, frequency_hz, ohm in ends:
+        (error,) = find_analyser(f"nanovna+{fixture}").uncertainty(np.array([frequency_hz]), np.array([ohm + 0j]))
+        assert 0.075 < error < 0.11, (fixture, frequency_hz, ohm)

@@ -24,7 +24,11 @@ def challenge_(
     opened: Annotated[Path | None, typer.Option("--reveal", metavar="DIR", help="Open the seal of a challenge and score the answer.")] = None,
     answer: Annotated[
         list[str] | None,
-        typer.Option("--answer", metavar="EFFECT", help="Your own answer, instead of the session's diagnosis; may be repeated."),
+        typer.Option(
+            "--answer",
+            metavar="EFFECT",
+            help="Your own answer instead of the session's diagnosis: effects (may be repeated), or adequate, or unexplained.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

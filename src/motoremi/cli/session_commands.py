@@ -270,7 +270,7 @@ def fit_(
         if name in result.parameters and result.converged:
             say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.undetermined():
-        say(f"  these sweeps do not determine {', '.join(result.undetermined())}: {next_measurement(result)['why']}")
+        say(f"  measure next: {next_measurement(result)['why']}")
     say(f"next: motoremi diagnose {path}")
 
 

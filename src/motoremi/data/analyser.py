@@ -122,7 +122,7 @@ class Analyser:
 
     @property
     def named(self) -> bool:
-        """Whether somebody said which one it is; otherwise the size of its errors is estimated."""
+        """Whether the user named it; otherwise the size of its errors is estimated."""
         return self.scales != UNKNOWN
 
     @property

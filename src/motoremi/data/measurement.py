@@ -111,7 +111,7 @@ class Measurement:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Sent to another process, it is one object there however often it comes, so that what is derived from it can be kept there too."""
+        """A measurement that is sent to another process repeatedly is one object there, so that what is derived from it is cached there too."""
         token = _tokens.setdefault(self, uuid.uuid4().hex)
         _known[token] = self
         return _arrived, (token, *(getattr(self, own.name) for own in dataclasses.fields(self)))
@@ -204,7 +204,7 @@ _tokens: WeakKeyDictionary[Measurement, str] = WeakKeyDictionary()
 
 
 def _arrived(token: str, *own: Any) -> Measurement:
-    """The measurement of that token, made of its parts when it comes for the first time."""
+    """The measurement with that token; made from its parts when it is received for the first time."""
     measurement = _known.get(token)
     if measurement is None:
         measurement = _known[token] = Measurement(*own)

@@ -1,7 +1,7 @@
 """Leads that moved between the repeats of a sweep: a series R and L and a shunt G and C that differ from one repeat to the next.
 
-The repeats then differ in a known way along frequency: 1 pF changes |Z| by 60 % at 3 kOhm and 30 MHz, and by nothing at 10 Ohm. Taken for
-white noise, that would count against a correct model at every point; for noise that is correlated along frequency, it would be too large
+The repeats then differ in a known way along frequency: 1 pF changes |Z| by 60 % at 3 kOhm and 30 MHz, and by nothing at 10 Ohm. As white noise,
+these differences would be an error of a correct model at every point; as noise that is correlated along frequency, they would be overestimated
 elsewhere. Each repeat is therefore converted to the average position of the leads, and only the error of that position remains.
 """
 
@@ -40,13 +40,13 @@ def at_average_leads(sweep: RepeatedSweep, quantity: Quantity | None = None) -> 
     return sweep if found is None else dataclasses.replace(_without(sweep, found[0]), moved=found[1])
 
 
-# As the noise, asked for again and again by the workbench.
+# Cached like the noise, because the workbench needs it repeatedly.
 @lru_cache(maxsize=8)
 def _leads(key: ByContent) -> tuple[FloatArray, FloatArray] | None:
     """R, L, G and C of each repeat, shape (repeats, 4), and their standard deviation as in `RepeatedSweep.moved`; None if nothing moved."""
     sweep, quantity = key.sweep, key.quantity
     noise = noise_of(key)
-    # A drift has its own description, and the motor it is of must not be converted to an average.
+    # A drifting motor changes itself, not its leads; that is described by the noise's drift.
     if noise.drift is not None:
         return None
     combine = contrasts(np.eye(sweep.repeats, dtype=np.complex128)).real
@@ -65,10 +65,10 @@ def _leads(key: ByContent) -> tuple[FloatArray, FloatArray] | None:
     if repeats_log_likelihood(ByContent.of(still, quantity)) - cost < repeats_log_likelihood(key):
         return None
     variance = np.mean((combine @ leads) ** 2, axis=0) - by_noise
-    return leads, of_few(len(combine)) * np.sqrt(np.maximum(variance, 0.0))
+    return leads, student_factor(len(combine)) * np.sqrt(np.maximum(variance, 0.0))
 
 
-def of_few(differences: int) -> float:
+def student_factor(differences: int) -> float:
     """Factor on a standard deviation estimated from so few differences, so that a normal distribution keeps the 95 % limits of Student's.
 
     Source: Guide to the expression of uncertainty in measurement (JCGM 100:2008), G.3.

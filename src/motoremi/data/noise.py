@@ -118,7 +118,7 @@ def noise_of(key: ByContent) -> Noise:
 
 
 def noise_anew(key: ByContent) -> Noise:
-    """The same, computed each time: for sweeps that will not come again."""
+    """The same without a cache, for sweeps that are used once."""
     checkpoint()
     sweep, noise = key.sweep, estimated(key)
     if sweep.moved is not None:
@@ -132,7 +132,7 @@ def noise_anew(key: ByContent) -> Noise:
 
 @dataclass(frozen=True, eq=False)
 class _Domain:
-    """What an analyser's noise is simple in.
+    """The quantity in which an analyser's noise follows a simple law: Z itself, or the coefficient that is measured.
 
     Parameters
     ----------

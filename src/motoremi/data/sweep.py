@@ -265,7 +265,7 @@ class RepeatedSweep:
         Number of measured points that each point is the mean of; None: one each.
     moved : ndarray, shape (4,), or None
         Standard deviation in one repeat of the R, L, G and C of leads that moved between the repeats, in SI units, widened because few repeats
-        show it (`data.moved.of_few`); `impedance_ohm` is then with the leads in their average position.
+        show it (`data.moved.student_factor`); `impedance_ohm` is then with the leads in their average position.
     """
 
     termination: Termination

@@ -180,7 +180,7 @@ def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     # If nothing remains but the analyser's error is far beyond its specification, the model is accepted and a finding reports the analyser.
     # An added effect that only reaches a stated accuracy counts as `mostly`, since its law may be wrong; a base that reaches it is `explained`.
     enough = best.explained and (best is base or best.measurement.accuracy_percent is None)
-    # Nobody knows what an unnamed analyser may err by: if it would have to be a bad one, an effect describes the rest as well.
+    # It is not known by how much an analyser without a name may err: if it would have to err by much, an effect may be the cause instead.
     unknown = best is not base and not best.measurement.analyser.named and best.analyser_sigma > BEYOND_SIGMA
     if (best.marginal.nothing_left >= 0.5 and not unknown) or enough:
         return "explained"

@@ -26,8 +26,8 @@ PRIOR_OF_SIZE = (0.5, 0.35, 0.12, 0.03)
 BOUND_PENALTY = 5.0
 # In standard deviations, of which three are the analyser's specification: above this a finding says that larger errors are needed.
 ALLOWED_SIGMA = 4.0
-# A law with this many parameters can imitate another one.
-BENDING = 3
+# A law with this many parameters is flexible: it can imitate another one.
+FLEXIBLE = 3
 # Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
 UNSURE = 2.0
 # Parameters whose lower bound means zero (a lead or a capacitor below 1 mOhm): being at that bound costs nothing.
@@ -84,7 +84,7 @@ class Candidate:
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Parameters of flexible laws (`BENDING`) outside their usual range by more than their uncertainty.
+        """Parameters of flexible laws (`FLEXIBLE`) outside their usual range by more than their uncertainty.
 
         If an error remains undescribed, the laws are approximate: their values are known as well as they describe the motor.
         """
@@ -115,7 +115,7 @@ class Candidate:
 
 
 def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float], sigma: Mapping[str, float] | None = None) -> tuple[str, ...]:
-    """Parameters of laws with three or more parameters (`BENDING`) that are outside their usual range.
+    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
     """
     own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels]
     counts = Counter(p.name.rpartition(".")[0] for p in own)
-    bending = [p for p in own if counts[p.name.rpartition(".")[0]] >= BENDING]
-    return tuple(p.name for p in bending if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name]))
+    flexible = [p for p in own if counts[p.name.rpartition(".")[0]] >= FLEXIBLE]
+    return tuple(p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name]))
 
 
 def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:
@@ -196,7 +196,7 @@ def _simplest_form(fit: Fit, index: int, parameter: Parameter, variances: FloatA
 
 
 def _usual_size(fit: Fit, index: int, parameter: Parameter, variances: FloatArray) -> float:
-    """Half of the prior is on the usual range: an effect that needs an element of unusual size, such as 1 uF to the rotor, becomes improbable."""
+    """Half of the prior is on the usual range: an effect that needs an element of unusual size, such as 1 uF to the core, becomes improbable."""
     assert parameter.usual is not None
     problem = fit.problem
     low, high = (problem.unknown(index, value) for value in parameter.usual)

@@ -57,8 +57,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     # An ideal analyser is checked even if a model fits: a flexible law may describe the errors of the real one.
     if first.described or (enough and (good_enough or not declared.ideal)):
         return Declared(first)
-    shown = first.base.measurement.reflections
-    others = hypotheses(declared, shown)
+    reflections = first.base.measurement.reflections
+    others = hypotheses(declared, reflections)
     if not others or first.base.measurement.remark:
         return Declared(first)
     of_best = [_refitted(best, other) for other in others]
@@ -71,11 +71,11 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # Only single effects: two of them and the large errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
         odds = other.best.score - first.best.score
-        # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much. If the file shows that it
-        # was such an analyser the latter is not asked for, and it may err by twice as much: what a calibration leaves has no specification.
-        waves = shown and base.measurement.analyser.by_waves
-        as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent or waves
-        within = other.model.fit.analyser_sigma <= (BEYOND_SIGMA if waves else SPECIFIED_SIGMA) and as_close
+        # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much. If the files hold
+        # reflections, a network analyser was used: the circuit may then err by more, and the analyser twice as much, since calibrations vary.
+        network = reflections and base.measurement.analyser.by_waves
+        as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent or network
+        within = other.model.fit.analyser_sigma <= (BEYOND_SIGMA if network else SPECIFIED_SIGMA) and as_close
         if odds > TAKEN and other.accepted and within:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
@@ -83,8 +83,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
 
 def hypotheses(declared: Analyser, reflections: bool = False) -> list[Analyser]:
     """Analysers that could have been used instead, at one port or between two as the declared one; `reflections` as in `Measurement`."""
-    # A network analyser with an uncompensated fixture could absorb a lead or a stray capacitance: only its owner can declare that, or a file that
-    # holds reflections if nobody named an analyser.
+    # A network analyser with an uncompensated fixture could absorb a lead or a stray capacitance, so it is only considered if no analyser was named
+    # and the files hold reflections.
     named = declared.instrument
     by_waves = [one for one in ANALYSERS if one.by_waves and named == "unknown" and reflections]
     if declared.ports:

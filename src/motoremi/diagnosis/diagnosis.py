@@ -284,12 +284,12 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
                 return _informed(Searched(fit, alone), fit.measurement, each)
         first = judge(fit, search, each=each)
         under_others, last = part(progress, AGAIN, TOGETHER), part(progress, TOGETHER, 1.0)
-        # The errors of a network analyser that nobody named would pass for outliers.
+        # If a network analyser was used and not named, its errors would be taken for outliers.
         unnamed = fit.measurement.reflections and not fit.measurement.analyser.named
         declared = likeliest(first, under_others, each) if unnamed else None
         if declared is None or declared.instead is None:
-            quiet = _quiet(fit, first, again, each)
-            declared = declared if declared is not None and quiet is first else likeliest(quiet, under_others, each)
+            cleaned = _cleaned(fit, first, again, each)
+            declared = declared if declared is not None and cleaned is first else likeliest(cleaned, under_others, each)
         declared = _with_whole_machine(declared, last, each)
         return _informed(Searched(fit, declared), fit.measurement, each)
 
@@ -305,7 +305,7 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
 
 
-def _quiet(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement:
+def _cleaned(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement:
     """The judgement without outliers, if there are any; `first` otherwise.
 
     A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any single point.
@@ -318,7 +318,7 @@ def _quiet(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -> 
 def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map) -> Declared:
     """With the ordinary parts of a machine together, if nothing is accepted and they come much closer.
 
-    They are not tried where less than a per cent is left: no law of a machine is better known.
+    They are not tried if less than a per cent is left: the laws of machines are not known more accurately than that.
     """
     judgement = declared.judgement
     much = not judgement.accepted and judgement.closest_found.fit.unexplained_percent["value"] > 100 * PLAIN
@@ -346,16 +346,16 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
     None if there are none, if no model describes all other points, or if that model also describes the outliers: then the first model was
     incomplete.
     """
-    base, quiet = seen_by, fit.measurement
+    base, cleaned = seen_by, fit.measurement
     # From the base this is repeated, since the worst outliers hide others; from a model with effects it is not, since the refit of the base would
     # mark what the base lacks.
     for _ in range(LOOKS if seen_by is fit else 1):
         points = outlying(base)
         if not points:
             break
-        quiet = quiet.with_outliers(points)
-        base = fit_again(fit.motor, quiet, seed=fit.seed, bounds=fit.bounds, held=fit.held)
-    if quiet is fit.measurement:
+        cleaned = cleaned.with_outliers(points)
+        base = fit_again(fit.motor, cleaned, seed=fit.seed, bounds=fit.bounds, held=fit.held)
+    if cleaned is fit.measurement:
         return None
     found = judge(base, progress, ONE_EFFECT, each)
     if not (found.accepted and found.model.done):
@@ -443,9 +443,9 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
         return "data" if about_data or serious & ABOUT_THE_DATA else "unexplained"
     if not named:
         fit = judgement.model.fit
-        strained = fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate
+        excessive = fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate
         # Sweeps that determine no element show only the analyser's errors.
-        return "instrument" if strained or "negative-resistance" in serious or shows_nothing(fit) else "adequate"
+        return "instrument" if excessive or "negative-resistance" in serious or shows_nothing(fit) else "adequate"
     groups = [{find_effect(name).effect.group for name in (effect, *judgement.families[effect])} for effect in named]
     if all(group == {"instrument"} for group in groups):
         return "instrument"
@@ -463,7 +463,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("named from the open-circuit sweep alone")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
-    if named and judgement.strains:
+    if named and judgement.beyond_specification:
         kinds.append("names beyond the specification")
     if named and any(finding.id == "not-as-declared" for finding in findings):
         kinds.append("names, not as declared")
@@ -503,7 +503,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             ]
         return [
             f"{missing} and none of {tried} effects, nor two of them together, explains it",
-            *_whole_machine_told(judgement.whole),
+            *_whole_machine_in_words(judgement.whole),
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
             *_modes_hint(closest),
@@ -542,7 +542,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     return said
 
 
-def _whole_machine_told(whole: Candidate | None) -> list[str]:
+def _whole_machine_in_words(whole: Candidate | None) -> list[str]:
     """The parts of a machine that were fitted together, with the values that the data determine, and the command that adds them."""
     if whole is None:
         return []

@@ -10,7 +10,7 @@ from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
-from motoremi.data.moved import of_few
+from motoremi.data.moved import student_factor
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
@@ -18,8 +18,8 @@ from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.inspection.unexplained import Remainder
 from motoremi.quantities import show, show_band
 
-# Drift and correlated noise of so many times the white noise could be mistaken for an effect. A few repeats do not show their size more closely
-# than by this factor, so they may also be the cause of an error that is so many times as large.
+# Drift and correlated noise of so many times the white noise could be mistaken for an effect. Few repeats show their size only within this factor,
+# so they may also be the cause of an error that is so many times as large.
 COULD_PASS = 3.0
 # An element of the fixture is reported if it is this many standard deviations from zero.
 SEEN = 4.0
@@ -112,12 +112,11 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
 
 
 def _leads_moved(sweep: RepeatedSweep, sigma: FloatArray) -> Finding:
-    """What changed between the repeats, those elements that are felt: a tenth of the one that changes Z most, or more."""
-    typical = sigma / of_few(sweep.repeats - 1)
-    felt = np.sqrt(np.mean(np.abs(sweep.changes_by_leads) ** 2, axis=0)) * typical
-    sizes = [
-        show(float(size), unit, 2) for size, unit, effect in zip(typical, ("Ohm", "H", "S", "F"), felt, strict=True) if effect > 0.1 * felt.max()
-    ]
+    """What changed between the repeats: the elements that change Z by at least a tenth of what the most influential one does."""
+    typical = sigma / student_factor(sweep.repeats - 1)
+    change = np.sqrt(np.mean(np.abs(sweep.changes_by_leads) ** 2, axis=0)) * typical
+    elements = zip(typical, ("Ohm", "H", "S", "F"), change, strict=True)
+    sizes = [show(float(size), unit, 2) for size, unit, effect in elements if effect > 0.1 * change.max()]
     return Finding(
         "correlated-noise",
         f"the leads moved between repeats of the {sweep.termination} sweep, by about {' and '.join(sizes)}: each repeat is converted to their "
@@ -279,7 +278,7 @@ def of_the_amount(fit: Fit, nearest: Fit) -> list[Finding]:
 def shows_nothing(fit: Fit) -> bool:
     """Whether no parameter of the circuit is determined by the sweeps, or the circuit misses most points by far.
 
-    Resonances that may be exchanged are seen, whichever of the two is the winding's.
+    If the resonances of winding and frame may be exchanged, their values count as determined although it is unknown which is the winding's.
     """
     if fit.exchange is None:
         undetermined = not any(fit.determined(name) for name in fit.parameters if name not in fit.held)

@@ -47,8 +47,8 @@ ENOUGH_GAIN = 25.0
 NEARLY_ALL = 0.1
 # Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
-# A line of resistance and capacitance is a sum of relaxations (its Foster form), and over this band two terms of it are enough: along the path to
-# the frame, or across a winding whose sections are unlike.
+# Effects of which two together have the impedance of a line of resistance and capacitance: such a line is a sum of relaxations (its Foster form),
+# and over this band two of them are enough, along the path to the frame or across a winding of different sections.
 RELAXING = (frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film"}), frozenset({"dielectric-relaxation@Ca"}))
 
 
@@ -151,27 +151,27 @@ class Judgement:
     def acceptance(self) -> Acceptance:
         """Whether its remaining error is small enough to accept it."""
         found = acceptance_of(self.base, self.model.fit)
-        bends = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
+        unusual_single = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
         # An effect with unusual values is not accepted if others come as close or much remains; if it has a family, the family is named.
-        poorly = bends and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
-        if (poorly and not any(self.belief.families.values())) or self._only_strains:
+        poorly = unusual_single and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
+        if (poorly and not any(self.belief.families.values())) or self._only_by_analyser_errors:
             return "not"
         # If most of the error is described but the rest exceeds what an impedance analyser can cause, more is missing. A law that is only
         # approximately that of the motor leaves such a rest as well, but a small one.
-        if found == "mostly" and self.strains and not self._nearly_all_described:
+        if found == "mostly" and self.beyond_specification and not self._nearly_all_described:
             return "not"
         if len(self.model.added) < MOST_NAMES:
             return found
         return found if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
 
     @property
-    def _only_strains(self) -> bool:
+    def _only_by_analyser_errors(self) -> bool:
         """Whether the circuit errs more than the base's and the difference is described by analyser errors far beyond the specification."""
         fit = self.model.fit
         return fit.analyser_sigma > BEYOND_SIGMA and fit.rms_error_percent > self.base.rms_error_percent
 
     @property
-    def strains(self) -> bool:
+    def beyond_specification(self) -> bool:
         """Whether the accepted model needs errors far beyond an impedance analyser's specification: more is missing, or another analyser was used.
 
         Network analysers are exempt, since errors of their connection are less known: on real cores the right effect needed three times the
@@ -203,7 +203,7 @@ class Judgement:
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
         allowed = fit.within_specification if fit.measurement.analyser.named else slight
         enough = allowed or not self.leaves_something
-        return enough and not self.strains and not self.model.unusual and not self.distributed
+        return enough and not self.beyond_specification and not self.model.unusual and not self.distributed
 
     @property
     def distributed(self) -> bool:
@@ -385,12 +385,12 @@ def accurate(base: Fit) -> bool:
 def _enough(one: Candidate) -> bool:
     """Whether effects describe the motor as well as is asked for, with usual values.
 
-    Beside such a one another effect at the same place only makes up for its law, which is never quite the motor's: a choke of two materials and a
+    Another effect at the same place would then only correct their laws, which are never exactly those of the motor: a choke of two materials and a
     loss angle that is not quite constant left 0.03 to 0.04 %, with odds of e^165 and more for a second effect.
     """
     fit = one.fit
     described = bool(one.added) and one.ordinary and fit.explained
-    # Nor may what is missing have been taken for the analyser's errors or for its fixture, as a lead of 400 nH was.
+    # Something may be missing that was attributed to the analyser's errors or to its fixture, as a lead of 400 nH was.
     return described and fit.instrument_sigma <= ALLOWED_SIGMA
 
 

@@ -16,8 +16,8 @@ from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 
 # A change is reported if it exceeds this factor and this number of standard deviations of the later value.
-TOLD_FACTOR = 1.2
-TOLD_SIGMA = 5.0
+REPORTED_FACTOR = 1.2
+REPORTED_SIGMA = 5.0
 # Smallest gain in log evidence (with the prior of its values) for which an effect is needed: odds of 50 to 1.
 LEAST_GAIN = 4.0
 # Largest number of modes that are added: more would describe noise.
@@ -83,7 +83,7 @@ class LadderStep:
         name, before, after = change["name"], change["before"], change["after"]
         if before is None or "." in name or name in self.fit.held:
             return None
-        if max(before / after, after / before) < TOLD_FACTOR or abs(after - before) < TOLD_SIGMA * self.fit.sigma[name]:
+        if max(before / after, after / before) < REPORTED_FACTOR or abs(after - before) < REPORTED_SIGMA * self.fit.sigma[name]:
             return None
         moved = f"{name} {'falls' if after < before else 'rises'} from {show(before, change['unit'])} to {show(after, change['unit'])}"
         if name != "Ra":

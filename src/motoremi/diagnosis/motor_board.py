@@ -108,7 +108,8 @@ class MotorBoard:
     def _lines(self, trails: Mapping[Key, Trail], solutions: Mapping[Key, Solution]) -> dict[Key, Solution]:
         """Lines and chains of sections that the race has left behind, each searched alone and from more starts.
 
-        Their resonances make many local minima: of a shorted cable every effect left 95 of 96 % in the race, and the line alone left 15 %.
+        Their resonances make many local minima: with a shorted cable, which the base missed by 96 %, every effect left 95 % in the race, but the
+        line left 15 % when it was searched alone.
         """
         behind = {key: trail for key, trail in trails.items() if key not in solutions and trail.task.motor.is_line}
         return dict(zip(behind, self._each(raced_alone, behind.values()), strict=True))
@@ -130,14 +131,14 @@ class MotorBoard:
     def _leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
         """The best pairs with their current values as start values; few of them share an effect."""
         fitted = {key[0]: one.fit for key, one in found.items() if len(key) == 1}
-        # Of two numbers of parts, the more probable one.
+        # If an effect was fitted with two numbers of parts, the more probable one is used.
         self._alone = {name: _holding(trail, fitted.get(name, self._base)) for name, trail in self._alone.items()}
         pairs = Pairs(self._base, self._alone, self._reached, fitted, self._each)
         trails = pairs.at_a_glance()
         reached = race(trails, GLANCE, (), part(progress, 0.0, 0.5), self._each).reached
         leaders = sorted(reached, key=lambda pair: reached[pair].best)[:LEADERS]
         trails = {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in leaders}
-        # A number of parts is chosen anew beside the other effect, from where the first rounds got to.
+        # Numbers of parts are chosen again beside the other effect, from the values that the first rounds have reached.
         near = dict(zip(leaders[:IN_FULL], self._each(counted_near, [trails[pair] for pair in leaders[:IN_FULL]]), strict=True))
         for pair, trail in pairs.in_full({pair: reached[pair] for pair in near}).items():
             trails[pair] = dataclasses.replace(trail, task=near[pair].task)
@@ -202,7 +203,7 @@ class MotorBoard:
 
 
 def _holding(trail: Trail, fit: Fit) -> Trail:
-    """The same with the values that are held in a fit."""
+    """The same model and start values, with the parameters held that a fit holds."""
     return dataclasses.replace(trail, task=dataclasses.replace(trail.task, held={**trail.task.held, **fit.held}))
 
 

@@ -1,7 +1,7 @@
 """The parts that every machine has, fitted all at once: leads, strap, terminals, losses of copper, iron and insulation, suppressors.
 
-Where several of them show, a search that adds one effect after the other goes astray: the values of each one by itself are those with which it also
-does what the others would do. So they are fitted together, from many start values, and those that the sweeps do not need are then left out again.
+If several of them are visible, a search that adds one effect after the other fails: fitted alone, each takes values with which it also describes
+part of the others. So they are fitted together, from many start values, and those that are not needed are then left out again.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ from motoremi.workers import Map
 
 # In every machine, as far as the sweeps can show them.
 ALWAYS = ("lead-inductance", "ground-strap-inductance", "terminal-capacitance", "dielectric-loss@Cf", "insulation-leakage@Cf")
-# Losses of copper and of iron; the first of each is taken first, the others instead of it from where that has led.
+# Losses of copper, and of iron: the first of each row is fitted first, then each other one in its place, from the values that were reached.
 LOSSES = (("skin-effect", "proximity-effect"), ("eddy-laminations", "permeability-relaxation", "rotor-cage"))
-# What is built into many machines, or nothing; and how the winding lies.
+# What is built into many machines, or nothing; and whether the winding's capacitance to the frame is spread along it.
 BUILT_IN = ("", "suppressor-capacitor@frame", "suppressor-capacitor", "suppressor-capacitor@pair")
 WINDING = ("", "distributed-winding")
-# Elements and suppressor start round values that the data suggest, with these standard deviations of their logarithm, and all else over its usual
-# range. Of four machines with five to twelve effects all came near the truth from a thousand starts, three from six hundred.
+# Start values of elements and suppressor are drawn around values computed from the data, with these standard deviations of their logarithm, all
+# others over their usual ranges. Of four machines with five to twelve effects all came near the truth from a thousand starts, three from six
+# hundred.
 STARTS, SPREADS = 1000, (0.3, 2.0)
-# Little is left from the start, so that the likelihood compares the parts: an error of equal weights does not show which are needed.
+# Error sizes with which the likelihood compares the parts from the start: equal weights of the points do not show which parts are needed.
 NEARLY_ALL = Sizes(0.01, 1.0)
 # Few steps from all starts, then to the end from the best ones.
 WHOLE = Rounds((Round(60, 8, ALL, ALL), Round(60, 20, 120, ALL), Round(60, 40, 20, ALL), Round(80, 60, 3, ALL)), 2, 80)
@@ -64,7 +65,7 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
 
 
 def _scattered(base: Fit, names: Effects) -> Trail:
-    """All effects at once, from start values at random round those that the data suggest for elements and suppressor, near and far."""
+    """All effects at once, from start values drawn around those computed from the data for elements and suppressor, near and far."""
     motor = add_effects(base.motor, names)
     rng = np.random.default_rng(len(names))
     places = [*base_starts({**base.parameters, **base.search_parameters}, base.measurement.coarse, few=False)]

@@ -173,7 +173,7 @@ def answer_from(start: EmissionFit, best: EmissionFit, candidates: Sequence[Cand
         reasons = (unexplained, f"closest: {text}") if named else (unexplained,)
         return _Answer("unexplained", (), (), RELIABLE["unexplained"], _MOTOR_OFF, reasons)
     families = tuple((name, *rivals) for name, rivals in belief.families.items() if rivals)
-    said = [text, *(f"these spectra cannot tell {', '.join(family)} apart" for family in families)]
+    said = [text, *(f"these spectra do not distinguish {', '.join(family[:-1])} and {family[-1]}" for family in families)]
     if not whole:
         said.append(f"an error of {best.rms_error_db:.1f} dB rms remains unexplained")
     confidence = RELIABLE["named" if whole else "mostly"] * belief.probability

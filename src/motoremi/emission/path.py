@@ -18,8 +18,6 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.errors import BadInput
 
 Mode: TypeAlias = Literal["common", "differential"]
-# Tolerance of the impedance's magnitude, CISPR 16-1-2; from memory, not checked against the standard.
-LISN_TOLERANCE = 0.20
 
 
 @dataclass(frozen=True)

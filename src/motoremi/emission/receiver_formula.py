@@ -1,4 +1,4 @@
-"""The EMI receiver by formula: filter, detectors, noise floor, attenuator, preamplifier, overload."""
+"""The EMI receiver by formula: filter, detectors, noise floor, attenuator, preamplifier."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
+from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.spectrum import Detector
 from motoremi.emission.band import BAND_B, Band
 from motoremi.emission.reading import Readings, noise_unit, pulses_on_noise, read_comb, read_events, rician_mean, separate
@@ -18,9 +18,6 @@ from motoremi.errors import BadInput
 
 # Thermal noise at 290 K in 50 Ohm, in dBuV in 1 Hz: -174 dBm + 107 dB.
 _THERMAL_DBUV_HZ = -67.0
-# Level at the mixer above which it compresses; typical, not from a data sheet.
-MIXER_LIMIT_DBUV = 97.0
-PREAMPLIFIER_DB = 20.0
 # Exponent of the mean maximum of two peaks that each scatter by 0.8 dB, like those of noise with a dwell of 50 ms.
 _SCATTERING = 10
 FIELDS: Mapping[Detector, str] = {
@@ -99,15 +96,6 @@ class Receiver:
         figure = self.noise_figure_db - (5.0 if self.preamplifier else 0.0)
         power = _THERMAL_DBUV_HZ + 10 * math.log10(self.band.noise_bandwidth_hz) + figure + self.attenuation_db
         return power - 20 * math.log10(2 / math.sqrt(math.pi))
-
-    @property
-    def overload_dbuv(self) -> float:
-        """Peak level at the input above which readings are too low."""
-        return MIXER_LIMIT_DBUV + self.attenuation_db - (PREAMPLIFIER_DB if self.preamplifier else 0.0)
-
-    def overloaded(self, peak_dbuv: FloatArray) -> BoolArray:
-        """Points at which the mixer is overdriven."""
-        return np.asarray(peak_dbuv > self.overload_dbuv)
 
     def read(
         self,

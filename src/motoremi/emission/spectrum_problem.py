@@ -18,9 +18,10 @@ from motoremi.emission.stations import Station, find_stations
 from motoremi.errors import BadInput
 from motoremi.model.parameter import Parameter
 
-# Points of each detector that a fit uses: all below this frequency, where the lines of combs are resolved, and this number above.
-_ALL_BELOW_HZ = 1.2e6
-_ABOVE = 260
+# Points of each detector that a fit uses: all below this frequency, where the lines of combs are resolved, and this number above; if there are more
+# than twice that number below, a part of them at equal distances.
+ALL_BELOW_HZ = 1.2e6
+POINTS_ABOVE = 260
 # Error of the formulas compared with the time domain, without its part that is smooth along frequency.
 _MODEL_DB = {"peak": 0.25, "quasi-peak": 0.25, "average": 0.15, "cispr-average": 0.15, "rms-average": 0.15}
 # Relative uncertainty of the frequencies of the motor's resonances.
@@ -133,12 +134,12 @@ class Problem:
 
 
 def _chosen(grid: FloatArray, stations: Sequence[Station]) -> NDArray[np.intp]:
-    low = np.flatnonzero(grid <= _ALL_BELOW_HZ)
-    high = np.flatnonzero(grid > _ALL_BELOW_HZ)
-    if high.size > _ABOVE:
-        high = high[np.unique(np.searchsorted(grid[high], np.geomspace(grid[high[0]], grid[high[-1]], _ABOVE)).clip(0, high.size - 1))]
-    if low.size > 2 * _ABOVE:
-        low = low[:: low.size // _ABOVE]
+    low = np.flatnonzero(grid <= ALL_BELOW_HZ)
+    high = np.flatnonzero(grid > ALL_BELOW_HZ)
+    if high.size > POINTS_ABOVE:
+        high = high[np.unique(np.searchsorted(grid[high], np.geomspace(grid[high[0]], grid[high[-1]], POINTS_ABOVE)).clip(0, high.size - 1))]
+    if low.size > 2 * POINTS_ABOVE:
+        low = low[:: low.size // POINTS_ABOVE]
     tops = np.searchsorted(grid, [station.frequency_hz for station in stations])
     beside = (tops[:, None] + np.arange(-2, 3)).ravel().clip(0, grid.size - 1)
     return np.unique(np.concatenate([low, high, beside])).astype(np.intp)

@@ -50,7 +50,7 @@ def may_be_exchanged(problem: Problem) -> bool:
 
 
 def other_assignment(problem: Problem, u: FloatArray) -> FloatArray | None:
-    """The solution with both resonances in each other's place, as far from `u`; None where the data deny it.
+    """The solution with both resonances in each other's place, as a step from `u`; None if the data exclude it.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def fit(
     held : mapping, optional
         Parameters that are not fitted, in SI units: for example Ra from a DC measurement.
     progress : callable, optional
-        Told of the rounds of the search for the paper's circuit.
+        Called with a text, the work done and its total in each round of the search for the paper's circuit.
 
     Returns
     -------
@@ -169,9 +169,9 @@ def _by_ants(task: Task, seed: int, progress: Progress | None = None) -> Fit:
 
 
 def with_larger_winding(fitted: Fit) -> Fit:
-    """Of two assignments of the resonances that are as good, the one whose winding has more inductance than the way to the frame.
+    """Of two assignments of the resonances that are as good, the one whose winding has more inductance than the path to the frame.
 
-    Turns multiply a winding's inductance, and the frame's path has none; an assumption, which the error bars do not rest on.
+    A winding has many turns and the path to the frame has none. This is an assumption; the error bars do not depend on it.
     """
     if fitted.exchange is None:
         return fitted

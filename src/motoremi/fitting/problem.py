@@ -4,7 +4,7 @@ The residual is ln(Z_measured / Z_model), complex; for a network analyser the sa
 reflection coefficient. Two kinds of unknowns move it:
 
 - the motor's parameters, as logarithms where they are positive;
-- what compensation left at each connection, and the fixture where nobody compensated it (R, L, G, C), with Gaussian priors.
+- what compensation left at each connection, and a fixture that was not compensated (R, L, G, C), with Gaussian priors.
 
 All else that a perfect circuit would leave (noise, the analyser's smooth errors, what no model describes) is in the covariance of the
 residuals (`data.covariance`), whose two free sizes are given: the data choose them (`fitting.marginal`).
@@ -117,7 +117,7 @@ class Problem:
         Use points up to here only.
     weights : {"likelihood", "log", "relative"}
         `likelihood`: over the noise, all else marginalised. `log`: every point alike and an analyser without errors, behind the fixture
-        where nobody compensated it; that is smooth far from the solution and is where searches start. `relative`: for an ideal analyser,
+        if it was not compensated; that is smooth far from the solution and is where searches start. `relative`: for an ideal analyser,
         1 - Z_model / Z_measured, the error that is shown.
     sizes : Sizes
         Of what no model describes, and of the analyser's errors against those declared.
@@ -535,7 +535,7 @@ def residual_parameters(analyser: Analyser, termination: str, moved: FloatArray 
 
 
 def fixture_parameters(analyser: Analyser, farthest: float = FAR) -> tuple[Parameter, ...]:
-    """The fixture that nobody compensated, the same in all sweeps, within so many standard deviations; empty for one that was."""
+    """The elements of a fixture that was not compensated, the same in all sweeps, with their standard deviations; empty if it was."""
     fixture = analyser.fixture
     if fixture is None:
         return ()
@@ -554,7 +554,7 @@ def fixture_parameters(analyser: Analyser, farthest: float = FAR) -> tuple[Param
 
 
 def on_fixture(circuit: Node, analyser: Analyser) -> Node:
-    """The circuit behind a fixture that nobody compensated; itself where there is none."""
+    """The circuit behind a fixture that was not compensated; the circuit itself if there is none."""
     fixture = fixture_parameters(analyser)
     if not fixture:
         return circuit

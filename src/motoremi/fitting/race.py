@@ -67,7 +67,7 @@ FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
 # sweep all starts with winding and frame in their own places were behind after two, and in front after seven. None of the effects is left out
 # before thirty, since pairs start from the values that each has reached: with a fixture without compensation a skin effect was 28th of 34 at first.
 SINGLES = Rounds((Round(40, 7, ALL, ALL), Round(40, 12, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80)
-# Two effects: six hundred pairs, first with few steps from a few starts each. In 24 motors by the protocol (seed 660001) the true pair was among
+# Two effects: seven hundred pairs, first with few steps from a few starts each. In 24 motors by the protocol (seed 660001) the true pair was among
 # the first 54 after the first round, whatever the number of starts; a line with another effect (seed 90311701) was after six steps, not after
 # four.
 GLANCE = Rounds((Round(40, 6, ALL, ALL), Round(40, 12, 3, 150)), 0, 80)

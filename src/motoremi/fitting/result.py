@@ -129,7 +129,7 @@ class Fit:
 
     @cached_property
     def problem(self) -> Problem:
-        """The problem on all points, which errors are shown of."""
+        """The problem on all points, for the errors that are shown."""
         return Problem(self.motor, self.measurement, self.bounds, self.held, sizes=self.sizes)
 
     @cached_property
@@ -149,10 +149,10 @@ class Fit:
         low, value, high = (unit * self.marginal.quantile(share) for share in (0.025, 0.5, 0.975))
         nothing = unit * NOTHING_LEFT
         if value > self.corrected_error_percent or self.sizes.discrepancy >= PLAIN:
-            # Where the circuit has the least relative error instead, or a sharp feature asks for a large process, the error itself is it.
+            # If the circuit is fitted by its relative error, or only a sharp feature makes the discrepancy large, the error itself is undescribed.
             low, value, high = (self.corrected_error_percent / value * limit for limit in (low, value, high))
         if self.analyser_sigma > BEYOND_SIGMA:
-            # What only an analyser beyond its specification could have done is described by nothing either.
+            # An error that the analyser could have caused only beyond its specification is undescribed too.
             beyond = float(np.sqrt(max(self.corrected_error_percent**2 - self.noise_percent**2, 0.0)))
             value, high = max(value, beyond), max(high, beyond)
         return {"value": 0.0 if value <= nothing else value, "low": 0.0 if low <= nothing else low, "high": high}
@@ -239,7 +239,7 @@ class Fit:
             off = self.weighed.pulls_of_analyser(self.linearised) @ self._covariance_at(self.sizes.declared)
             total = total + WORSE * off.T @ off
         if self.exchange is not None:
-            # The other assignment is as good, so one standard deviation reaches it.
+            # The other assignment is about as probable, so that one standard deviation must contain it.
             total = total + np.outer(self.exchange, self.exchange)
         return total
 
@@ -278,7 +278,7 @@ class Fit:
         held : mapping, optional
             Parameters of the effect that are not to be fitted.
         thorough : bool
-            Whether to send ants out as well where start values do not lead down to the noise.
+            Whether the ant colony searches as well if an error remains from all start values.
 
         Raises
         ------

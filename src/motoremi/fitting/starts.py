@@ -17,7 +17,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import informative_points
 from motoremi.model.effects.seen import Seen
-from motoremi.model.way_to_frame import frames
+from motoremi.model.path_to_frame import frames
 
 FRAME_POINTS = 80
 # Frames are tried at so many places of the last one and a half decades of the band: neighbours are a factor of 1.6 apart.

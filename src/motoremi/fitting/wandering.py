@@ -2,7 +2,7 @@
 
 The error is an Ornstein-Uhlenbeck process over ln f: its correlation falls as exp(-distance / length). With a length below the distance of the
 points it is white, with a long one it hardly changes from one point to the next. A smooth discrepancy (`data.covariance`) describes neither, and
-a white error counts each of a thousand points as news, although the errors of neighbours are much the same. Being a Markov process, its
+a white error counts a thousand points as independent, although the errors of neighbours are much the same. Because it is a Markov process, its
 likelihood takes one pass over the points (a Kalman filter; S. Sarkka, Bayesian Filtering and Smoothing, 2013, chapter 4).
 """
 

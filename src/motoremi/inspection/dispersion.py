@@ -30,7 +30,7 @@ DESCRIBES = 9.0
 # A constant with a chi2_reduced below this is accepted, even if a law with more parameters fits better.
 CONSTANT_ENOUGH = 1.5
 # Difference in BIC by which a law has to be better than a constant to be named: odds of 150 to 1.
-TOLD = 10.0
+CLEARLY_BETTER = 10.0
 
 
 @dataclass(frozen=True)

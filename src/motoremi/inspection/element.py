@@ -20,7 +20,7 @@ from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import behind_fixture
 from motoremi.fitting.result import Fit
-from motoremi.inspection.dispersion import BY_UNIT, CONSTANT_ENOUGH, DESCRIBES, TOLD, DispersionFit, fit_laws
+from motoremi.inspection.dispersion import BY_UNIT, CLEARLY_BETTER, CONSTANT_ENOUGH, DESCRIBES, DispersionFit, fit_laws
 from motoremi.inspection.element_circuit import ELEMENTS, distinct, outermost, substituted, whole_element, with_element
 from motoremi.inspection.free_element import with_free
 from motoremi.model import laws
@@ -128,7 +128,7 @@ class Inspection:
             return "no law was tried on it"
         best = tried[0]
         constant = next(fit for fit in tried if fit.law.name == "constant")
-        if constant.chi2_reduced < CONSTANT_ENOUGH or constant.bic - best.bic < TOLD:
+        if constant.chi2_reduced < CONSTANT_ENOUGH or constant.bic - best.bic < CLEARLY_BETTER:
             return f"a constant describes it (within {constant.rms_error_percent:.2g} %)"
         left = f"{best.rms_error_percent:.2g} % left, {constant.rms_error_percent:.2g} % with a constant"
         if best.chi2_reduced > DESCRIBES:

@@ -89,7 +89,7 @@ class Option:
         return "" if setting is None else setting.unit
 
 
-# Changes of insulation, iron and mechanics that nobody can predict better than this.
+# Changes of insulation, iron and mechanics, which cannot be predicted better than this.
 _WARM = {
     "La": Moved(0.0, 0.01),
     "Ca": Moved(0.01, 0.015),

@@ -12,7 +12,7 @@ from motoremi.data.kernels import interpolated, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
-from motoremi.investigation.menu import BY_NAME, Option
+from motoremi.investigation.menu import Option
 from motoremi.investigation.outcome import SMOOTH, Observed, Outcome
 from motoremi.investigation.weighing import Known, anything, weigh
 
@@ -141,8 +141,3 @@ class _Given:
 def _log_likelihood(sweep: Observed, impedance_ohm: ComplexArray, sizes: dict[float, float]) -> float:
     empty = Known(np.zeros(0), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     return weigh(_Given(sweep, impedance_ohm), empty, sizes).log_likelihood
-
-
-def option_of(condition: Condition) -> Option | None:
-    """The row of the menu that a condition belongs to."""
-    return BY_NAME.get(condition.id)

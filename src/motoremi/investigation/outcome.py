@@ -91,7 +91,7 @@ class Outcome:
         self.option = option or BY_NAME[self.condition.id]
         problem = fit.problem
         self._quantity = fit.measurement.analyser.coefficient
-        # Behind a fixture that nobody compensated, a compensation shows the motor without it for the first time.
+        # If the fixture was not compensated before, sweeps after a compensation are the first ones of the motor without it.
         self._bare = self.option.name == "repeat-compensation" and fit.measurement.analyser.fixture is not None
         self._part = _added_part(self.option, self.condition, fit.motor)
         self._names = [p.name for p in problem.everything] + ([] if self._part is None else [self._part.parameter.name])
@@ -108,7 +108,7 @@ class Outcome:
 
     @property
     def listed(self) -> bool:
-        """Whether any response may come or not."""
+        """Whether an effect names a response to this condition, which may come or not."""
         return self._responses.listed
 
     @property
@@ -260,7 +260,7 @@ class Outcome:
         return [self._reference(sweep) for sweep in self.sweeps]
 
     def _reference(self, sweep: Observed) -> ComplexArray:
-        """ln Z of the reference sweep at a sweep's frequencies: between its points, what the model left of it is straight."""
+        """ln Z of the reference sweep at a sweep's frequencies: between its points the model, with its error interpolated."""
         measurement = self.fit.measurement
         own = next(one for one in measurement.sweeps if one.termination == sweep.termination)
         fitted = self._modelled(own.termination, own.frequency_hz)
@@ -406,7 +406,7 @@ def _added_part(option: Option, condition: Condition, motor: Motor) -> _AddedPar
 
 
 class ValueOutcome:
-    """The prediction of one model for a single value, as a logarithm; the same face as `Outcome`.
+    """The prediction of one model for a single value, as a logarithm; the same interface as `Outcome`.
 
     Parameters
     ----------
@@ -491,8 +491,9 @@ class ValueOutcome:
             return complex(Tape(self.fit.motor.circuit(termination), names).impedance(s, np.array([values[name] for name in names]))[0])
 
 
-# Uncertainties of what a single value means, beyond its meter's: the motor's temperature (3 K of copper), a capacitance that a bridge measures
-# with its leads, an insulation that leaks by paths that no model holds (within a factor of three of 10 GOhm), a lead of 1 uH to the metre.
+# Uncertainties of a single value beyond those of its meter, as logarithms: the motor's temperature (3 K of copper), a capacitance that a bridge
+# measures with its leads, an insulation that leaks along paths that no model contains (within a factor of three of 10 GOhm), a lead of 1 uH for
+# each metre.
 VALUE_DOUBT = {"dc-resistance": 0.015, "capacitance-1khz": 0.01, "tan-delta-1khz": 0.1}
 FINITE_DOUBT, LEAKAGE_DOUBT, HIGHEST_INSULATION_OHM = 0.15, 1.1, 10e9
 LEAD_H_PER_M, LEAD_DOUBT, USUAL_LEAD_M, NO_LEAD_DOUBT = 1e-6, 0.4, 0.1, 1.2

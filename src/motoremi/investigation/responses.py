@@ -82,7 +82,7 @@ class Responses:
 
     @property
     def unpredicted(self) -> IntArray:
-        """Which response numbers belong to what nobody can predict, shape (size,): `Response.unpredicted` of each."""
+        """Which response numbers belong to changes that cannot be predicted, shape (size,): `Response.unpredicted` of each."""
         found = np.zeros(self.size, dtype=np.intp)
         for one in self.members:
             found[one.number] = one.unpredicted

@@ -244,7 +244,7 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
             if guess + instead + len(used) * right < best - PLAUSIBLE:
                 continue
             for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
-                found = _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known, 0.0)
+                found = _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known)
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
     doubted = _doubted(rivals, [float(logsumexp(list(log.values()))) for log in logs])
@@ -279,7 +279,7 @@ def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Ma
     if np.isneginf(as_it_was):
         return mixed(cases)
     *responding, (silent, other) = [(share * (1 - NOTHING_DONE), case) for share, case in cases]
-    unchanged = Weighed(as_it_was, rival.known, 0.0, unchanged=1.0)
+    unchanged = Weighed(as_it_was, rival.known, unchanged=1.0)
     return mixed([*responding, (silent * (1 - UNMOVED), other), (NOTHING_DONE + silent * UNMOVED, unchanged)])
 
 

@@ -39,7 +39,7 @@ STEPS, DAMPING = 25, 1e-3
 FARTHEST_RESPONSE = 6.0
 # Smallest gain of a step, and the same as a share of the cost: an explanation whose cost is thousands need not be refined.
 CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
-# Size of what no model describes, and share of what nobody can predict of elements and of effects.
+# Size of what no model describes, and shares of the unpredictable changes of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
 
@@ -60,7 +60,7 @@ class Prediction(Protocol):
 
     @property
     def unpredicted(self) -> IntArray:
-        """Which response numbers belong to what nobody can predict, shape (size,): 1 of an element, 2 of an effect, 0 elsewhere."""
+        """Which response numbers belong to changes that cannot be predicted, shape (size,): 1 of an element, 2 of an effect, 0 elsewhere."""
 
     @property
     def sigma(self) -> FloatArray:
@@ -123,15 +123,12 @@ class Weighed:
         Of the data, all unknowns integrated over; comparable among models, and among explanations of the same sweeps.
     known : Known
         Distribution of the model's own unknowns afterwards.
-    undescribed : float
-        Most probable size of the part of the change that the model does not describe.
     unchanged : float
         Probability that the data show the motor as it was.
     """
 
     log_likelihood: float
     known: Known
-    undescribed: float
     unchanged: float = 0.0
 
 
@@ -147,7 +144,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Sizes of what no model describes -> prior.
     """
     sizes = sizes or UNDESCRIBED
-    # From where almost anything goes to where little does: a resonance that moved by more than its width is out of sight of the second.
+    # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
     most, middle = max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))
     u, eta = known.centre, np.zeros(prediction.size)
     for blur in BLURS:
@@ -167,7 +164,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     best = _best_near(best, prediction, white, smooth, likeliest)
     logs = {at: noise + best.log_integral(at) + prior for at, prior in priors.items()}
     likeliest = max(logs, key=lambda at: logs[at])
-    return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest), likeliest[0])
+    return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest))
 
 
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
@@ -271,7 +268,7 @@ class _System:
         self._moving[:k] &= prediction.moving
 
     def _scales(self, at: Scale) -> FloatArray:
-        """The unit of each unknown in the normal equations: a width for what nobody can predict, and the size of what no model describes."""
+        """The unit of each unknown in the normal equations: a width for unpredictable changes, and the size of what no model describes."""
         size, *widths = at
         return np.concatenate([np.ones(self._own), np.full(self._undescribed, size)]) * np.array([1.0, *widths])[self._unpredicted]
 

@@ -29,30 +29,34 @@ NOISE_SOURCES = {
     "stated": "stated in the file",
     "scatter": "the sweep's own scatter, an upper bound",
 }
+# What each element stands for, as in docs/paper.md.
 ELEMENTS = {
     "Ra": "winding resistance",
     "La": "winding inductance",
     "Ca": "turn-to-turn capacitance",
-    "Rr": "resistance of the rotor path",
-    "Lr": "inductance of the rotor path",
-    "Cr": "capacitance winding to rotor",
+    "Rr": "resistance of core and bearings",
+    "Lr": "inductance of the core",
+    "Cr": "capacitance winding to core",
     "Cf": "capacitance winding to frame",
 }
-# A larger residual is more likely an error of the model that the fixture's parameters absorb.
+# In standard deviations of the specification. A larger residual is more likely an error of the model that the fixture's parameters absorb.
 BELIEVABLE_SIGMAS = 3.0
-# With a larger error bar, not even the order of magnitude is known.
+# Error bar over value. With more, not even the order of magnitude is known.
 KNOWN_AT_ALL = 3.0
+# A derived quantity is determined if its error bar over its value is less, as in `Fit.determined`.
+DETERMINED = 0.5
+# Height of the figure of the sweeps in inches: it fits on the page of its heading.
 SWEEPS_INCH = 4.6
 
 
 def all_sections(materials: Materials, session_sha256: str, choice: Choice) -> tuple[Section, ...]:
     """Every chosen section that has content; the first page says what is missing."""
-    makers = _makers(materials, session_sha256)
-    return tuple(section for name, make in makers if choice.holds(name) and (section := make()) is not None)
+    possible = _possible_sections(materials, session_sha256)
+    return tuple(section for name, make in possible if choice.holds(name) and (section := make()) is not None)
 
 
-def _makers(materials: Materials, session_sha256: str) -> Iterator[tuple[str, Callable[[], Section | None]]]:
-    """The name of each section that has content, and the function that makes it; deferred because plots take time."""
+def _possible_sections(materials: Materials, session_sha256: str) -> Iterator[tuple[str, Callable[[], Section | None]]]:
+    """The name of each section that these materials allow, and a function that makes it or returns None: only chosen ones are made and plotted."""
     session, steps, comparison, diagnosis = materials.session, materials.steps, materials.comparison, materials.diagnosis
     if session.sweeps:
         yield "sweeps", lambda: sweeps_section(materials)
@@ -101,13 +105,13 @@ def sweeps_section(materials: Materials) -> Section:
 
 
 def sweeps_picture(results: Sequence[Fit]) -> Picture:
-    """Measurement and models in one figure, low enough to fit on the page of its heading."""
+    """Measurement and models in one figure."""
     caption = "Measured impedance, the paper's circuit, and the current model; below, the error against the uncertainty."
     return picture("sweeps", plots.sweeps_figure(results[0], results[-1], SWEEPS_INCH), caption)
 
 
 def results_of(steps: Sequence[Fit]) -> tuple[Fit, ...]:
-    """The steps that may be shown as results."""
+    """The steps that may be quoted (`is_result`); the values of others are not shown."""
     return tuple(step for step in steps if is_result(step))
 
 
@@ -147,7 +151,7 @@ def _derived(fit: Fit) -> Table:
     """Quantities derived from the elements: often well determined where the elements are not."""
     rows, marked = [], set()
     for index, quantity in enumerate(fit.derived()):
-        known = quantity.sigma < 0.5 * abs(quantity.value)
+        known = quantity.sigma < DETERMINED * abs(quantity.value)
         bar = error_bar(quantity.value, quantity.sigma) if known else "not determined by these data"
         rows.append((quantity.name, show(quantity.value, quantity.unit), bar))
         if not known:
@@ -173,6 +177,7 @@ def parameters_table(steps: tuple[Fit, ...]) -> Table:
 
 
 def _residuals(fit: Fit) -> Table:
+    """What the fit says of the fixture's compensation: residuals in multiples of their specification, improbable ones marked."""
     known = {p.name: p for p in fit.problem.everything}
     rows, marked = [], set()
     for index, (name, value) in enumerate(fit.nuisance.items()):
@@ -191,6 +196,7 @@ def _residuals(fit: Fit) -> Table:
 
 
 def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
+    """The models so far with their errors; `stored` are the same steps as the session has them, with the notes that were made then."""
     rows, marked = [], set()
     for index, step in enumerate(steps):
         if not is_result(step):

@@ -1,7 +1,8 @@
-"""Labels of the resonances of a sweep, beside its curve."""
+"""Labels of the resonances of a sweep, beside its curve: each where it covers neither the curve nor another label, as far as possible."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,67 +17,78 @@ if TYPE_CHECKING:
 
 # A resonance is labelled if |Z| falls, or rises, by at least this much on both sides.
 CLEAR_DB = 3.0
-# A line of text below the curve takes this share of a low panel.
-NAME_SHARE = 0.3
-# In points: height of the letters and of a line, width for each letter, distance from the mark.
-SIZE, LINE, LETTER, GAP = 8.0, 10.0, 4.9, 6.0
-# Where a label may stand: direction from the mark, and the alignment that goes with it. The first is preferred.
-PEAK = ((1, 0.5), (-1, 0.5), (0, 1), (1, 1), (-1, 1), (1, -1), (-1, -1))
-DIP = ((0, -1), (1, -0.5), (-1, -0.5), (1, -1), (-1, -1), (1, 1), (-1, 1))
+# Room for labels on the axis of |Z|: below the curve the first factor, or this share of the curve's own decades if that is more; above it the last.
+LEAST_BELOW, SHARE_BELOW, ABOVE = 2.0, 0.3, 2.5
+# All lengths are in typographic points, as font sizes are: height of the letters and of a line, width for each letter, distance of a label from its
+# mark, and half the width of a mark.
+SIZE, LINE, LETTER, GAP, HALF_MARK = 8.0, 10.0, 4.9, 6.0, 3.0
+# Directions (right, up) from the mark in which its label may stand, the preferred one first; and the alignment for each sign of the first number.
+AT_A_PEAK = ((1, 0.5), (-1, 0.5), (0, 1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+AT_A_DIP = ((0, -1), (1, -0.5), (-1, -0.5), (1, -1), (-1, -1), (1, 1), (-1, 1))
 ALIGNED = {-1: "right", 0: "center", 1: "left"}
-# (left, right, bottom, top) in points.
+# Cost of a place for each point of the curve's length that it covers, for each other label or mark that it overlaps, and for leaving the panel.
+OF_CURVE, OF_OTHERS, OF_LEAVING = 1, 50, 1000
+# (left, right, bottom, top).
 Box = tuple[float, float, float, float]
 
 
 def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> None:
     """Mark the clear maxima and minima of |Z| and write their frequencies where they cover neither the curve nor each other."""
     low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
-    axes.set_ylim(low / max(2.0, (high / low) ** NAME_SHARE), high * 2.5)
+    axes.set_ylim(low / max(LEAST_BELOW, (high / low) ** SHARE_BELOW), high * ABOVE)
     level = 20 * np.log10(magnitude_ohm)
     marks = [(index, sign) for sign in (1, -1) for index in clear_maxima(sign * level, CLEAR_DB)]
     across, up = _in_points(axes, frequency_hz, magnitude_ohm)
-    # One place for each typographic point of its length: the sweep's own points lie too far apart where the curve is steep.
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(across), np.diff(up)))])
-    everywhere = np.arange(0.0, length[-1])
-    curve_across, curve_up = np.interp(everywhere, length, across), np.interp(everywhere, length, up)
-    width, height = _size(axes)
-    covered: list[Box] = [(across[at] - 3, across[at] + 3, up[at] - 3, up[at] + 3) for at, _ in marks]
+    curve = _evenly_along(across, up)
+    panel = _size(axes)
+    # First the marks; each label is added once it is placed.
+    covered: list[Box] = [(across[at] - HALF_MARK, across[at] + HALF_MARK, up[at] - HALF_MARK, up[at] + HALF_MARK) for at, _ in marks]
     for number, (at, sign) in enumerate(marks):
         place = (frequency_hz[at], magnitude_ohm[at])
         axes.plot(*place, "v" if sign > 0 else "^", color=BLACK, markersize=4)
         text = show(float(frequency_hz[at]), "Hz", 3)
         others = [box for other, box in enumerate(covered) if other != number]
-        ways = PEAK if sign > 0 else DIP
-        boxes = [_box(way, text, across[at], up[at]) for way in ways]
-        hidden = []
-        for box in boxes:
-            left, right, bottom, top = box
-            points = np.count_nonzero((curve_across >= left) & (curve_across <= right) & (curve_up >= bottom) & (curve_up <= top))
-            beyond = left < 0 or right > width or bottom < 0 or top > height
-            # Cost of a place: each covered point of the curve 1, overlap with other labels 50 times its area, a place beyond the panel 1000.
-            hidden.append(points + 50 * sum(_overlap(box, other) for other in others) + 1000 * beyond)
-        chosen = int(np.argmin(hidden))
-        best = ways[chosen]
+        directions = AT_A_PEAK if sign > 0 else AT_A_DIP
+        boxes = [_box(direction, text, across[at], up[at]) for direction in directions]
+        chosen = int(np.argmin([_cost(box, curve, others, panel) for box in boxes]))
+        right, above = directions[chosen]
         covered.append(boxes[chosen])
         axes.annotate(
             text,
             place,
             textcoords="offset points",
-            xytext=(GAP * best[0], GAP * best[1]),
-            ha=ALIGNED[int(np.sign(best[0]))],
-            va="bottom" if best[1] > 0 else "top",
+            xytext=(GAP * right, GAP * above),
+            ha=ALIGNED[int(np.sign(right))],
+            va="bottom" if above > 0 else "top",
             fontsize=SIZE,
         )
 
 
+def _cost(box: Box, curve: tuple[FloatArray, FloatArray], others: Sequence[Box], panel: tuple[float, float]) -> float:
+    """How bad it would be to write a label there."""
+    left, right, bottom, top = box
+    across, up = curve
+    points = int(np.count_nonzero((across >= left) & (across <= right) & (up >= bottom) & (up <= top)))
+    leaves = left < 0 or right > panel[0] or bottom < 0 or top > panel[1]
+    return OF_CURVE * points + OF_OTHERS * sum(_overlap(box, other) for other in others) + OF_LEAVING * leaves
+
+
+def _evenly_along(across: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The curve at every point of its length: where it is steep, the sweep's own points would be too far apart."""
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(across), np.diff(up)))])
+    everywhere = np.arange(0.0, length[-1])
+    return np.interp(everywhere, length, across), np.interp(everywhere, length, up)
+
+
 def _size(axes: Axes) -> tuple[float, float]:
+    """Width and height of the panel."""
     box = axes.get_window_extent()
     points = 72 / axes.figure.dpi
     return float(box.width * points), float(box.height * points)
 
 
 def _in_points(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The curve in points from the panel's corner."""
+    """The sweep's points, measured from the lower left corner of the panel."""
     width, height = _size(axes)
     low, high = np.log(axes.get_ylim())
     place = np.log(frequency_hz / frequency_hz[0]) / np.log(frequency_hz[-1] / frequency_hz[0]) * width
@@ -84,11 +96,11 @@ def _in_points(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) 
     return place, level
 
 
-def _box(way: tuple[float, float], text: str, across: float, up: float) -> Box:
-    """What a label covers, in points."""
+def _box(direction: tuple[float, float], text: str, across: float, up: float) -> Box:
+    """What a label covers in this direction from its mark."""
     width = LETTER * len(text)
-    left = across + GAP * way[0] - {-1: width, 0: width / 2, 1: 0.0}[int(np.sign(way[0]))]
-    bottom = up + GAP * way[1] - (0.0 if way[1] > 0 else LINE)
+    left = across + GAP * direction[0] - {-1: width, 0: width / 2, 1: 0.0}[int(np.sign(direction[0]))]
+    bottom = up + GAP * direction[1] - (0.0 if direction[1] > 0 else LINE)
     return left, left + width, bottom, bottom + LINE
 
 

@@ -176,8 +176,7 @@ class Execution:
         with _bad_data_as_instrument_error(receiver):
             spectrum = receiver.scan(detector)
         self._refuse_changed("receiver", spectrum.metadata.get("settings"))
-        # The settings in the metadata were read before the scan, because the frequencies follow from them. A change during the scan is seen only
-        # now.
+        # The settings in the metadata were read before the scan, because the frequencies follow from them; these show a change during the scan.
         self._refuse_changed("receiver", receiver.settings())
         span = float(spectrum.frequency_hz[0]), float(spectrum.frequency_hz[-1])
         _refuse_other_span(receiver, span, (spec.start, spec.stop), spec.step)

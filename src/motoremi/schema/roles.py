@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal
 
 Role = Literal["analyser", "receiver", "supply", "voltmeter", "ammeter", "tachometer", "thermometer"]
-ROLES: tuple[Role, ...] = get_args(Role)

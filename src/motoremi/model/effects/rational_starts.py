@@ -14,8 +14,8 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.effects.seen import Seen
 from motoremi.model.effects.start import Set, Start, Subtract
+from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational
-from motoremi.model.way_to_frame import frames
 
 # Sets of start values of an effect by short name, those of elements as `Set("La")`; empty if the data do not allow any.
 Reader: TypeAlias = Callable[[Seen], Sequence[Start]]
