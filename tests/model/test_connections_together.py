@@ -17,8 +17,8 @@ FREQUENCY_HZ = np.geomspace(150e3, 30e6, 101)
 # The loss of the simulated capacitor is a ladder of four branches per decade; most near a resonance, but by less than this, it differs from a
 # constant loss angle.
 LADDER = 3e-6
-# Leads and straps of the simulation are round wires of 2 mm diameter: at 150 kHz their impedance differs from that of a half space by 1.6 % of their
-# DC resistance, of which the motor's impedance is at least this share.
+# Leads and straps of the simulation are round wires of 2 mm diameter: at 150 kHz their impedance differs from that of a half space by 1.6 % of
+# their DC resistance: less than this share of the motor's impedance.
 ROUND_WIRE = 4e-5
 # From the motor outwards, as they are connected.
 OUTWARDS = (

@@ -8,7 +8,6 @@ from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, log_uniform, uniform
 from motoremi.simulate.parts import IN, OUT, Network
 
-
 # Leads and straps are round wire of this radius; at 1 MHz the skin effect adds its DC resistance times radius over twice the penetration depth.
 _WIRE_RADIUS_M = 1e-3
 _SKIN_AT_1MHZ = _WIRE_RADIUS_M / 2 * np.sqrt(np.pi * 1e6 * ladders.MU_0 * ladders.COPPER_S_PER_M)
