@@ -59,7 +59,6 @@ GLANCE_STEPS, GLANCE_STARTS = 12, 12
 # How a number of parts is chosen where it matters: of ten windings of 2 to 12 sections the right one is found for seven; by fewer steps or starts
 # for three to six.
 COUNTING = Rounds((Round(SEARCH_POINTS, 12, ALL, ALL), Round(SEARCH_POINTS, 40, 20, 6)), 0, SEARCH_POINTS)
-COUNTING_NEAR = Rounds((Round(SEARCH_POINTS, GLANCE_STEPS, ALL, ALL),), 0, SEARCH_POINTS)
 
 
 @one_blas_thread
@@ -265,7 +264,7 @@ def parts_of(trail: Trail, effect: str) -> dict[str, float]:
     return {name: value for name, value in trail.task.held.items() if name in names}
 
 
-def counted(trail: Trail, rounds: Rounds = COUNTING, each: Map = map) -> Trail:
+def counted(trail: Trail, each: Map = map) -> Trail:
     """The same with the number of parts, if an effect has one, that reaches the lowest objective from these start values."""
     trails: dict[float, Trail] = {}
     for label in trail.task.motor.effects:
@@ -274,14 +273,38 @@ def counted(trail: Trail, rounds: Rounds = COUNTING, each: Map = map) -> Trail:
                 if value <= most_parts(trail.task.measurement):
                     held = {**trail.task.held, f"{label}.{name}": value}
                     trails[value] = dataclasses.replace(trail, task=dataclasses.replace(trail.task, held=held))
-    reached = race(trails, rounds, each=each).reached
+    reached = race(trails, COUNTING, each=each).reached
     return trails[min(reached, key=lambda value: reached[value].best)] if reached else trail
 
 
 @one_blas_thread
 def counted_near(trail: Trail) -> Trail:
     """`counted`, from start values that are right but for the number of parts."""
-    return counted(trail, COUNTING_NEAR)
+    for label in trail.task.motor.effects:
+        for short, values in find_effect(label).effect.tried.items():
+            name = f"{label}.{short}"
+            sweeping = dataclasses.replace(trail, task=trail.task.sweeping(name))
+            if found := _least_of_each(sweeping.problem(SEARCH_POINTS), trail.starts, name, values):
+                held = {**trail.task.held, name: min(found, key=lambda value: found[value])}
+                trail = dataclasses.replace(trail, task=dataclasses.replace(trail.task, held=held))
+    return trail
+
+
+def _least_of_each(
+    problem: Problem, starts: Sequence[Mapping[str, float]], name: str, values: Sequence[float], most: int = ALL
+) -> dict[float, float]:
+    """The lowest objective with each number of parts after a few steps from the best starts, at most `most`.
+
+    All numbers are one batch, in which each member keeps its own: on few points a step takes as long for one start as for ten.
+    """
+    possible = [value for value in values if value <= most_parts(problem.measurement)]
+    if not possible:
+        return {}
+    u = problem.vectors([{**start, name: value} for value in possible for start in starts]).reshape(len(possible), len(starts), -1)
+    best = np.argsort(problem.objective(u), axis=1)[:, :most]
+    chosen = np.take_along_axis(u, best[..., None], axis=1).reshape(-1, u.shape[-1])
+    ends = polish(problem, chosen, iterations=GLANCE_STEPS, precision=ROUGH)
+    return dict(zip(possible, ends.objective.reshape(best.shape).min(axis=1).tolist(), strict=True))
 
 
 def _checked_parts(name: str, value: float, before: Fit) -> float:
@@ -302,19 +325,16 @@ def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name:
 
     Where a line misses by far, its resonances hide how many parts there are: each number is looked at with one mode beside it.
     """
-    tried = {value: dataclasses.replace(task, held={**task.held, name: value}) for value in values if value <= most_parts(task.measurement)}
-    found: dict[float, float] = {}
-    if before.motor.is_line and misses_by_far(before.sizes):
-        for value, one in tried.items():
-            problem = one.relative()
-            ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
-            found[value] = float(_least(*_with_mode(one, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS).objective.min())
+    if not (before.motor.is_line and misses_by_far(before.sizes)):
+        found = _least_of_each(task.sweeping(name).thinned(SEARCH_POINTS), starts, name, values, GLANCE_STARTS)
     else:
-        for value, one in tried.items():
-            problem = one.thinned(SEARCH_POINTS)
-            u = problem.vectors(starts)
-            best = np.argsort(problem.objective(u))[:GLANCE_STARTS]
-            found[value] = float(polish(problem, u[best], iterations=GLANCE_STEPS, precision=ROUGH).objective.min())
+        found = {}
+        for value in values:
+            if value <= most_parts(task.measurement):
+                one = dataclasses.replace(task, held={**task.held, name: value})
+                problem = one.relative()
+                ends = _least(problem, starts[::group], 1, GLANCE_STEPS)
+                found[value] = float(_least(*_with_mode(one, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS).objective.min())
     return min(found, key=lambda value: found[value], default=values[0])
 
 

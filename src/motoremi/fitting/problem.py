@@ -13,7 +13,7 @@ residuals (`data.covariance`), whose two free sizes are given: the data choose t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -125,6 +125,8 @@ class Problem:
         Smooth directions that hold less than this share of the noise's variance are left out of the objective.
     blur : float
         White noise that is added to that of the measurement, relative to Z.
+    swept : collection of str
+        Parameters that are not varied, but of which each member of a batch has its own value: unknowns whose derivatives and priors are zero.
 
     Attributes
     ----------
@@ -144,6 +146,7 @@ class Problem:
         sizes: Sizes = AS_DECLARED,
         least_share: float = LEAST_SHARE,
         blur: float = 0.0,
+        swept: Collection[str] = (),
     ) -> None:
         self.motor, self.measurement, self.weights, self.sizes = motor, measurement, weights, sizes
         self._least_share = least_share
@@ -153,7 +156,7 @@ class Problem:
         parameters = [p for p in motor.parameters if p.name in used]
         self.everything: tuple[Parameter, ...] = (*parameters, *self._nuisances())
         names = [p.name for p in self.everything]
-        varying = [i for i, p in enumerate(self.everything) if p.vary and p.name not in self.held]
+        varying = [i for i, p in enumerate(self.everything) if (p.vary or p.name in swept) and p.name not in self.held]
         self.unknowns = tuple(self.everything[i] for i in varying)
         self._varying = np.array(varying, dtype=np.intp)
         self._log = np.array([p.scale == "log" for p in self.unknowns])
@@ -201,7 +204,7 @@ class Problem:
         for index, parameter in enumerate(self.unknowns):
             if parameter.sigma is not None:
                 precision[index] = 1 / self.sizes.declared**2 if _declared(parameter) else 1.0
-            elif parameter.name not in paper:
+            elif parameter.name not in paper and parameter.vary:
                 precision[index] = (2 / (self.high[index] - self.low[index])) ** 2
                 centre[index] = 0.5 * (self.high[index] + self.low[index])
         return precision, centre

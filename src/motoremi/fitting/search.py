@@ -70,25 +70,43 @@ AS_PROBABLE = 5.0
 class Task:
     """What is to be fitted: a motor's circuit to a measurement, within bounds, some parameters held.
 
-    Sweeps of many thousand points are averaged for search and evidence; errors are shown of all points.
+    Sweeps of many thousand points are averaged for search and evidence; errors are shown of all points. Parameters that are `swept` are not
+    varied either, but each start keeps its own value.
     """
 
     motor: Motor
     measurement: Measurement
     bounds: Mapping[str, tuple[float, float]]
     held: Mapping[str, float]
+    swept: tuple[str, ...] = ()
+
+    def sweeping(self, name: str) -> Task:
+        """The same with one parameter that keeps the value of each start instead of being held."""
+        return dataclasses.replace(self, held={own: value for own, value in self.held.items() if own != name}, swept=(*self.swept, name))
 
     def relative(self) -> Problem:
         """The relative error over all points."""
-        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, weights="relative")
+        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, weights="relative", swept=self.swept)
 
     def thinned(self, points: int | None, highest_hz: float = np.inf) -> Problem:
         """The search problem on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz)
+        return Problem(
+            self.motor, self.measurement.coarse, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz, swept=self.swept
+        )
 
     def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED, least_share: float = LEAST_SHARE, blur: float = 0.0) -> Problem:
         """The likelihood on all points, or on about `points` points a sweep."""
-        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, points=points, sizes=sizes, least_share=least_share, blur=blur)
+        return Problem(
+            self.motor,
+            self.measurement.coarse,
+            self.bounds,
+            self.held,
+            points=points,
+            sizes=sizes,
+            least_share=least_share,
+            blur=blur,
+            swept=self.swept,
+        )
 
 
 @dataclass(frozen=True)
