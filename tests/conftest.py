@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -24,10 +24,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 if threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+from few_effects import seeking
 from made_once import begin, worked_out_once
 
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis import diagnosis
+from motoremi.emission import board
 from motoremi.simulate import emission_in_time
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden_effects import split_effects
@@ -94,6 +96,19 @@ def simulated_sweeps(seed: int, effects: tuple[str, ...] = (), repeats: int = 3)
 def measure() -> Callable[..., tuple[list[ImpedanceSweep], SimulatedMotor]]:
     """The function that simulates a measurement."""
     return simulated_sweeps
+
+
+@pytest.fixture
+def few_effects() -> Iterator[None]:
+    """For tests of what is done with a diagnosis: what the whole catalogue takes is no matter of theirs."""
+    with seeking():
+        yield
+
+
+@pytest.fixture
+def few_source_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same for a diagnosis of spectra: two effects make as good a ranking as all six."""
+    monkeypatch.setattr(board, "EFFECTS", tuple(one for one in board.EFFECTS if one.name in ("arc-breakdown", "lisn-deviation")))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

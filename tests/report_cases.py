@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+from few_effects import seeking
 from made_once import made_once
 
 import motoremi as me
@@ -130,7 +131,8 @@ def _make_diagnosed_session(path: Path, measure) -> None:
     with opened(path) as store:
         fit_session(store)
         compare_session(store, me.Tolerance(error_percent=1.0))
-        found = diagnose_session(store)
+        with seeking():
+            found = diagnose_session(store)
         add_to_session(store, found.effects[0])
 
 
@@ -155,7 +157,7 @@ def _make_whole_session(path: Path, measure) -> None:
     read = measure_spectra(motor, Stand.random(seed, ("arc-breakdown",)), frequency_hz, seed, quasi_peak=False)
     spectra = [me.Spectrum(detector, frequency_hz, read.level(detector)) for detector in ("peak", "average")]
     _write_whole_session(path, sweeps, spectra, {})
-    with opened(path) as store:
+    with opened(path) as store, seeking():
         for effect in diagnose_session(store).effects:
             add_to_session(store, effect)
         compare_session(store, me.Tolerance(error_percent=1.0))

@@ -18,7 +18,6 @@ from motoremi.cli.arguments import ONE_VALUE, SEVERAL_FILES, expanded
 from motoremi.cli.demo import PLAIN_PERCENT, plain_story
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
-from motoremi.emission.source_effects import EFFECTS
 from motoremi.errors import InstrumentError
 
 pytestmark = pytest.mark.slow
@@ -56,6 +55,7 @@ def thinned(file: Path, every: int, folder: Path) -> Path:
     return thin
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_files_by_hand_are_fitted_and_diagnosed_by_the_contract(session):
     fitted = document(motoremi_process("fit", session, "--json"))
     assert fitted["effects"] == []
@@ -150,6 +150,7 @@ def test_commands_speak_to_people_too(files, tmp_path):
     assert "paper" in json.dumps(load(thin).ladder[0]["fit"]["method"])
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     inductor = DATA / "eth_4294A_inductor" / "impedance.txt"
     assert motoremi("import", tmp_path / "l", "--short", inductor).returncode == 0
@@ -167,13 +168,9 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     assert any("no open sweep" in caveat for caveat in found["caveats"])
 
 
-@pytest.fixture
-def few_source_effects(monkeypatch):
-    """The spectra of a demo are diagnosed too: what all effects take is no matter of the demo, and the tutorial's seeks them all."""
-    monkeypatch.setattr("motoremi.emission.board.EFFECTS", EFFECTS[:2])
-
-
-def test_demo_tells_the_whole_story(tmp_path, few_source_effects):
+# What all effects take is no matter of the demo, and the tutorial's seeks them all.
+@pytest.mark.usefixtures("few_effects", "few_source_effects")
+def test_demo_tells_the_whole_story(tmp_path):
     done = motoremi("demo", "--effect", "dielectric-loss@Cf", "--seed", "5", "--out", tmp_path / "d", "--json")
     assert done.returncode == 0, done.stderr
     told = document(done)
@@ -193,7 +190,8 @@ def test_demo_tells_the_whole_story(tmp_path, few_source_effects):
         assert (tmp_path / "again" / "sweeps" / file.name).read_bytes() == file.read_bytes()
 
 
-def test_demo_without_a_hidden_effect_is_adequate(tmp_path, few_source_effects):
+@pytest.mark.usefixtures("few_effects", "few_source_effects")
+def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
     told = document(motoremi("demo", "--effect", "none", "--seed", "6", "--out", tmp_path / "d", "--json"))
     assert told["verdict"] == "adequate"
     assert told["named"] == told["hidden"] == []
@@ -225,6 +223,7 @@ def test_a_demo_says_how_it_chose(tmp_path, monkeypatch):
         assert ("drawn so that it is plain to see" in done.stdout) is chosen
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_run_on_the_simulated_bench_judges(tmp_path):
     bench = tmp_path / "bench.toml"
     bench.write_text('backend = "sim"\noperator = "A. Tester"\nseed = 3\neffects = ["core-loss"]\n')

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 import pytest
 import threadpoolctl
+from few_effects import seeking
 
 import motoremi as me
 from motoremi import workers
 from motoremi.blind.cases import Case
 from motoremi.data.analyser import ADAPTERS, ANALYSERS, FIXTURES, find_analyser
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.candidates import possible_effects
 from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import raced_alone
 from motoremi.interrupts import Cancelled, checkpoint
@@ -199,13 +199,11 @@ FEW_EFFECTS = frozenset(
 
 @pytest.mark.slow
 @needs_fork
+@seeking(FEW_EFFECTS)
 def test_a_diagnosis_does_not_depend_on_who_works(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit, on a motor with two hidden effects: two processes, one, and somebody else's `map` that sends all there is."""
     case = Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122)
     base = me.fit(me.dc_motor(), case.sweeps())
-    monkeypatch.setattr(
-        "motoremi.diagnosis.motor_board.possible_effects", lambda fit: [name for name in possible_effects(fit) if name in FEW_EFFECTS]
-    )
     # Which the tests' own workers do without.
     monkeypatch.setattr("motoremi.diagnosis.diagnosis.own_processes", own_processes)
     both = me.diagnose(base)

@@ -76,6 +76,7 @@ def test_a_comparison_is_a_row_for_each_sweep_and_band(fit):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_effects")
 def test_a_diagnosis_is_a_row_for_each_candidate(fit):
     diagnosis = me.diagnose(fit)
     table = diagnosis.to_frame()
@@ -115,6 +116,7 @@ def test_a_fleet_has_its_units_in_the_names_of_its_columns(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_effects")
 def test_scoreboards_of_every_kind(tmp_path):
     # One motor without and one with an effect: which they are is not what is tested, and these are diagnosed soon.
     played = [scoreboard.play(case) for case in (Case(777, 8, "none", (), 1233665122), HIDDEN)]

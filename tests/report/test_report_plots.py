@@ -17,7 +17,6 @@ import motoremi as me
 from motoremi import drawing
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
-from motoremi.emission.source_effects import EFFECTS
 from motoremi.inspection.effect_signature import signature
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from motoremi.report.kinds import PLOTS
@@ -51,9 +50,8 @@ def test_help_lists_every_plot():
     assert all(f"{name}: {text}" in told for name, text in PLOTS.items())
 
 
-def test_every_result_draws_itself(session, monkeypatch):
-    # Two effects that are sought make as good a ranking as all of them.
-    monkeypatch.setattr("motoremi.emission.board.EFFECTS", EFFECTS[:2])
+@pytest.mark.usefixtures("few_effects", "few_source_effects")
+def test_every_result_draws_itself(session):
     loaded = me.load(session)
     fit = ladder_of(loaded)[-1]
     with opened(session) as store:

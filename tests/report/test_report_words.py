@@ -198,6 +198,7 @@ def test_a_fleet_lists_serious_findings() -> None:
     assert "data 1, adequate 1" in text
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_the_stated_accuracy_arrives_and_is_shown(session: Path, tmp_path: Path) -> None:
     sweeps = sorted((session / "sweeps").iterdir())
     words = [word for path in sweeps for word in ("--short" if path.name.startswith("short") else "--open", str(path))]

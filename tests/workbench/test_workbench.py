@@ -29,7 +29,7 @@ from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_effects")]
 
 STATIC = ROOT / "src" / "motoremi" / "workbench" / "static"
 MOTOREMI = Path(sys.executable).with_name("motoremi")

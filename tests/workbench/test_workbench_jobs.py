@@ -24,7 +24,7 @@ from motoremi.workbench.thinning import CELLS, seen
 from motoremi.workbench.thinning import WHOLE as LONGEST_WHOLE
 from motoremi.workflow import add_to_session, opened
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_effects")]
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -17,7 +17,6 @@ from workbench_tools import bench_of, client_of, make_fitted_session, served
 
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.spectrum import Spectrum
-from motoremi.emission import board
 from motoremi.emission.setup import scan_frequencies
 from motoremi.interrupts import Cancelled
 from motoremi.simulate.emission_in_time import Stand, measure
@@ -27,7 +26,7 @@ from motoremi.workbench.jobs import Jobs
 from motoremi.workflow import drop_from_session, opened
 from motoremi.workflow_emission import add_source_effect, drop_source_effect, emission_steps, stored_emission_steps
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_effects", "few_source_effects")]
 
 DESKTOP, SMALL, PHONE = {"width": 1440, "height": 900}, {"width": 1024, "height": 768}, {"width": 390, "height": 844}
 # What a laboratory's engineer chooses on the view Report.
@@ -37,12 +36,6 @@ LABORATORY = [
 ]
 # A motor for the sweeps, the stand of its spectra.
 MOTOR, STAND = 7, 1004
-
-
-@pytest.fixture(autouse=True)
-def few_effects(monkeypatch):
-    """A diagnosis of the spectra tries two effects: what all six take is no matter of the page."""
-    monkeypatch.setattr(board, "EFFECTS", tuple(one for one in board.EFFECTS if one.name in ("arc-breakdown", "lisn-deviation")))
 
 
 @pytest.fixture(scope="module")
