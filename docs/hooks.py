@@ -70,19 +70,19 @@ def effects_page() -> str:
 
 
 def _picture(effect) -> str:
-    from matplotlib.figure import Figure
-
+    from motoremi.report.axes import BLUE, VERMILION, arrange, frequency_axis, log_values, panels
     from motoremi.report.svg import to_svg
 
-    figure = Figure(figsize=(8, 2.4), layout="constrained")
+    figure, ((*both,),) = panels(8.0, 2.6, columns=2)
     starts = (effect.starts[len(effect.starts) // 2], effect.starts[-1])
-    for axes, termination in zip(figure.subplots(1, 2), ("short", "open"), strict=True):
-        axes.loglog(FREQUENCY_HZ, np.abs(_impedance(None, {}, termination)), color="#999999", linewidth=3)
-        for start, colour in zip(starts, ("#0072B2", "#D55E00"), strict=False):
-            axes.loglog(FREQUENCY_HZ, np.abs(_impedance(effect.identifiers[-1], start, termination)), color=colour, linewidth=1.2)
-        axes.set_xlabel("Hz", fontsize=8)
-        axes.set_ylabel("|Z| (Ohm)", fontsize=8)
-        axes.tick_params(labelsize=7)
+    for axes, termination in zip(both, ("short", "open"), strict=True):
+        axes.plot(FREQUENCY_HZ, np.abs(_impedance(None, {}, termination)), color="#999999", linewidth=3)
+        for start, colour in zip(starts, (BLUE, VERMILION), strict=False):
+            axes.plot(FREQUENCY_HZ, np.abs(_impedance(effect.identifiers[-1], start, termination)), color=colour, linewidth=1.2)
+        frequency_axis(axes, FREQUENCY_HZ)
+        log_values(axes, prefixes=True)
+        axes.set_ylabel("|Z| (Ω)")
+    arrange(figure, 0)
     return to_svg(figure, effect.name, f"|Z| with and without {effect.title}").replace("\n", " ")
 
 

@@ -29,7 +29,7 @@ from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_effects")]
+pytestmark = pytest.mark.slow
 
 STATIC = ROOT / "src" / "motoremi" / "workbench" / "static"
 MOTOREMI = Path(sys.executable).with_name("motoremi")
@@ -370,6 +370,7 @@ def test_rounding_keeps_digits_and_marks_gaps():
     assert rounded(values) == [1.2345679e-12, -9.8765432e15, 0.0, None, None]
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_a_run_is_a_session(tmp_path):
     workbench = bench_of(tmp_path)
     client = client_of(workbench)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from conftest import simulated_sweeps
-from few_effects import seeking
+from few_effects import FEW, seeking
 from made_once import made_once
 from playwright.sync_api import expect
 from workbench_browser import PATIENCE_MS, Watched, drop, findings, launched, needs_chromium
@@ -158,7 +158,7 @@ def test_a_plan_that_cannot_be_read_is_refused(tmp_path, body, says):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_effects")
+@seeking(FEW | {"bearing-film", "dielectric-relaxation@Cr"})
 def test_one_measurement_on_the_simulated_bench_then_the_rest(tmp_path):
     folder = tmp_path / "s"
     measured_once(folder, 5, ("bearing-film",))
