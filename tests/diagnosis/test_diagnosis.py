@@ -84,6 +84,7 @@ def test_two_hidden_effects_are_both_named(measure):
     assert diagnosis.best.rms_error_percent < 1.5 * diagnosis.best.floor_percent
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_diagnosis_goes_on_from_the_ladder(measure):
     sweeps, _ = measure(2, ("eddy-laminations",))
     solved = me.fit(me.dc_motor(), sweeps).add("eddy-laminations")
@@ -167,6 +168,7 @@ def test_real_inductor_is_not_called_a_motor():
     assert fit.rms_error_percent < 1.2 * 100 * np.sqrt(2 * least.cost / len(sweep))
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_results_show_themselves(measure):
     sweeps, _ = measure(4, ("core-loss",))
     fit = me.fit(me.dc_motor(), sweeps)

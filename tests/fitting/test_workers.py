@@ -139,7 +139,7 @@ def test_processes_end_with_the_one_that_asked(tmp_path: Path) -> None:
     """Also where that was killed and could not tell them."""
     script = f"""
 import multiprocessing, os, sys, threading
-sys.path.insert(0, {str(Path(__file__).parent)!r})
+sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parents[1])]!r}
 os.sched_getaffinity = lambda pid: {{0, 1}}
 from {Path(__file__).stem} import slow_square
 from motoremi.workers import own_processes
