@@ -59,8 +59,8 @@ class Rounds(NamedTuple):
 
 
 ALL = 10_000
-# A round of no more steps than these goes without the geodesic correction: in twelve searches for pairs the one that was named in the end was as far
-# in front after six steps without it as with it, in three quarters of the time.
+# A round of no more steps than these goes without the geodesic correction: in twelve searches for pairs the one that was named in the end was as
+# far in front after six steps without it as with it, in three quarters of the time.
 FIRST_STEPS = 8
 # Of the models fitted by the likelihood, so many, and all that are so near the best in log evidence, are refined until their error sizes are the
 # most probable; those whose sizes still change by much may gain more by it.
