@@ -203,7 +203,7 @@ FEW_EFFECTS = frozenset(
 def test_a_diagnosis_does_not_depend_on_who_works(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit, on a motor with two hidden effects: two processes, one, and somebody else's `map` that sends all there is."""
     case = Case(777, 8, "two", ("terminal-capacitance", "bearing-film"), 1233665122)
-    base = me.fit(me.dc_motor(), case.sweeps())
+    base = me.fit(me.dc_motor(), case.sweeps(points=101))
     # Which the tests' own workers do without.
     monkeypatch.setattr("motoremi.diagnosis.diagnosis.own_processes", own_processes)
     both = me.diagnose(base)
