@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,6 @@ from motoremi.model.circuit import Node, Passed, Slopes
 from motoremi.model.laws import Law, ValueAndSlopes
 from motoremi.model.parameter import Parameter
 
-# Indices of y and k among the derivatives with respect to a, b, c, y, k.
-_BY_FRAME, _BY_COUPLING = 3, 4
 # A smaller coupling is replaced by this, since the equation is singular at zero.
 LEAST_COUPLING = 1e-6
 
@@ -116,7 +113,9 @@ class Sections(Node):
         else:
             by_even = (0.5 - impedance * (odd + 0.5 * load)) / bottom
             by_odd = (0.5 - impedance * (even + 0.5 * load)) / bottom
-        by_a, by_flux, by_c, by_y, by_k = (by_even * e + by_odd * o for e, o in zip(even_mode.slopes, odd_mode.slopes, strict=True))
+        by_a, by_flux, by_c, by_y, by_k = chain.backward(
+            *(e + o for e, o in zip(even_mode.backward(by_even), odd_mode.backward(by_odd), strict=True))
+        )
         slopes = [by_a / chain.n, by_flux * share, -by_y * chain.y / parts[2]]
         if self.turns is not None:
             slopes.append(-by_c * chain.c**2 / chain.n)
@@ -155,35 +154,31 @@ class _Chain:
         # For each wave, total current over current through the copper, times q - k v; for the second wave from the sum of the roots.
         bent = k * self.loaded * self.waves[0]
         self.currents = (middle - a * k * y - bent, bent - a * k * y)
-        # With v = 4 sinh(theta/2)^2: sinh, cosh and tanh of theta/2, and tanh(n theta/2), of each wave.
-        # Adding 0 turns an imaginary part of -0 into +0: for a wave below -4 it would select the other side of the branch cut of `sqrt`.
+        # With v = 4 sinh(theta/2)^2: tanh of theta/2 and of n theta/2, of each wave; their common sign means nothing. Adding 0 turns an imaginary
+        # part of -0 into +0: for a wave below -4 it would select the other side of the branch cut of `sqrt`.
         quarters = [0.25 * v + 0.0 for v in self.waves]
-        self.sinh = [np.sqrt(quarter) for quarter in quarters]
-        self.cosh = [np.sqrt(1 + quarter) for quarter in quarters]
-        self.half = [sinh / cosh for sinh, cosh in zip(self.sinh, self.cosh, strict=True)]
+        self.squared_cosh = [1 + quarter for quarter in quarters]
+        self.half = [np.sqrt(quarter / square) for quarter, square in zip(quarters, self.squared_cosh, strict=True)]
         self.whole = [_tanh_of_multiple(half, n) for half in self.half]
 
-    @cached_property
-    def slopes(self) -> tuple[tuple[Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]:
-        """Derivatives of both waves, and of both currents, with respect to a, b, c, y, k."""
-        a, c, y, k, q, r, loaded = self.a, self.c, self.y, self.k, self.q, self.r, self.loaded
+    def backward(self, by_v1: Any, by_v2: Any, by_h1: Any, by_h2: Any, by_y: Any, by_k: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """Derivatives with respect to a, b, c, y, k from those with respect to the waves v, the currents h, and y and k at constant v and h."""
+        a, c, y, k, q, r, loaded, v1, v2 = self.a, self.c, self.y, self.k, self.q, self.r, self.loaded, *self.waves
         q_slope = -2 * (1 - k)
-        waves = []
-        for v, width in zip(self.waves, (-self.root, self.root), strict=True):
-            inverse = -1 / width
-            by_coupling = loaded * v**2 - (q_slope * loaded + a * y) * v + y * a * q_slope
-            waves.append(
-                [
-                    part * inverse
-                    for part in (k * c * v**2 - (c * q + k * y) * v + y * q, y - c * v, (k * a * v - r) * v, r - a * k * v, by_coupling)
-                ]
-            )
-        v, (by_a, by_b, by_c, by_y, by_k) = self.waves[0], waves[0]
-        scale = k * loaded
-        bent = (k * c * v + scale * by_a, scale * by_b, k * a * v + scale * by_c, scale * by_y, loaded * v + scale * by_k)
-        first = [one - bend for one, bend in zip((c * q, c, r, 0.0, q_slope * loaded), bent, strict=True)]
-        second = [bend - one for one, bend in zip((k * y, 0.0, 0.0, a * k, a * y), bent, strict=True)]
-        return (waves[0], waves[1]), (first, second)
+        by_bent = by_h2 - by_h1
+        by_first = (by_v1 + by_bent * (k * loaded)) / self.root
+        by_second = -by_v2 / self.root
+        # Sums over both waves, which are roots of one equation: of v^0, v^1, v^2.
+        first, second = by_first * v1, by_second * v2
+        none, once, twice = by_first + by_second, first + second, first * v1 + second * v2
+        bent = by_bent * v1 + twice
+        return (
+            k * c * bent - (c * q + k * y) * once + (y * q) * none + (c * q) * by_h1 - (k * y) * by_h2,
+            y * none - c * once + c * by_h1,
+            (k * a) * bent - r * once + r * by_h1,
+            r * none - (a * k) * (once + by_h2) + by_y,
+            loaded * bent - (q_slope * loaded + a * y) * once + (y * a * q_slope) * none + (q_slope * loaded) * by_h1 - (a * y) * by_h2 + by_k,
+        )
 
     def mode(self, even: bool) -> _Mode:
         """Both ends at the same voltage (even), or at opposite voltages (odd)."""
@@ -223,26 +218,21 @@ class _Mode:
     def _turns(self) -> list[ComplexArray]:
         """Derivatives of the ratios with respect to v."""
         found, chain = [], self.chain
-        for sinh, cosh, half, whole in zip(chain.sinh, chain.cosh, chain.half, chain.whole, strict=True):
+        for square, half, whole in zip(chain.squared_cosh, chain.half, chain.whole, strict=True):
             by_half, by_whole = 0.5 * (1 - half**2), 0.5 * chain.n * (1 - whole**2)
             turn = (by_half - half / whole * by_whole) / whole if self.even else by_half * whole + half * by_whole
-            found.append(turn / (4 * sinh * cosh))
+            found.append(turn / (4 * half * square))
         return found
 
-    @property
-    def slopes(self) -> list[ComplexArray]:
-        """Derivatives of the admittance."""
+    def backward(self, by: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+        """`by` times the derivatives of the admittance with respect to the waves, the currents, y and k: what `_Chain.backward` takes."""
         k, (h1, h2), (t1, t2), (e1, e2) = self.chain.k, self.chain.currents, self.ratios, self.ends
         turn1, turn2 = self._turns()
-        (waves1, waves2), (currents1, currents2) = self.chain.slopes
-        by_top, by_bottom = self.admittance / self.top, -self.admittance / self.bottom
-        slopes = []
-        for index, (v1, v2, g1, g2) in enumerate(zip(waves1, waves2, currents1, currents2, strict=True)):
-            d1, d2 = turn1 * v1, turn2 * v2
-            f1, f2 = (1 + k) * d1, (1 + k) * d2
-            if index == _BY_COUPLING:
-                f1, f2 = f1 + t1 - 1, f2 + t2 - 1
-            first, second = f2 * h1 + e2 * g1, f1 * h2 + e1 * g2
-            slope = by_top * (first - second) + by_bottom * (first * t1 + e2 * h1 * d1 - second * t2 - e1 * h2 * d2)
-            slopes.append(slope + self.admittance / self.chain.y if index == _BY_FRAME else slope)
-        return slopes
+        weighted = by * self.admittance
+        by_top, by_bottom = weighted / self.top, -weighted / self.bottom
+        up1, up2 = by_top + by_bottom * t1, by_top + by_bottom * t2
+        by_h1, by_h2 = e2 * up1, -e1 * up2
+        by_e1, by_e2 = -h2 * up2, h1 * up1
+        by_v1 = (by_bottom * e2 * h1 + (1 + k) * by_e1) * turn1
+        by_v2 = ((1 + k) * by_e2 - by_bottom * e1 * h2) * turn2
+        return by_v1, by_v2, by_h1, by_h2, weighted / self.chain.y, by_e1 * (t1 - 1) + by_e2 * (t2 - 1)
