@@ -111,7 +111,7 @@ def polish(
     damping : float
         To begin with, relative to the diagonal of the Gauss-Newton matrix.
     bending : bool
-        Use the geodesic correction. It saves steps near the end, few of the first ones.
+        Use the geodesic correction. It saves steps near the end, fewer in a fixed number of first steps.
     """
     u = problem.clip(np.atleast_2d(np.array(starts, dtype=np.float64)))
     count = len(u)
@@ -146,7 +146,8 @@ def polish(
             u, here.objective = np.where(better[:, None], trial, u), np.where(better, reached, here.objective)
             break
         new = problem.linearised(trial)
-        evaluations += watchdog_step(problem, trial, new, here.objective, damped)
+        if bending:
+            evaluations += watchdog_step(problem, trial, new, here.objective, damped)
         gained = here.objective - new.objective
         better = gained >= 0
         bent |= gained < 0.7 * expected

@@ -59,9 +59,6 @@ class Rounds(NamedTuple):
 
 
 ALL = 10_000
-# A round of no more steps than these goes without the geodesic correction: in twelve searches for pairs the one that was named in the end was as
-# far in front after six steps without it as with it, in three quarters of the time.
-FIRST_STEPS = 8
 # Of the models fitted by the likelihood, so many, and all that are so near the best in log evidence, are refined until their error sizes are the
 # most probable; those whose sizes still change by much may gain more by it.
 FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
@@ -249,8 +246,7 @@ def _run(job: tuple[Trail, tuple[Standing, Round]]) -> Standing:
     first = len(standing.starts) == len(trail.starts)
     chosen = _leaders(standing.objective, trail.group if first else 1, one.starts)
     precision = CLOSE if trail.by_likelihood or one.likely else ROUGH
-    starts = problem.vectors([standing.starts[i] for i in chosen])
-    ends = polish(problem, starts, iterations=one.steps, precision=precision, bending=one.steps > FIRST_STEPS)
+    ends = polish(problem, problem.vectors([standing.starts[i] for i in chosen]), iterations=one.steps, precision=precision, bending=one.steps > 5)
     order = range(len(chosen)) if len(chosen) == len(trail.starts) else np.argsort(ends.objective)
     return Standing([problem.named(ends.u[i]) for i in order], ends.objective[list(order)])
 
