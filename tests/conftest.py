@@ -104,7 +104,7 @@ def measure() -> Callable[..., tuple[list[ImpedanceSweep], SimulatedMotor]]:
 
 @pytest.fixture
 def few_effects() -> Iterator[None]:
-    """For tests of what is done with a diagnosis: what the whole catalogue takes is no matter of theirs."""
+    """For tests of what is done with a diagnosis, which do not need a search of the whole catalogue."""
     with seeking():
         yield
 

@@ -1,4 +1,4 @@
-"""Diagnoses that seek a few effects: for tests of what is done with an answer, or of the way to it, whatever else is in the catalogue."""
+"""Diagnoses over a few effects, for tests that do not depend on the rest of the catalogue: of the steps of a search, or of its results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FEW = frozenset({
 
 @contextmanager
 def seeking(names: Container[str] = FEW) -> Iterator[None]:
-    """The search is over these alone; over few it takes a third of the time, and a fifth if it goes on to pairs. Priors are those of all."""
+    """Search these effects only: a third of the time, or a fifth if pairs are searched. Priors are those of the whole catalogue."""
     every = motor_board.possible_effects
 
     def some(fit: Fit) -> list[str]:

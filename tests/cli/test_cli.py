@@ -151,7 +151,6 @@ def test_commands_speak_to_people_too(files, tmp_path):
     assert "paper" in json.dumps(load(thin).ladder[0]["fit"]["method"])
 
 
-@pytest.mark.usefixtures("few_effects")
 def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     inductor = DATA / "eth_4294A_inductor" / "impedance.txt"
     assert motoremi("import", tmp_path / "l", "--short", inductor).returncode == 0
@@ -169,8 +168,8 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     assert any("no open sweep" in caveat for caveat in found["caveats"])
 
 
-# What all effects take is no matter of the demo, and the tutorial's seeks them all.
-@pytest.mark.usefixtures("few_effects", "few_source_effects")
+# The time that all source effects take does not matter here, and the tutorial's seeks them all.
+@pytest.mark.usefixtures("few_source_effects")
 def test_demo_tells_the_whole_story(tmp_path):
     done = motoremi("demo", "--effect", "dielectric-loss@Cf", "--seed", "5", "--out", tmp_path / "d", "--json")
     assert done.returncode == 0, done.stderr
@@ -191,7 +190,7 @@ def test_demo_tells_the_whole_story(tmp_path):
         assert (tmp_path / "again" / "sweeps" / file.name).read_bytes() == file.read_bytes()
 
 
-@pytest.mark.usefixtures("few_effects", "few_source_effects")
+@pytest.mark.usefixtures("few_source_effects")
 def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
     told = document(motoremi("demo", "--effect", "none", "--seed", "6", "--out", tmp_path / "d", "--json"))
     assert told["verdict"] == "adequate"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from few_effects import FEW, seeking
 
 import motoremi as me
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
@@ -22,8 +21,6 @@ def declared_ideal(seed: int, effects: tuple[str, ...] = ()) -> list[ImpedanceSw
     return [ImpedanceSweep("short", FREQUENCY_HZ, analyser.measure("short", FREQUENCY_HZ, true), metadata={"analyser": "none"}) for _ in range(3)]
 
 
-# With what comes near them of the whole catalogue.
-@seeking(FEW | {"permeability-relaxation", "field-coupling", "second-resonance", "dielectric-relaxation@Ca"})
 @pytest.mark.parametrize(("seed", "hidden"), [(1, "core-loss"), (2, "insulation-leakage@Ca")])
 def test_a_real_analysers_errors_are_not_taken_for_the_motors(seed, hidden):
     """Both are told from each other by little; a relaxing permeability bends to what either and the analyser's errors make together."""

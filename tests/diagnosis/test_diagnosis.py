@@ -84,7 +84,6 @@ def test_two_hidden_effects_are_both_named(measure):
     assert diagnosis.best.rms_error_percent < 1.5 * diagnosis.best.floor_percent
 
 
-@pytest.mark.usefixtures("few_effects")
 def test_diagnosis_goes_on_from_the_ladder(measure):
     sweeps, _ = measure(2, ("eddy-laminations",))
     solved = me.fit(me.dc_motor(), sweeps).add("eddy-laminations")

@@ -326,7 +326,6 @@ def measure_once() -> list[me.ImpedanceSweep]:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_effects")
 def test_a_circuit_within_the_stated_accuracy_is_searched_for_one_effect_only(stated):
     assert 1 < stated.rms_error_percent < 20
     judgement = judge(stated)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
-from few_effects import seeking
 from two_ports import Strays, TwoPorts, measured
 
 import motoremi as me
@@ -91,19 +89,11 @@ def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
     assert (found.verdict, found.effects) == ("adequate", ())
 
 
-# Most motors leave a family after a search of pairs, which takes eight times as long; motor 4 in the series fixture does not. In the other, where
-# motors 1 to 3 do, the search is over what comes near of the whole catalogue.
-NEAR = (
-    *("eddy-laminations", "permeability-relaxation", "second-resonance", "rotor-cage", "field-coupling", "winding-sections", "shorted-turn"),
-    *("brush-contact", "core-loss", "insulation-leakage@Ca"),
-)
-
-
+# In the series fixture motors 1, 2, 3 and 5 leave a family after a search of pairs, which takes eight times as long; so does motor 1 in the other.
 @pytest.mark.slow
-@pytest.mark.parametrize(("fixture", "seed", "sought"), [("series-through", 4, None), ("shunt-through", 1, NEAR)], ids=["series", "shunt"])
-def test_a_hidden_effect_is_named(tmp_path, fixture, seed, sought):
-    with seeking(sought) if sought else nullcontext():
-        found = diagnosed(tmp_path, fixture, seed, ("eddy-laminations",))
+@pytest.mark.parametrize(("fixture", "seed"), [("series-through", 4), ("shunt-through", 1)])
+def test_a_hidden_effect_is_named(tmp_path, fixture, seed):
+    found = diagnosed(tmp_path, fixture, seed, ("eddy-laminations",))
     assert found.verdict in ("missing-effect", "family")
     assert "eddy-laminations" in {*found.effects, *(one for family in found.families for one in family)}
 

@@ -65,7 +65,6 @@ def test_small_differences_between_repeats_are_not_the_cause_of_a_large_error(le
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_effects")
 def test_where_only_the_analyser_is_seen_no_motor_is_called_adequate():
     """Nothing connected to a network analyser: a tenth of a picofarad, far less than the stray capacitance of its own connector."""
     frequency = np.geomspace(1e6, 30e6, 101)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from covariances import complex_normal
 from diagnosis_contract import check_contract
-from few_effects import FEW, seeking
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -125,7 +124,6 @@ def test_a_decade_full_of_stations():
         assert said(found)
 
 
-@seeking()
 def test_an_analyser_that_cannot_have_made_the_data():
     """Noise of 1 % and the errors of a handheld analyser, said to be a 4294A's."""
     rng = np.random.default_rng(9)
@@ -159,7 +157,6 @@ def test_three_bad_points_in_each_sweep_change_nothing():
         assert "3 of 101 points" in told[termination].why
 
 
-@seeking()
 def test_accuracy_that_is_stated_is_all_that_is_asked_for():
     frequency = grid(21)
     place = np.log10(frequency / 2e6)
@@ -208,8 +205,6 @@ def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, s
     assert {find_effect(name).effect.group for name in found.effects} <= {"instrument"}
 
 
-# With what comes near it of the whole catalogue.
-@seeking(FEW | {"dielectric-relaxation@Ca", "dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film", "dielectric-loss@Cr"})
 def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
     found = answer(swept(11, both(grid(401)), ("outside-charge-diffusion",)), ("outside-charge-diffusion",))
     assert found is not None

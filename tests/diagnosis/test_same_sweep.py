@@ -23,7 +23,6 @@ def measured(seed: int, termination: str, as_termination: str, connection: int) 
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_effects")
 @pytest.mark.parametrize("twice", ["short", "open"])
 def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
     # Motors 7 to 10 are all answered like this; 8 is the quickest.

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from few_effects import FEW, seeking
 from scipy.special import ive
 from typer.testing import CliRunner
 
@@ -47,16 +46,14 @@ def sweeps() -> list[me.ImpedanceSweep]:
 
 @pytest.fixture(scope="module")
 def found(sweeps: list[me.ImpedanceSweep]) -> me.Diagnosis:
-    # Pairs of its own parts and a few others; the ordinary parts that are tried together are all there are.
-    with seeking(FEW | {"suppressor-capacitor@frame"}):
-        return me.diagnose(me.fit(me.dc_motor(), sweeps))
+    return me.diagnose(me.fit(me.dc_motor(), sweeps))
 
 
 @pytest.mark.slow
 def test_its_parts_are_shown_with_their_values_and_not_named(found: me.Diagnosis) -> None:
     assert (found.verdict, found.effects) == ("unexplained", ())
     assert found.base.rms_error_percent > 50
-    assert found.best.rms_error_percent < found.best.floor_percent
+    assert found.best.rms_error_percent < 1
     values = found.best.parameters
     assert values["suppressor-capacitor@frame.capacitance_f"] == pytest.approx(CAPACITOR_F, rel=0.05)
     assert values["insulation-leakage@Cf.resistance_ohm"] == pytest.approx(LEAK_OHM, rel=0.1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -84,29 +85,21 @@ class Task:
         """The same with one parameter that keeps the value of each start instead of being held."""
         return dataclasses.replace(self, held={own: value for own, value in self.held.items() if own != name}, swept=(*self.swept, name))
 
+    @property
+    def _problem(self) -> partial[Problem]:
+        return partial(Problem, self.motor, self.measurement.coarse, self.bounds, self.held, swept=self.swept)
+
     def relative(self) -> Problem:
         """The relative error over all points."""
-        return Problem(self.motor, self.measurement.coarse, self.bounds, self.held, weights="relative", swept=self.swept)
+        return self._problem(weights="relative")
 
     def thinned(self, points: int | None, highest_hz: float = np.inf) -> Problem:
         """The search problem on about `points` points a sweep."""
-        return Problem(
-            self.motor, self.measurement.coarse, self.bounds, self.held, points=points, weights="log", highest_hz=highest_hz, swept=self.swept
-        )
+        return self._problem(points=points, weights="log", highest_hz=highest_hz)
 
     def likelihood(self, points: int | None = None, sizes: Sizes = AS_DECLARED, least_share: float = LEAST_SHARE, blur: float = 0.0) -> Problem:
         """The likelihood on all points, or on about `points` points a sweep."""
-        return Problem(
-            self.motor,
-            self.measurement.coarse,
-            self.bounds,
-            self.held,
-            points=points,
-            sizes=sizes,
-            least_share=least_share,
-            blur=blur,
-            swept=self.swept,
-        )
+        return self._problem(points=points, sizes=sizes, least_share=least_share, blur=blur)
 
 
 @dataclass(frozen=True)
