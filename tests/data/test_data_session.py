@@ -449,6 +449,27 @@ def test_only_one_writer_at_a_time(session: Path) -> None:
 # Interruption
 
 
+ADDING = """
+import sys
+from motoremi.data.session import reopen
+for number in range(60):
+    with reopen(sys.argv[1]) as writer:
+        writer.save_analysis("ladder", {"number": number})
+"""
+
+
+def test_a_reader_sees_a_whole_session_while_another_program_adds_to_it(session: Path) -> None:
+    """The page and the command line work on the same session: no reader takes an addition for damage."""
+    with subprocess.Popen([sys.executable, "-c", ADDING, str(session)]) as writer:
+        seen = set()
+        while writer.poll() is None:
+            seen.add((load(session).analysis("ladder") or {}).get("number"))
+            assert [problem for problem in verify(session) if "was changed" in problem or "was added" in problem] == []
+        assert writer.returncode == 0
+    assert len(seen) > 5
+    assert verify(session) == []
+
+
 def crash(session: Path, tail: bytes = b"") -> Session:
     """Load the session as it was before its stop document, with the beginning of another line."""
     (session / "manifest.json").unlink()

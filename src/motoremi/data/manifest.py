@@ -48,7 +48,8 @@ def list_files(folder: Path) -> tuple[list[str], list[str]]:
         for name in [*folders, *names]:
             path = Path(root, name)
             relative = path.relative_to(folder).as_posix()
-            if path.is_symlink() or not (path.is_file() or path.is_dir()):
+            # A file that another program renames meanwhile is none of these.
+            if path.is_symlink() or (path.exists() and not (path.is_file() or path.is_dir())):
                 odd.append(relative)
             elif path.is_file() and relative != MANIFEST:
                 files.append(relative)

@@ -204,7 +204,18 @@ def load(path: str | os.PathLike[str]) -> Session:
         raise BadInput(f"{name}: no such session folder")
     if not os.path.lexists(folder / SESSION):
         raise BadInput(f"{name}: no session here ({SESSION} is missing)")
-    data = read_bytes(inside(folder, SESSION))
+    while True:
+        data = read_bytes(inside(folder, SESSION))
+        try:
+            return _loaded(folder, name, data)
+        except BadInput:
+            # If another program has added to the session meanwhile, its files are newer than `data`.
+            if read_bytes(inside(folder, SESSION)) == data:
+                raise
+
+
+def _loaded(folder: Path, name: str, data: bytes) -> Session:
+    """The session whose documents are `data`."""
     chain = read_chain(data)
     if chain.problems:
         raise BadInput(f"{name}: {SESSION}, {chain.problems[0]}; run motoremi verify")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,8 +41,25 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
     BadInput
         If there is no such folder or it cannot be read.
     """
-    findings = inspect_session(Path(path))
-    return [*findings.damage, *findings.interruption]
+    folder = Path(path)
+    while True:
+        before = _stamps(folder)
+        findings = inspect_session(folder)
+        # If another program has added to the session meanwhile, some files are newer than others.
+        if not findings.damage or _stamps(folder) == before:
+            return [*findings.damage, *findings.interruption]
+
+
+def _stamps(folder: Path) -> list[tuple[int, int] | None]:
+    """Size and time of the files that change with every addition; None for one that cannot be read."""
+    stamps: list[tuple[int, int] | None] = []
+    for name in (SESSION, MANIFEST):
+        try:
+            found = (folder / name).stat()
+            stamps.append((found.st_size, found.st_mtime_ns))
+        except (OSError, ValueError):
+            stamps.append(None)
+    return stamps
 
 
 def inspect_session(folder: Path) -> Findings:
@@ -74,7 +92,7 @@ def _inspect(folder: Path) -> Findings:
             manifest = parse_manifest((folder / MANIFEST).read_bytes())
         except BadInput as error:
             return Findings((*damage, str(error)), ())
-    records = {name: record_file(folder / name) for name in files}
+    records = _records(folder, files)
     counted = len(chain.documents)
     # Documents after those that the manifest counts, even an unfinished one, are an addition that was not closed.
     if manifest is not None and (counted < manifest.documents or (counted == manifest.documents and not chain.torn)):
@@ -87,8 +105,17 @@ def _inspect(folder: Path) -> Findings:
         interruption = [f"{MANIFEST}: is older than {SESSION}; an addition was interrupted or is still running"]
     if chain.torn:
         interruption.append(f"{SESSION}: the last line was not finished")
-    interruption += [f"{clean_text(name)}: was not finished" for name in files if name.endswith(PENDING_SUFFIX) and name not in odd]
+    interruption += [f"{clean_text(name)}: was not finished" for name in records if name.endswith(PENDING_SUFFIX)]
     return Findings(tuple(damage), tuple(interruption))
+
+
+def _records(folder: Path, files: list[str]) -> dict[str, FileRecord]:
+    """Sizes and hashes of files; one that another program renamed or removed since they were listed is left out."""
+    records = {}
+    for name in files:
+        with suppress(FileNotFoundError):
+            records[name] = record_file(folder / name)
+    return records
 
 
 def _against_manifest(records: dict[str, FileRecord], manifest: Manifest) -> list[str]:
