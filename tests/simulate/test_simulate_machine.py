@@ -188,3 +188,10 @@ def test_two_accounts_of_one_winding_are_not_hidden_together() -> None:
     for other in ("distributed-winding", "rotor-cage", "core-loss"):
         with pytest.raises(BadInput, match="hide one of them"):
             SimulatedMotor.random(1, [other, "machine-winding"])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_proximity_beside_a_cage_keeps_an_inductance(seed):
+    """Both set the copper resistance, and the layers take part of La in proportion to it."""
+    motor = SimulatedMotor.random(seed, effects=("rotor-cage", "shorted-turn", "proximity-effect"))
+    assert np.all(np.isfinite(motor.impedance("short", np.geomspace(10e3, 30e6, 5))))

@@ -126,11 +126,14 @@ def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[d
     for name in names:
         for other in sorted(set(names) & set(_KINDS[name].excludes)):
             raise BadInput(f"{name} and {other} change the same parts of the winding: hide one of them")
-    values = dict(elements)
+    changed: dict[str, float] = {}
     effects = []
     for name in sorted(names, key=MOTOR_EFFECTS.index):
         rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-        sizes = _KINDS[name].draw(rng, values)
-        values.update({key: sizes.pop(key) for key in ELEMENTS if key in sizes})
+        sizes = _KINDS[name].draw(rng, {**elements, **changed})
+        for element in ELEMENTS:
+            if element in sizes:
+                # The first effect decides: proximity-effect takes part of La in proportion to the copper resistance that it sets.
+                changed.setdefault(element, sizes.pop(element))
         effects.append(HiddenEffect(name, sizes))
-    return values, tuple(effects)
+    return {**elements, **changed}, tuple(effects)
