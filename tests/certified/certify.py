@@ -22,7 +22,7 @@ STEP = mp.mpf(10) ** -20
 ELEMENTS = ("Ra", "La", "Ca", "Rr", "Lr", "Cr", "Cf")
 RANGES = {
     "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "5e-6"), "skin_ohm": ("1e-4", "0.3")},
-    "terminal-capacitance": {"capacitance_f": ("0.8e-12", "400e-12")},
+    "terminal-capacitance": {"capacitance_f": ("0.8e-12", "400e-12"), "tan_delta": ("1e-4", "0.1")},
     "core-loss": {"resistance_ohm": ("30", "100e3")},
     "eddy-laminations": {"share": ("0.01", "0.999"), "corner_hz": ("300", "1e6")},
     "": {},
@@ -46,7 +46,8 @@ def impedances(effect: str, values: list, frequency_hz) -> tuple:
         lead = more[0] + s * more[1] + more[2] * mp.sqrt(2 * s / (2 * mp.pi * 10**6))
         return winding + lead, winding + frame + lead
     if effect == "terminal-capacitance":
-        return 1 / (1 / winding + s * more[0]), 1 / (1 / (winding + frame) + s * more[0])
+        terminal = s * more[0] / (s / (2 * mp.pi * 10**6)) ** (2 / mp.pi * mp.atan(more[1]))
+        return 1 / (1 / winding + terminal), 1 / (1 / (winding + frame) + terminal)
     return winding, winding + frame
 
 

@@ -22,7 +22,7 @@ PROBLEMS: dict[str, tuple[str, int, float, str, dict[str, float]]] = {
     "hard-5-instrument": ("hard", 5, INSTRUMENT, "", {}),
     "wide-9-instrument": ("wide", 9, INSTRUMENT, "", {}),
     "damped-4-instrument": ("damped", 4, INSTRUMENT, "", {}),
-    "damped-4-terminal-bench": ("damped", 4, BENCH, "terminal-capacitance", {"capacitance_f": 12e-12}),
+    "damped-4-terminal-bench": ("damped", 4, BENCH, "terminal-capacitance", {"capacitance_f": 12e-12, "tan_delta": 0.02}),
     "hard-8-lead-instrument": ("hard", 8, INSTRUMENT, "lead-inductance", {"resistance_ohm": 0.15, "inductance_h": 150e-9, "skin_ohm": 0.02}),
     "damped-6-core-loss-instrument": ("damped", 6, INSTRUMENT, "core-loss", {"resistance_ohm": 3000.0}),
     "hard-4-core-loss-bench": ("hard", 4, BENCH, "core-loss", {"resistance_ohm": 2000.0}),

@@ -64,7 +64,7 @@ def test_effects_of_the_connection_are_where_the_simulated_motor_has_them(names:
     motor = add_effects(dc_motor(), names)
     values = values_of(simulated)
     parameters = [parameter.name for parameter in motor.parameters]
-    ladder = LADDER if any(name.startswith("suppressor-capacitor") for name in names) else 1e-9
+    ladder = LADDER if any(name.startswith(("suppressor-capacitor", "terminal-capacitance")) for name in names) else 1e-9
     ladder = ROUND_WIRE if {"lead-inductance", "ground-strap-inductance"} & set(names) else ladder
     netlist = realise(motor, values, (FREQUENCY_HZ[0], FREQUENCY_HZ[-1]))
     for termination in ("short", "open"):

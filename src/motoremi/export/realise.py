@@ -13,7 +13,7 @@ from motoremi.errors import BadInput
 from motoremi.export.ideal_network import Coils, Element, InParallel, InSeries, Part, resonant_loop
 from motoremi.export.law_ladders import ladder_of
 from motoremi.model import laws
-from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Shunted, Tape, walk
+from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Tape, walk
 from motoremi.model.motor import Motor
 from motoremi.model.sections import Sections, linked_flux
 
@@ -292,8 +292,6 @@ def _line_of(seen: Node) -> tuple[Line | None, Node | None]:
 
 
 def _outside(builder: _Builder, wrapped: Node) -> tuple[str, Part]:
-    if isinstance(wrapped, Shunted) and wrapped.child is _PLACEHOLDER and wrapped.law is laws.capacitance_only:
-        return "shunt", Element("C", "terminal", builder.values[wrapped.parameters[0].name])
     if isinstance(wrapped, (Series, Parallel)):
         others = tuple(member for member in wrapped.members if _PLACEHOLDER not in walk(member))
         if len(others) == len(wrapped.members) - 1 and _PLACEHOLDER in wrapped.members:

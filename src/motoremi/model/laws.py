@@ -81,11 +81,6 @@ def conductance_and_capacitance(s: ComplexArray, conductance: Any, capacitance: 
     return conductance + s * capacitance, (_ONE, s)
 
 
-def capacitance_only(s: ComplexArray, capacitance: Any) -> ValueAndSlopes:
-    """Y = s C."""
-    return s * capacitance, (s,)
-
-
 def resistance_and_inductance(s: ComplexArray, resistance: Any, inductance: Any) -> ValueAndSlopes:
     """Z = R + s L."""
     return resistance + s * inductance, (_ONE, s)

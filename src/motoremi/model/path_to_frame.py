@@ -25,12 +25,13 @@ class _FrameScan:
     """The frame's impedance for given resonance and damping; the other unknowns are solved for.
 
     With w the resonance of Lr with Cr and Cf in series, d the damping there and q = (s/w)(d + s/w), the frame is
-    (1/s) (a + b q/(1 + q)) where a = 1/(Cr + Cf) and b = 1/Cf - a, neither below zero.
+    (1/s) (a + b q/(1 + q)) where a = 1/(Cr + Cf) and b = 1/Cf - a, neither below zero. A strap in series adds s L with any L.
     """
 
     omega: FloatArray
     elastance: ComplexArray
     weight: FloatArray
+    has_strap: bool
 
     def at(self, resonance: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Cost, a and b for all pairs of resonance and damping, each of shape (resonances, dampings)."""
@@ -39,6 +40,11 @@ class _FrameScan:
         branch = q / (1 + q)
         n11, n12, n22 = self.weight.sum(), branch.real @ self.weight, (branch.real**2 + branch.imag**2) @ self.weight
         r1, r2 = float(self.elastance.real @ self.weight), (branch.conj() @ (self.weight * self.elastance)).real
+        if self.has_strap:
+            # With the most likely L for each a and b: times s it is -L omega^2, which is linear too.
+            n33, n13, n23, r3 = self._strap_sums(branch)
+            n11, n12, n22 = n11 - n13**2 / n33, n12 - n13 * n23 / n33, n22 - n23**2 / n33
+            r1, r2 = r1 - n13 * r3 / n33, r2 - n23 * r3 / n33
         both = n11 * n22 - n12**2
         a, b = (n22 * r1 - n12 * r2) / both, (n11 * r2 - n12 * r1) / both
         a, b = np.where(b > 0, a, r1 / n11), np.maximum(b, 0.0)
@@ -46,17 +52,32 @@ class _FrameScan:
         cost = n11 * a**2 + 2 * n12 * a * b + n22 * b**2 - 2 * (r1 * a + r2 * b)
         return np.where(np.isfinite(cost), cost, np.inf), a, b
 
+    def _strap_sums(self, branch: ComplexArray) -> tuple[float, float, FloatArray, float]:
+        """Sums over the points of the products of -omega^2 with itself, one, the branch and the data."""
+        square = -(self.omega**2)
+        weighted = self.weight * square
+        return float(weighted @ square), float(weighted.sum()), branch.real @ weighted, float(self.elastance.real @ weighted)
 
-def frames(frequency_hz: FloatArray, frame_ohm: ComplexArray, error_ohm: FloatArray) -> list[dict[str, float]]:
+    def strap_h(self, resonance: float, damping: float, a: float, b: float) -> float:
+        """The most likely L for given values of the rest."""
+        p = 1j * self.omega / resonance
+        q = p * (damping + p)
+        n33, n13, n23, r3 = self._strap_sums(q / (1 + q))
+        return float((r3 - n13 * a - n23 * b) / n33)
+
+
+def frames(frequency_hz: FloatArray, frame_ohm: ComplexArray, error_ohm: FloatArray, has_strap: bool = False) -> list[dict[str, float]]:
     """Rr, Lr, Cr, Cf at the best local minima of a scan over resonance and damping.
 
     Parameters
     ----------
     frequency_hz, frame_ohm, error_ohm : ndarray, shape (n,)
         The impedance of the path to the frame, and its uncertainty up to a common factor.
+    has_strap : bool
+        With an inductance in series, which is added as `inductance_h`; it may come out negative.
     """
     omega = 2 * np.pi * frequency_hz
-    scan = _FrameScan(omega, 1j * omega * frame_ohm, 1 / (omega * error_ohm) ** 2)
+    scan = _FrameScan(omega, 1j * omega * frame_ohm, 1 / (omega * error_ohm) ** 2, has_strap)
     resonances = np.geomspace(BEYOND_BAND[0] * omega[0], BEYOND_BAND[1] * omega[-1], RESONANCES)
     cost = scan.at(resonances, DAMPINGS)[0]
     rows, columns = cost.shape
@@ -83,4 +104,6 @@ def _zoomed(scan: _FrameScan, resonance: float, damping: float) -> tuple[float, 
     total, cf = 1 / max(whole, least), 1 / (max(whole, least) + max(extra, least))
     cr = total - cf
     series = cr * cf / total
-    return float(cost[row, column]), {"Rr": damping / (resonance * series), "Lr": 1 / (resonance**2 * series), "Cr": cr, "Cf": cf}
+    frame = {"Rr": damping / (resonance * series), "Lr": 1 / (resonance**2 * series), "Cr": cr, "Cf": cf}
+    strap = {"inductance_h": scan.strap_h(resonance, damping, whole, extra)} if scan.has_strap else {}
+    return float(cost[row, column]), {**frame, **strap}

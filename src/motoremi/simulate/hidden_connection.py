@@ -61,11 +61,11 @@ def _apply_lead(network: Network, elements: Elements, sizes: Sizes) -> Network:
 
 
 def _draw_terminal(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
-    return {"capacitance_f": uniform(rng, 5e-12, 2e-11)}
+    return {"capacitance_f": uniform(rng, 5e-12, 2e-11), "tan_delta": log_uniform(rng, 5e-4, 0.03)}
 
 
 def _apply_terminal(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    return network.capacitor("Ct", "X", "G", sizes["capacitance_f"])
+    return network.block("Ct", "X", "G", ladders.lossy_capacitor(sizes["capacitance_f"], sizes.get("tan_delta", 0.0)))
 
 
 def _draw_drift(rng: np.random.Generator, elements: Elements) -> dict[str, float]:

@@ -23,12 +23,9 @@ def _capacitor(name: str, low_farad: float, high_farad: float, ends: Sequence[tu
         }
 
     def apply(network: Network, elements: Elements, sizes: Sizes) -> Network:
-        # Sizes without a loss, as in motors stored by earlier versions, mean none.
-        loss = sizes.get("tan_delta", 0.0)
-        farad = sizes["capacitance_f"]
         capacitor = (
             Network()
-            .block("c", IN, "foil", ladders.constant_phase(farad, loss) if loss else Network().capacitor("c", IN, OUT, farad))
+            .block("c", IN, "foil", ladders.lossy_capacitor(sizes["capacitance_f"], sizes.get("tan_delta", 0.0)))
             .resistor("r", "foil", "wire", sizes["esr_ohm"])
             .inductor("l", "wire", OUT, sizes["esl_h"])
         )

@@ -192,6 +192,11 @@ def constant_phase(farad: float, tan_delta: float, reference_hz: float = 1e6, pe
     return network.plus(*parts)
 
 
+def lossy_capacitor(farad: float, tan_delta: float) -> Network:
+    """`constant_phase`, or an ideal capacitor if the loss tangent is zero: motors stored by earlier versions have none."""
+    return constant_phase(farad, tan_delta) if tan_delta else Network().capacitor("c", IN, OUT, farad)
+
+
 def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
     """Line with series resistance and shunt capacitance, open at the end: diffusion of charge (Warburg)."""
     faces = graded_faces(float(1 / np.sqrt(np.pi * HIGHEST_HZ * ohm * farad)), refine)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-from motoremi.model import laws
-from motoremi.model.circuit import Leaf, Series, Shunted
+from motoremi.model import laws, materials
+from motoremi.model.circuit import Leaf, Parallel, Scaled, Series
+from motoremi.model.effects import rational_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Subtract
 from motoremi.model.motor import Motor, Outwards
@@ -23,8 +24,9 @@ def _lead(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Moto
 
 
 def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    terminal = (parameters["capacitance_f"],)
-    return motor.attached(lambda node: Shunted(node, laws.capacitance_only, terminal), place=Outwards.TERMINALS)
+    capacitor = Leaf("terminal", laws.capacitor, (parameters["capacitance_f"],))
+    terminal = Scaled(capacitor, materials.constant_phase_factor, (parameters["tan_delta"],))
+    return motor.attached(lambda node: Parallel((node, terminal)), place=Outwards.TERMINALS)
 
 
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -66,16 +68,19 @@ EFFECTS = (
         name="terminal-capacitance",
         group="connection",
         title="stray capacitance across the terminals",
-        formula="Z / (1 + s * capacitance_f * Z)",
-        parameters=(Parameter("capacitance_f", "F", 0.8e-12, 400e-12, "terminal blocks of 1 - 20 pF, a metre of cable 100 pF, filters more"),),
+        formula="Z / (1 + s * capacitance_f * Z / (s / (2 * pi * 1e6))**(2 * atan(tan_delta) / pi))",
+        parameters=(
+            Parameter("capacitance_f", "F", 0.8e-12, 400e-12, "terminal blocks of 1 - 20 pF, a metre of cable 100 pF, filters more"),
+            Parameter("tan_delta", "", 1e-4, 0.1, "0.0005 PTFE, 0.02 glass epoxy, 0.03 phenolic, up to 0.1 PVC cable; 1e-4 is none", special=1e-4),
+        ),
         limit="capacitance_f -> 0",
-        limit_values={"capacitance_f": 0.0},
+        limit_values={"capacitance_f": 1e-24, "tan_delta": 1e-4},
         signature="adds to Ca in the short-circuit sweep and shunts everything in the open one: the two disagree on Ca",
         look_alikes=("open-residual", "temperature-drift"),
         deciding="lift the lead and measure the terminal block alone",
         source="a capacitance across the terminals; values of terminal blocks are estimates without a source",
         change=_terminal,
-        starts=tuple({"capacitance_f": c, Subtract("Ca"): c} for c in (2e-12, 1e-11, 3e-11)),
+        starts=tuple({"capacitance_f": c, "tan_delta": 0.002, Subtract("Ca"): c} for c in (2e-12, 1e-11, 3e-11)),
         responds={"terminal-block": {"capacitance_f": 0.0}, "brushes-lifted": {"capacitance_f": 0.0}},
     ),
     Effect(
@@ -95,7 +100,8 @@ EFFECTS = (
         deciding="shorten or double the strap",
         source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142; straight wires: Grover (1946)",
         change=_strap,
-        starts=tuple({"resistance_ohm": 0.02, "inductance_h": x, "skin_ohm": 0.01} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+        starts=tuple({**rational_starts.STRAP_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+        reader=rational_starts.frame_behind_strap,
         responds={"longer-strap": {"resistance_ohm": 2.0, "inductance_h": 2.0, "skin_ohm": 2.0}},
     ),
 )

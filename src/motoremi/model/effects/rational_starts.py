@@ -45,6 +45,8 @@ LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
 FRAME_POINTS, LEAST_POINTS, MOST_LOST, LEAST_OHM = 80, 10, 30.0, 1e-3
 # Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
 CHOKE_REST = {"exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02}
+# Start values of a strap's minor parameters.
+STRAP_REST = {"resistance_ohm": 0.02, "skin_ohm": 0.01}
 # Nearly Debye's law; exactly at the end of its range the exponent could only be varied in one direction.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
@@ -389,6 +391,20 @@ def _unsuppressed(seen: Seen, start: Start) -> list[dict[Any, float]]:
     # A fit without the second capacitor of a pair attributes its capacitance to the frame.
     taken = [{Subtract("Cf"): start["capacitance_f"]}] if seen.place == "pair" else []
     return [{Set(name): value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
+
+
+def frame_behind_strap(seen: Seen) -> list[dict[Any, float]]:
+    """Path to the frame and strap from the difference of the two sweeps.
+
+    The resonance of a strap with Cf is sharp, and a model without it takes the elements of the frame for it.
+    """
+    if seen.frame_hz is None or seen.open_ohm is None or seen.through_ohm is None:
+        return []
+    step = max(1, seen.frame_hz.size // FRAME_POINTS)
+    frequency, measured, winding = seen.frame_hz[::step], seen.open_ohm[::step], seen.through_ohm[::step]
+    found = frames(frequency, measured - winding, np.hypot(np.abs(measured), np.abs(winding)), has_strap=True)
+    straps = [(one.pop("inductance_h"), one) for one in found]
+    return [{**{Set(name): value for name, value in frame.items()}, **STRAP_REST, "inductance_h": henry} for henry, frame in straps if henry > 0]
 
 
 def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> tuple[ComplexArray, FloatArray]:
