@@ -25,7 +25,7 @@ from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.model.effects import identifiers
 from motoremi.simulate.analyser_errors import SimulatedAnalyser, noise_sd_ohm
-from motoremi.simulate.hidden_effects import MOTOR_EFFECTS, OUTSIDE_EFFECTS
+from motoremi.simulate.hidden_effects import MOTOR_EFFECTS, OUTSIDE_EFFECTS, excluding
 from motoremi.simulate.simulated_motor import SimulatedMotor
 from motoremi.simulate.uncatalogued import UNCATALOGUED_EFFECTS, UncataloguedMotor
 
@@ -74,6 +74,7 @@ def test_any_count_covers_the_departures_evenly_and_half_of_each_hide_one_effect
     outside = {one.hidden[0] for one in draw_hard_many(2, 40 * len(DEPARTURES)) if one.departure == "outside"}
     assert outside == {*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS}
     assert {name for one in cases if one.departure != "outside" for name in one.hidden} <= set(identifiers())
+    assert [one for one in draw_hard_many(2, 40 * len(DEPARTURES)) if one.departure == "three" and excluding(one.hidden)] == []
 
 
 @pytest.mark.parametrize("one", draw_hard_many(29, 2 * len(DEPARTURES)), ids=lambda one: f"{one.departure}-{one.index}")

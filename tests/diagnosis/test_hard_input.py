@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from covariances import complex_normal
 from diagnosis_contract import check_contract
+from few_effects import seeking
+from paper_circuit import DAMPED, impedance
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -203,6 +205,21 @@ def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, s
     found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
     assert found.verdict in ("adequate", "instrument")
     assert {find_effect(name).effect.group for name in found.effects} <= {"instrument"}
+
+
+@pytest.mark.parametrize(("strap_h", "said"), [(22e-9, True), (90e-9, False)])
+def test_of_a_strap_as_short_as_leads_the_report_says_so(strap_h, said):
+    rng, frequency = np.random.default_rng(4), grid(201)
+    longer = {"short": 0.0, "open": 2j * np.pi * frequency * strap_h}
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, (impedance(DAMPED, name, frequency) + longer[name]) * (1 + 1e-4 * complex_normal(rng, 201)))
+        for name in ("short", "open")
+    ]
+    with seeking():
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="none"))
+    assert found.effects == ("ground-strap-inductance",)
+    assert any("same leads" in reason for reason in found.reasons) == said
+    assert (found.confidence <= 0.7) == said
 
 
 def test_a_layer_of_distributed_resistance_is_not_two_relaxations():

@@ -15,6 +15,7 @@ from covariances import complex_normal
 from paper_circuit import DAMPED, impedance
 
 import motoremi as me
+from motoremi.blind.departures import HardCase
 from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
@@ -303,3 +304,13 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
     found = board.sets(1, {(): SimpleNamespace(added=(), fit=base)}, None)
     assert asked == [0.0, -200.0]
     assert max(one.fit.log_evidence for one in found) > base.log_evidence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_effect_beside_a_larger_difference_between_the_sweeps_is_found(seed):
+    """The winding's capacitance differs by 1 to 3 % between the sweeps: near its resonance, at equal weights, that outweighs a loss elsewhere."""
+    case = HardCase(1, 6, "capacitance-apart", ("dielectric-loss@Cf",), seed)
+    base = me.fit(me.dc_motor(), case.sweeps())
+    board = motor_board.MotorBoard(base)
+    assert ("dielectric-loss@Cf",) in {one.added for one in board.sets(1, {(): board.start()}, None)}

@@ -16,7 +16,7 @@ from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect, identifiers
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
-from motoremi.simulate.hidden_effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS, split_effects
+from motoremi.simulate.hidden_effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS, excluding, split_effects
 from motoremi.simulate.simulated_motor import SimulatedMotor
 
 POINTS = 401
@@ -101,6 +101,14 @@ def catalogue_kinds() -> dict[str, list[str]]:
     return {"one": [name for name in known if name not in instrument], "outside": list(OUTSIDE_EFFECTS), "instrument": instrument}
 
 
+def together(rng: np.random.Generator, known: Sequence[str], count: int) -> tuple[str, ...]:
+    """Effects drawn at random that one motor can hide together."""
+    while True:
+        hidden = tuple(str(name) for name in rng.choice(known, count, replace=False))
+        if not excluding(hidden):
+            return hidden
+
+
 def draw(seed: int, index: int) -> Case:
     """The case with this number."""
     rng = np.random.default_rng([seed, index])
@@ -108,7 +116,7 @@ def draw(seed: int, index: int) -> Case:
     sort = str(rng.choice(list(SORTS), p=list(SORTS.values())))
     hidden: tuple[str, ...] = ()
     if sort == "two":
-        hidden = tuple(str(name) for name in rng.choice(kinds["one"], 2, replace=False))
+        hidden = together(rng, kinds["one"], 2)
     elif sort != "none":
         hidden = (str(rng.choice(kinds[sort])),)
     return Case(seed, index, sort, hidden, int(rng.integers(1, 2**31)))

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds
+from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, together
 from motoremi.blind.disturbances import (
     DoubledAnalyser,
     ReflectionAnalyser,
@@ -341,9 +341,9 @@ def draw_hard(seed: int, index: int) -> HardCase:
     if departure == "outside":
         hidden = (str(rng.choice([*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS])),)
     elif departure == "three":
-        hidden = tuple(str(name) for name in rng.choice(known, 3, replace=False))
+        hidden = together(rng, known, 3)
         while set(hidden) >= _COPPER:
-            hidden = tuple(str(name) for name in rng.choice(known, 3, replace=False))
+            hidden = together(rng, known, 3)
     elif departure == "weak-effect" or (index // len(names) + index % len(names) + seed) % 2:
         hidden = (str(rng.choice(known)),)
     return HardCase(seed, index, departure, hidden, int(rng.integers(1, 2**31)))

@@ -56,6 +56,8 @@ if TYPE_CHECKING:
 
 Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "data", "unexplained"]
 
+# About 3 cm of wire: leads may differ by as much between the two sweeps.
+SHORT_STRAP_H = 30e-9
 # Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
 # Serious findings for which the verdict is `data` if no model is accepted.
@@ -463,6 +465,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("named from the open-circuit sweep alone")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
+    if named and _short_strap_h(judgement) is not None:
+        kinds.append("a strap as short as leads")
     if named and judgement.beyond_specification:
         kinds.append("names beyond the specification")
     if named and any(finding.id == "not-as-declared" for finding in findings):
@@ -529,6 +533,11 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
         same = "which is not in the catalogue, has nearly the same impedance: these sweeps do not distinguish it from"
         said.append(f"{imitation}, {same} {named[0]}")
+    if (strap_h := _short_strap_h(judgement)) is not None:
+        said.append(
+            f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
+            "both sweeps with the same leads, in the same positions"
+        )
     if judgement.aside:
         further = best_of(judgement.aside.values())
         also = [name for name in further.added if name not in named]
@@ -540,6 +549,14 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
+
+
+def _short_strap_h(judgement: Judgement) -> float | None:
+    """Inductance of a strap in the accepted model that leads of different length could be; None if there is none."""
+    if "ground-strap-inductance" not in judgement.model.added:
+        return None
+    henry = judgement.model.fit.parameters["ground-strap-inductance.inductance_h"]
+    return henry if henry <= SHORT_STRAP_H else None
 
 
 def _whole_machine_in_words(whole: Candidate | None) -> list[str]:

@@ -26,7 +26,7 @@ from motoremi.diagnosis.belief import (
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects, seen_in
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore
 from motoremi.diagnosis.motor_board import MotorBoard
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN
 from motoremi.model.effects import find_effect
 from motoremi.workers import Map
@@ -194,14 +194,16 @@ class Judgement:
     def _pair_is_credible(self) -> bool:
         """Whether a pair is acceptable.
 
-        Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow, with usual values.
+        Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow, or so little that it is no
+        matter with the analyser within its specification, all with usual values.
         """
         fit = self.model.fit
         # Of an unnamed analyser only the size of the errors is known, so an error much smaller than these may be its own. The scatter of short
         # sweeps does not count as such an error.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
-        allowed = fit.within_specification if fit.measurement.analyser.named else slight
+        explained = fit.explained and fit.analyser_sigma <= SPECIFIED_SIGMA
+        allowed = fit.within_specification or explained if fit.measurement.analyser.named else slight
         enough = allowed or not self.leaves_something
         return enough and not self.beyond_specification and not self.model.unusual and not self.distributed
 
@@ -456,8 +458,8 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
     """The judgement among the sets with usual values, if the most probable set has unusual ones and one of the others does as well.
 
     If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A pair that describes everything
-    with unusual values, or with one at a physical bound, is replaced by one that does so with ordinary values, unless the odds against it are
-    clear.
+    with unusual values, or with one at a physical bound, is replaced by one that does as well as asked for with ordinary values, unless the odds
+    against it are clear.
     """
     likeliest = judgement.model
     leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
@@ -468,7 +470,8 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
         found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(found, together))
         if leaves_nothing:
-            alike = other.model.done and likeliest.score - other.model.score <= ENOUGH_GAIN
+            enough = other.model.fit.explained and other.model.fit.instrument_sigma <= ALLOWED_SIGMA
+            alike = enough and likeliest.score - other.model.score <= CLEAR_GAIN
         else:
             alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
         if other.named and other.accepted and alike:

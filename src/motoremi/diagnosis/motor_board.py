@@ -86,9 +86,9 @@ class MotorBoard:
         by_far = size == 1 and misses_by_far(self._base.sizes) and least > CLOSER * self._base.rms_error_percent
         if lost or by_far:
             return near + self._refitted(trails, {**others, **(self._lines(trails, solutions) if by_far else {})})
-        if any(one.done for one in near):
+        if any(one.leaves_nothing for one in near):
             return near
-        # If an error remains, the decision also uses the values, so sets with usual values are refitted too.
+        # If an error remains, or only unusual values describe everything, the decision also uses the values: sets with usual ones are refitted too.
         usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
         return near + self._refitted(trails, {key: others[key] for key in usual[: self._further]})
 

@@ -109,6 +109,11 @@ def split_effects(effects: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, .
     return hidden, faults
 
 
+def excluding(names: Sequence[str]) -> list[tuple[str, str]]:
+    """The pairs of these effects that no motor can hide together."""
+    return [(name, other) for name in names for other in sorted(set(names) & set(_KINDS[name].excludes))]
+
+
 def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[dict[str, float], tuple[HiddenEffect, ...]]:
     """Draw sizes for effects; the size of an effect does not depend on the other effects.
 
@@ -123,9 +128,8 @@ def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[d
         check_motor_effect(name)
     if len(set(names)) < len(names):
         raise BadInput(f"an effect is named twice: {', '.join(names)}")
-    for name in names:
-        for other in sorted(set(names) & set(_KINDS[name].excludes)):
-            raise BadInput(f"{name} and {other} change the same parts of the winding: hide one of them")
+    for name, other in excluding(names):
+        raise BadInput(f"{name} and {other} change the same parts of the winding: hide one of them")
     changed: dict[str, float] = {}
     effects = []
     for name in sorted(names, key=MOTOR_EFFECTS.index):
