@@ -235,8 +235,9 @@ def the_same_twice(measurement: Measurement) -> Finding | None:
     return Finding(
         "sweeps-disagree",
         f"the open-circuit and the short-circuit sweep differ by at most {show(100 * twice.apart, '%', 2)} at 90 % of the points: "
-        "one was measured twice",
-        f"measure the {twice.wrong}-circuit sweep again, with the far end {connected}; if it stays the same, measure the other one too",
+        "one was measured twice, or a part across the terminals, such as a varistor or a mains filter, hides the far end",
+        f"measure the {twice.wrong}-circuit sweep again, with the far end {connected}; if it stays the same, measure the other one too, and look "
+        "for such a part",
         True,
     )
 
