@@ -129,7 +129,7 @@ def test_a_pair_at_a_physical_bound_gives_way_to_one_within_its_ranges(healthy):
     found = of(model((), 0.0, 75.0, 75.0), model(choke, 6740.0, 0.29, 0.0), model(lead, 6734.0, 0.18, 0.0))
     for key in (choke, lead):
         one = found[tuple(sorted(key))]
-        one.fit.marginal.nothing_left, one.done = 1.0, True
+        one.fit.marginal.nothing_left, one.done, one.fit.explained = 1.0, True, True
     assert decided(healthy, found).best.added == choke  # type: ignore[arg-type]
     at_bound = found[tuple(sorted(choke))]
     at_bound.plausible = at_bound.ordinary = False
@@ -159,16 +159,31 @@ def healthy():
 
 
 @pytest.mark.parametrize(
-    ("first_leaves", "further", "named"),
-    [(0.04, "second-resonance", False), (0.15, "second-resonance", True), (0.04, "frame-eddy", True)],
+    ("first_leaves", "further", "gain", "named"),
+    [
+        (0.04, "second-resonance", 165.0, False),
+        (0.15, "second-resonance", 165.0, True),
+        (0.04, "frame-eddy", 165.0, True),
+        (0.04, "frame-eddy", 20.0, False),
+    ],
 )
-def test_no_further_effect_is_named_at_the_place_of_one_that_describes_the_motor_as_well_as_is_asked_for(first_leaves, further, named, healthy):
+def test_no_further_effect_only_corrects_the_law_of_one_that_describes_the_motor_as_well_as_is_asked_for(
+    first_leaves, further, gain, named, healthy
+):
     """A choke whose ferrite is not quite of the catalogue's law: a resonance beside it takes the rest, by odds of e^165."""
     choke = model(("suppressor-choke",), 6000.0, 3.2, first_leaves)
     choke.fit.explained = first_leaves <= 0.1
-    found = of(model((), 0.0, 15.0, 14.6), choke, model(("suppressor-choke", further), 6165.0, 2.6, 0.0))
+    found = of(model((), 0.0, 15.0, 14.6), choke, model(("suppressor-choke", further), 6000.0 + gain, 2.6, 0.0))
     judgement = Judgement(healthy, found, believe(found))  # type: ignore[arg-type]
     assert judgement.best.added == (("suppressor-choke", further) if named else ("suppressor-choke",))
+
+
+@pytest.mark.parametrize(("sigma", "named"), [(4.5, False), (8.0, True)])
+def test_a_further_effect_is_named_on_the_analysers_account_only_if_it_errs_by_twice_its_specification(sigma, named, healthy):
+    layers = model(("proximity-effect",), 6000.0, 1.0, 0.0, analyser_sigma=sigma)
+    found = of(model((), 0.0, 70.0, 70.0), layers, model(("cable-delay", "proximity-effect"), 6018.0, 0.9, 0.0, analyser_sigma=1.3))
+    judgement = Judgement(healthy, found, believe(found))  # type: ignore[arg-type]
+    assert len(judgement.best.added) == (2 if named else 1)
 
 
 def bead(closest_is_usual: bool = True) -> Judgement:

@@ -8,7 +8,7 @@ import pytest
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.fitting.starts import data_driven_starts, seen
-from motoremi.model.effects.rational_starts import frame_behind_strap
+from motoremi.model.effects.rational_starts import frame_behind_strap, winding_behind_lead
 from motoremi.model.effects.start import Set
 from motoremi.model.path_to_frame import frames
 
@@ -47,6 +47,18 @@ def test_a_scan_with_a_strap_is_as_exact_as_its_steps_without_noise(strap_h):
     for name, value in FRAME.items():
         assert found[name] == pytest.approx(value, rel=0.02)
     assert found["inductance_h"] == pytest.approx(strap_h, rel=2e-3, abs=1e-10)
+
+
+def test_the_winding_is_read_behind_a_lead():
+    """The lead resonates with the winding's capacitance at 14 MHz."""
+    s = 2j * np.pi * FREQUENCY_HZ
+    winding = 1 / (1 / (WINDING["Ra"] + s * WINDING["La"]) + s * WINDING["Ca"])
+    rng = np.random.default_rng(6)
+    noisy = (winding + 0.05 + s * 640e-9) * (1 + 1e-3 * (rng.normal(size=400) + 1j * rng.normal(size=400)))
+    (start,) = winding_behind_lead(seen(Measurement.of([ImpedanceSweep("short", FREQUENCY_HZ, noisy)])))
+    for name, value in WINDING.items():
+        assert start[Set(name)] == pytest.approx(value, rel=0.02)
+    assert start["inductance_h"] == pytest.approx(640e-9, rel=0.01)
 
 
 def test_no_open_circuit_sweep_gives_no_start():

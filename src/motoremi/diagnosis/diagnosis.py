@@ -538,8 +538,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
             "both sweeps with the same leads, in the same positions"
         )
-    if judgement.aside:
-        further = best_of(judgement.aside.values())
+    relieving = [one for one in judgement.aside.values() if one.fit.analyser_sigma < best.analyser_sigma]
+    if relieving:
+        further = best_of(relieving)
         also = [name for name in further.added if name not in named]
         said.append(
             f"with {' and '.join(also)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its specification, without it "

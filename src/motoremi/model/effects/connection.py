@@ -61,7 +61,8 @@ EFFECTS = (
         deciding="add a known 50 mm of lead; measure a short bar and a 100 pF standard on the same fixture",
         source="inductance of straight wires: Grover, Inductance Calculations (1946)",
         change=_lead,
-        starts=({"resistance_ohm": 0.02, "inductance_h": 1e-7, "skin_ohm": 0.01},),
+        starts=({**rational_starts.CONDUCTOR_REST, "inductance_h": 1e-7},),
+        reader=rational_starts.winding_behind_lead,
         seen_as=("series-inductance",),
     ),
     Effect(
@@ -100,7 +101,7 @@ EFFECTS = (
         deciding="shorten or double the strap",
         source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142; straight wires: Grover (1946)",
         change=_strap,
-        starts=tuple({**rational_starts.STRAP_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+        starts=tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
         reader=rational_starts.frame_behind_strap,
         responds={"longer-strap": {"resistance_ohm": 2.0, "inductance_h": 2.0, "skin_ohm": 2.0}},
     ),

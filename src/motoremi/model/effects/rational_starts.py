@@ -45,8 +45,8 @@ LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
 FRAME_POINTS, LEAST_POINTS, MOST_LOST, LEAST_OHM = 80, 10, 30.0, 1e-3
 # Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
 CHOKE_REST = {"exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02}
-# Start values of a strap's minor parameters.
-STRAP_REST = {"resistance_ohm": 0.02, "skin_ohm": 0.01}
+# Start values of the minor parameters of a lead or a strap.
+CONDUCTOR_REST = {"resistance_ohm": 0.02, "skin_ohm": 0.01}
 # Nearly Debye's law; exactly at the end of its range the exponent could only be varied in one direction.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
@@ -393,6 +393,29 @@ def _unsuppressed(seen: Seen, start: Start) -> list[dict[Any, float]]:
     return [{Set(name): value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
 
 
+def winding_behind_lead(seen: Seen) -> list[dict[Any, float]]:
+    """Winding and lead from a rational fit.
+
+    The resonance of a lead with the winding's capacitance is sharp, and a model without it takes the elements of the winding for it.
+    """
+    return _from(seen.led, _led)
+
+
+def _led(short: Rational) -> dict[Any, float]:
+    """The winding, and R + s L in series with it: what remains at high frequencies."""
+    straight, rest = np.polydiv(short.numerator[::-1], short.denominator[::-1])
+    if straight.size != 2 or rest.size != 2:
+        return {"inductance_h": np.nan}
+    return {
+        Set("Ra"): float(max(rest[1], LEAST_OHM)),
+        Set("La"): float(rest[0] / short.middle),
+        Set("Ca"): float(short.denominator[2] / rest[0] / short.middle),
+        **CONDUCTOR_REST,
+        "resistance_ohm": float(max(straight[1], LEAST_OHM)),
+        "inductance_h": float(straight[0] / short.middle),
+    }
+
+
 def frame_behind_strap(seen: Seen) -> list[dict[Any, float]]:
     """Path to the frame and strap from the difference of the two sweeps.
 
@@ -404,7 +427,9 @@ def frame_behind_strap(seen: Seen) -> list[dict[Any, float]]:
     frequency, measured, winding = seen.frame_hz[::step], seen.open_ohm[::step], seen.through_ohm[::step]
     found = frames(frequency, measured - winding, np.hypot(np.abs(measured), np.abs(winding)), has_strap=True)
     straps = [(one.pop("inductance_h"), one) for one in found]
-    return [{**{Set(name): value for name, value in frame.items()}, **STRAP_REST, "inductance_h": henry} for henry, frame in straps if henry > 0]
+    return [
+        {**{Set(name): value for name, value in frame.items()}, **CONDUCTOR_REST, "inductance_h": henry} for henry, frame in straps if henry > 0
+    ]
 
 
 def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> tuple[ComplexArray, FloatArray]:

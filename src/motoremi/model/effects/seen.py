@@ -74,6 +74,11 @@ class Seen:
         return self.short_rational((2, 3))
 
     @cached_property
+    def led(self) -> Rational | None:
+        """The same for a winding with one resonance, in series with an inductance."""
+        return self.short_rational((3, 2))
+
+    @cached_property
     def choked(self) -> Rational | None:
         """The same for a winding with one resonance, in series with an inductance with one relaxation."""
         return self.short_rational((4, 3))
