@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from conftest import simulated_sweeps
 from workbench_tools import make_fitted_session
@@ -13,6 +14,8 @@ import motoremi as me
 from motoremi.diagnosis.ladder_step import ladder_step
 from motoremi.fitting.fit import followed, trail_to
 from motoremi.fitting.result import restore
+from motoremi.model.circuit import Tape
+from motoremi.model.effects import add_effects
 from motoremi.workbench import desk
 from motoremi.workbench.desk import Desk
 
@@ -77,3 +80,21 @@ def test_a_page_keeps_of_a_diagnosis_what_the_command_would_add(tmp_path, monkey
     monkeypatch.setattr(desk, "diagnose_session", lambda *_, **__: found)
     session.diagnose()
     assert session.prepared("skin-effect").parameters == session.top.add("skin-effect").parameters
+
+
+def test_a_fit_of_an_earlier_version_is_restored_without_what_its_laws_have_been_given_since():
+    """Then a terminal capacitance had no loss, and was held at zero if the data excluded it."""
+    sweeps, _ = simulated_sweeps(3, ("terminal-capacitance",), repeats=1)
+    label = "terminal-capacitance"
+    fitted = me.fit(add_effects(me.dc_motor(), [label]), sweeps, held={f"{label}.tan_delta": 1e-4})
+    stored = fitted.to_dict()
+    del stored["parameters"][f"{label}.tan_delta"], stored["held"][f"{label}.tan_delta"]
+    again = restore(stored, fitted.measurement)
+    assert again.parameters == pytest.approx(dict(fitted.parameters), rel=1e-9)
+    assert again.rms_error_percent == pytest.approx(fitted.rms_error_percent, rel=1e-9)
+    stored["parameters"][f"{label}.capacitance_f"]["value"] = stored["held"][f"{label}.capacitance_f"] = 0.0
+    without = {name: value for name, value in fitted.parameters.items() if not name.startswith(label)}
+    s = 2j * np.pi * sweeps[0].frequency_hz
+    names = [p.name for p in me.dc_motor().parameters]
+    plain = Tape(me.dc_motor().circuit("short"), names).impedance(s, np.array([without[name] for name in names]))
+    np.testing.assert_allclose(restore(stored, fitted.measurement).model_ohm("short", sweeps[0].frequency_hz), plain, rtol=1e-9)

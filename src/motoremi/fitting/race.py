@@ -204,7 +204,7 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
     chosen = _ahead(standing, rounds.arriving, kept)
     found = course.round(_arrive, {name: (standing[name], rounds.points) for name in chosen})
     if rounds.overtaking and not any(one.marginal.nothing_left >= 0.5 for one in found.values()):
-        objective = course.round(_beside, {name: rounds.points for name in reached if name not in found})
+        objective = course.round(_objective_by_likelihood, {name: rounds.points for name in reached if name not in found})
         further = sorted(objective, key=lambda name: objective[name])[: rounds.overtaking]
         found |= course.round(_arrive, {name: (reached[name], rounds.points) for name in further})
     leading = sorted(found, key=lambda name: -found[name].log_evidence)
@@ -280,7 +280,7 @@ def _leaders(objective: FloatArray, group: int, most: int) -> np.ndarray:
 
 
 @one_blas_thread
-def _beside(job: tuple[Trail, int]) -> float:
+def _objective_by_likelihood(job: tuple[Trail, int]) -> float:
     """The objective after some steps by the likelihood of the model before, from the start values."""
     trail, points = job
     problem = trail.task.likelihood(points, trail.left, ROUGH_SHARE)

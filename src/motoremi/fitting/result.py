@@ -25,7 +25,7 @@ from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem, fixture_p
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
 from motoremi.model.circuit import Tape
-from motoremi.model.effects import add_effects
+from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import error_bar, show
 
@@ -444,7 +444,8 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
         motor = add_effects(dc_motor(), [str(effect) for effect in payload["effects"]])
         bounds = {str(name): (float(low), float(high)) for name, (low, high) in payload["bounds"].items()}
         held = {str(name): float(value) for name, value in payload["held"].items()}
-        values = {str(name): float(entry["value"]) for name, entry in payload["parameters"].items()}
+        stored = {str(name): float(entry["value"]) for name, entry in payload["parameters"].items()}
+        values = _completed(motor, stored)
         nuisance = {str(name): float(value) for name, value in payload["nuisance"].items()}
         searched = {str(name): float(value) for name, value in payload["searched"].items()}
         sizes = Sizes(float(payload["sizes"]["discrepancy"]), float(payload["sizes"]["declared"]))
@@ -454,12 +455,25 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
         warnings = tuple(str(warning) for warning in payload["warnings"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInput("the stored fit is incomplete: fit the session again") from error
-    task = Task(motor, measurement, bounds, held)
+    task = Task(motor, measurement, bounds, {name: value for name, value in values.items() if name in held or name not in stored})
     problem = task.likelihood(None, sizes)
     u = problem.vector({**values, **nuisance})
     solution = Solution(problem.named(u), sizes, found, converged, evaluations)
     result = summarise(task, Found(solution, history, searched), method, seed)
     return dataclasses.replace(result, elapsed_s=elapsed_s, warnings=warnings)
+
+
+def _completed(motor: Motor, stored: Mapping[str, float]) -> dict[str, float]:
+    """The values of a fit that an earlier version stored: parameters that laws have been given since, at the value at which they change nothing.
+
+    An effect that the data exclude was held at zero where it is now held at the values at which it vanishes.
+    """
+    values = {p.name: p.special for p in motor.parameters if p.special is not None and p.name not in stored} | dict(stored)
+    for parameter in motor.parameters:
+        label, _, name = parameter.name.rpartition(".")
+        if label and values[parameter.name] == 0:
+            values[parameter.name] = find_effect(label.partition("#")[0]).effect.limit_values.get(name, 0.0)
+    return values
 
 
 def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
