@@ -178,6 +178,16 @@ def test_no_further_effect_only_corrects_the_law_of_one_that_describes_the_motor
     assert judgement.best.added == (("suppressor-choke", further) if named else ("suppressor-choke",))
 
 
+@pytest.mark.parametrize(("gain", "leaves_nothing", "named"), [(100.0, True, True), (40.0, True, False), (100.0, False, False)])
+def test_less_than_counts_is_named_only_by_clear_odds_if_nothing_is_left(gain, leaves_nothing, named):
+    loss = model(("dielectric-loss@Cr",), gain, 0.7, 0.0)
+    loss.leaves_nothing = leaves_nothing
+    found = of(model((), 0.0, 0.9, 0.07), loss)
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.named == (("dielectric-loss@Cr",) if named else ())
+    assert judgement.hardly_matters == named
+
+
 @pytest.mark.parametrize(("sigma", "named"), [(4.5, False), (8.0, True)])
 def test_a_further_effect_is_named_on_the_analysers_account_only_if_it_errs_by_twice_its_specification(sigma, named, healthy):
     layers = model(("proximity-effect",), 6000.0, 1.0, 0.0, analyser_sigma=sigma)

@@ -286,7 +286,8 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
         if not trails:
             return Raced({}, {})
         first, second, *_others = trails
-        return Raced({first: SimpleNamespace(rough=False, log_evidence=0.0), second: SimpleNamespace(rough=False, log_evidence=-200.0)}, {})
+        solutions = {first: SimpleNamespace(rough=False, log_evidence=0.0), second: SimpleNamespace(rough=False, log_evidence=-200.0)}
+        return Raced(solutions, dict.fromkeys(trails))
 
     def fitted(job):
         trail, solution, before = job
@@ -300,6 +301,7 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
     monkeypatch.setattr(motor_board, "on_all_points", fitted)
     monkeypatch.setattr(motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False, leaves_nothing=False))
     monkeypatch.setattr(motor_board, "counted", lambda trail, **_: trail)
+    monkeypatch.setattr(motor_board, "left_behind", lambda *_: {})
     board = motor_board.MotorBoard(base)
     found = board.sets(1, {(): SimpleNamespace(added=(), fit=base)}, None)
     assert asked == [0.0, -200.0]

@@ -467,6 +467,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("imitated")
     if named and _short_strap_h(judgement) is not None:
         kinds.append("a strap as short as leads")
+    if judgement.hardly_matters:
+        kinds.append("hardly matters")
     if named and judgement.beyond_specification:
         kinds.append("names beyond the specification")
     if named and any(finding.id == "not-as-declared" for finding in findings):

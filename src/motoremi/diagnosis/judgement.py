@@ -135,10 +135,16 @@ class Judgement:
             return enough and by_waves
         # A network analyser is most sensitive at its reference resistance: an error that is small there may be large elsewhere.
         left = before.unexplained_percent["value"]
-        seen = left > before.measurement.good_enough_percent or by_waves
+        seen = left > before.measurement.good_enough_percent or by_waves or (self.best.leaves_nothing and self.gain > CLEAR_GAIN)
         # If little remains compared with the analyser's error, halving it proves nothing: half may be fine structure of that error.
         halved = acceptance_of(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
+
+    @property
+    def hardly_matters(self) -> bool:
+        """Whether effects are named although the base leaves less than what counts."""
+        left = self.base.unexplained_percent["value"]
+        return bool(self.named) and left <= self.base.measurement.good_enough_percent and self.base.analyser_sigma <= ALLOWED_SIGMA
 
     @property
     def undecided(self) -> bool:

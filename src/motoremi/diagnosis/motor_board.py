@@ -26,6 +26,7 @@ from motoremi.fitting.race import (
     Best,
     Standing,
     Trail,
+    left_behind,
     little_is_left,
     race,
     raced_alone,
@@ -75,9 +76,11 @@ class MotorBoard:
         leading = self._near_best(size, solutions)
         near = self._refitted(trails, leading)
         if size == 1 and not any(one.leaves_nothing for one in near):
-            with_parts, recounted = self._counted()
-            trails, solutions = {**trails, **with_parts}, _likeliest_orders([{**solutions, **recounted}])
-            further = self._near_best(size, recounted)
+            behind = {key: trail for key, trail in trails.items() if key not in solutions}
+            with_parts, again = self._counted()
+            again |= left_behind(behind, {key: self._reached[key[-1]] for key in behind}, self._each)
+            trails, solutions = {**trails, **with_parts}, _likeliest_orders([{**solutions, **again}])
+            further = self._near_best(size, again)
             leading, near = {**leading, **further}, near + self._refitted(trails, further)
         others = {key: solution for key, solution in solutions.items() if key not in leading}
         # A further effect cannot be less probable than none: the leaders are then in wrong minima, and the others are fitted too.

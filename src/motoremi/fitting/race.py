@@ -51,37 +51,22 @@ class Round(NamedTuple):
 
 
 class Rounds(NamedTuple):
-    """A whole race.
-
-    Parameters
-    ----------
-    rounds : tuple of Round
-    arriving : int
-        How many models are then fitted by the likelihood.
-    points : int
-        On how many points a sweep.
-    overtaking : int
-        If all of those leave an error, how many of the others are fitted too, chosen by the likelihood of the model before: if it attributes most
-        of the error to the analyser, points of equal weight say little about an effect that would describe the rest.
-    """
+    """A whole race: its rounds, and how many models are then fitted by the likelihood (`arriving`), on how many points a sweep."""
 
     rounds: tuple[Round, ...]
     arriving: int
     points: int
-    overtaking: int = 0
 
 
 ALL = 10_000
 # Of the models fitted by the likelihood, so many, and all that are so near the best in log evidence, are refined until their error sizes are the
 # most probable; those whose sizes still change by much may gain more by it.
 FINISHING, BEHIND, BEHIND_UNSETTLED = 3, 15.0, 50.0
-# Starts of each model, and steps from them, by the likelihood of the model before.
-OVERTAKING_STARTS, OVERTAKING_STEPS = 2, 6
 # One effect: some forty of them, with up to a hundred starts each, and each with the best single effect if that leaves little. No start is left out
 # before seven steps: a resonance behind a suppressor (seed 25112702) was in a wrong local minimum after two steps and after four, and of one open
 # sweep all starts with winding and frame in their own places were behind after two, and in front after seven. None of the effects is left out
 # before thirty, since pairs start from the values that each has reached: with a fixture without compensation a skin effect was 28th of 34 at first.
-SINGLES = Rounds((Round(40, 7, ALL, ALL), Round(40, 12, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80, 3)
+SINGLES = Rounds((Round(40, 7, ALL, ALL), Round(40, 12, 8, ALL), Round(40, 15, 4, ALL), Round(80, 12, 3, 8)), 8, 80)
 # Two effects: seven hundred pairs, first with few steps from a few starts each. In 24 motors by the protocol (seed 660001) the true pair was among
 # the first 54 after the first round, whatever the number of starts; a line with another effect (seed 90311701) was after six steps, not after
 # four.
@@ -97,6 +82,9 @@ ARRIVING, ALIKE_ARRIVING = Rounds((), 14, 80), 6
 # From the solution of another effect: few starts, which begin near the end; and look-alikes, with more steps on more points.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 15, 4, ALL)), 8, 80)
+# Of those that a race has left behind: points of each sweep, starts of each model, steps from them by the likelihood of the model before, and how
+# many are then fitted. Where a stray capacitance caused most of the error, the true effect was first.
+LEFT_POINTS, LEFT_STARTS, LEFT_STEPS, LEFT_ARRIVING = 80, 2, 6, 3
 # For a single model, with more steps.
 THOROUGH = Rounds((Round(80, 7, ALL, 1), Round(80, 40, 9, 1)), 1, 120)
 
@@ -203,15 +191,30 @@ def race(trails: Mapping[Name, Trail], rounds: Rounds, kept: Sequence[Name] = ()
         reached |= standing
     chosen = _ahead(standing, rounds.arriving, kept)
     found = course.round(_arrive, {name: (standing[name], rounds.points) for name in chosen})
-    if rounds.overtaking and not any(one.marginal.nothing_left >= 0.5 for one in found.values()):
-        objective = course.round(_objective_by_likelihood, {name: rounds.points for name in reached if name not in found})
-        further = sorted(objective, key=lambda name: objective[name])[: rounds.overtaking]
-        found |= course.round(_arrive, {name: (reached[name], rounds.points) for name in further})
     leading = sorted(found, key=lambda name: -found[name].log_evidence)
-    distance = Best().behind(found)
-    near = [name for name in leading if name in leading[:FINISHING] or distance[name] <= _reach(found[name])]
+    behind = Best().behind(found)
+    near = [name for name in leading if name in leading[:FINISHING] or behind[name] <= _reach(found[name])]
     found |= course.round(_finish, {name: (found[name], rounds.points) for name in near})
     return Raced(dict(sorted(found.items(), key=lambda pair: -pair[1].log_evidence)), reached)
+
+
+def left_behind(trails: Mapping[Name, Trail], reached: Mapping[Name, Standing], each: Map = map) -> dict[Name, Solution]:
+    """Solutions of those models that the likelihood of the model before prefers, of those that a race has left behind.
+
+    If that model attributes most of the error to the analyser, points of equal weight say little about an effect that describes the rest.
+
+    Parameters
+    ----------
+    trails, reached : mapping
+        By name: the models, and their last state in the race.
+    each : callable
+        Like the built-in `map`.
+    """
+    course = _Course(trails, each, None, 1)
+    objective = course.round(_objective_by_likelihood, dict.fromkeys(trails, LEFT_POINTS))
+    chosen = sorted(objective, key=lambda name: objective[name])[:LEFT_ARRIVING]
+    found = course.round(_arrive, {name: (reached[name], LEFT_POINTS) for name in chosen})
+    return course.round(_finish, {name: (solution, LEFT_POINTS) for name, solution in found.items()})
 
 
 def raced_alone(trail: Trail) -> Solution:
@@ -285,8 +288,8 @@ def _objective_by_likelihood(job: tuple[Trail, int]) -> float:
     trail, points = job
     problem = trail.task.likelihood(points, trail.left, ROUGH_SHARE)
     starts = problem.vectors(trail.starts)
-    chosen = np.argsort(problem.objective(starts))[:OVERTAKING_STARTS]
-    return float(polish(problem, starts[chosen], iterations=OVERTAKING_STEPS, precision=CLOSE).objective.min())
+    chosen = np.argsort(problem.objective(starts))[:LEFT_STARTS]
+    return float(polish(problem, starts[chosen], iterations=LEFT_STEPS, precision=CLOSE).objective.min())
 
 
 @one_blas_thread
