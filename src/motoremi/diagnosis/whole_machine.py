@@ -32,12 +32,14 @@ LOSSES = (("skin-effect", "proximity-effect"), ("eddy-laminations", "permeabilit
 # What is built into many machines, or nothing; and whether the winding's capacitance to the frame is spread along it.
 BUILT_IN = ("", "suppressor-capacitor@frame", "suppressor-capacitor", "suppressor-capacitor@pair")
 WINDING = ("", "distributed-winding")
-# Start values of elements and suppressor are drawn around values computed from the data, with these standard deviations of their logarithm, all
-# others over their usual ranges. Of four machines with five to twelve effects all came near the truth from a thousand starts, three from six
-# hundred.
+# Start values that can be computed from the data, of elements and of some effects, are drawn around these, with these standard deviations of their
+# logarithm, all others over their usual ranges. Of four machines with five to twelve effects all came near the truth from a thousand starts, three
+# from six hundred.
 STARTS, SPREADS = 1000, (0.3, 2.0)
 # Error sizes with which the likelihood compares the parts from the start: equal weights of the points do not show which parts are needed.
 NEARLY_ALL = Sizes(0.01, 1.0)
+# Number of the sets, the best ones by then, that are fitted to the end.
+FINISHED = 2
 # Few steps from all starts, then to the end from the best ones.
 WHOLE = Rounds((Round(60, 8, ALL, ALL), Round(60, 20, 120, ALL), Round(60, 40, 20, ALL), Round(80, 60, 3, ALL)), 2, 80)
 
@@ -58,18 +60,18 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
     sets = {tuple(name for name in (*ordinary, *further) if name in possible) for further in product(WINDING, BUILT_IN)}
     trails = {names: _scattered(base, names) for names in sorted(sets)}
     reached = race(trails, WHOLE, (), progress, each).reached
-    best = min(reached, key=lambda names: reached[names].best)
-    trail = _near(base, best, reached[best].starts[0])
-    found = _needed(base, _with_likeliest_losses(base, trail, possible, each), each)
+    leading = [_near(base, names, reached[names].starts[0]) for names in sorted(reached, key=lambda names: reached[names].best)[:FINISHED]]
+    ends = [_needed(base, _with_likeliest_losses(base, trail, possible, each), each) for trail in leading]
+    found = max(ends, key=lambda end: end[1].log_evidence + prior_of_set(base, len(_names(base, end[0]))))
     return candidate(on_all_points((*found, base)), base) if len(_names(base, found[0])) > 2 else None
 
 
 def _scattered(base: Fit, names: Effects) -> Trail:
-    """All effects at once, from start values drawn around those computed from the data for elements and suppressor, near and far."""
+    """All effects at once, from start values drawn around those computed from the data, near and far."""
     motor = add_effects(base.motor, names)
     rng = np.random.default_rng(len(names))
     places = [*base_starts({**base.parameters, **base.search_parameters}, base.measurement.coarse, few=False)]
-    places += [dict(start) for name in names if name in BUILT_IN for start in trail_to(base, name).starts]
+    places += [dict(start) for name in names if find_effect(name).effect.reader for start in trail_to(base, name).starts]
     starts: list[Mapping[str, float]] = []
     for index in range(STARTS):
         spread = SPREADS[index % len(SPREADS)]

@@ -286,7 +286,9 @@ def _part_target(fit: Fit, effect: str, termination: str) -> _Target | None:
     circuit = fit.motor.circuit(termination)
     prefix = f"{effect}."
     parts = distinct(outermost(circuit, prefix))
-    wraps = distinct([n for n in walk(circuit) if isinstance(n, Wrapped) and n.parameters and n.parameters[0].name.startswith(prefix)])
+    inside = [node for part in parts for node in walk(part)]
+    wrapped = [node for node in walk(circuit) if isinstance(node, Wrapped) and node.parameters and node not in inside]
+    wraps = distinct([node for node in wrapped if node.parameters[0].name.startswith(prefix)])
     if len(parts) + len(wraps) == 0:
         return None
     if len(parts) + len(wraps) > 1:
@@ -296,7 +298,8 @@ def _part_target(fit: Fit, effect: str, termination: str) -> _Target | None:
         assert isinstance(wrap, Wrapped)
         return _wrap_target(fit, wrap, circuit)
     part = parts[0]
-    units = {p.unit for node in walk(part) for p in node.own_parameters}
+    # A capacitance with a loss angle is a complex one.
+    units = {p.unit for node in walk(part) for p in node.own_parameters if p.unit}
     unit = units.pop() if units in ({"H"}, {"F"}) else "Ohm"
     return _Target(
         unit=unit,
