@@ -296,8 +296,17 @@ class Problem:
         return self.whitening.directions(self.sizes.discrepancy, self._least_share)
 
     @cached_property
-    def _adjoint(self) -> ComplexArray:
-        return np.ascontiguousarray(self._directions.conj())
+    def _adjoints(self) -> list[tuple[slice, ComplexArray]]:
+        """D* in parts, each with the points at which it is not zero: most directions are those of one sweep, the others go through all."""
+        adjoint, parts = self._directions.conj(), []
+        for points in self.observed.slices.values():
+            elsewhere = np.ones(self.size, dtype=np.bool_)
+            elsewhere[points] = False
+            own = ~adjoint[elsewhere].any(axis=0)
+            parts.append((points, np.ascontiguousarray(adjoint[points, own])))
+            adjoint = adjoint[:, ~own]
+        parts.append((slice(None), np.ascontiguousarray(adjoint)))
+        return [(points, part) for points, part in parts if part.shape[1]]
 
     @property
     def whitening(self) -> Whitening:
@@ -323,7 +332,8 @@ class Problem:
 
     def _along(self, values: ComplexArray) -> FloatArray:
         """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the smooth directions."""
-        return (values @ self._adjoint).view(np.float64) if self._adjoint.shape[1] else np.zeros((*values.shape[:-1], 0))
+        along = [values[..., points] @ part for points, part in self._adjoints]
+        return np.concatenate(along, axis=-1).view(np.float64) if along else np.zeros((*values.shape[:-1], 0))
 
     def linearised(self, u: FloatArray) -> Linearised:
         """The objective round `u`, shape (..., k), to second order."""
@@ -421,7 +431,7 @@ class Problem:
         """Most likely smooth relative error of the analyser given what the model leaves, shape (n,)."""
         weight, columns = self.observed.weight, self.observed.columns.analyser * self.sizes.declared
         weighted = self.residual(u) * weight
-        white = weighted - self._directions @ (self._adjoint.T @ weighted)
+        white = weighted - self._directions @ (self._directions.conj().T @ weighted)
         return columns @ (columns.conj().T @ (white * weight))
 
     def analyser_sigma(self, u: FloatArray) -> float:
