@@ -178,6 +178,27 @@ def test_no_further_effect_only_corrects_the_law_of_one_that_describes_the_motor
     assert judgement.best.added == (("suppressor-choke", further) if named else ("suppressor-choke",))
 
 
+@pytest.mark.parametrize(("left_percent", "sigma", "accepted"), [(0.3, 1.0, True), (0.3, 4.0, False), (0.8, 1.0, False)])
+def test_a_pair_that_describes_nine_tenths_with_an_analyser_within_its_specification_is_credible(left_percent, sigma, accepted):
+    found = of(model((), 0.0, 6.0, 5.0), model(("lead-inductance", "skin-effect"), 400.0, 1.5, left_percent, analyser_sigma=sigma))
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.accepted == accepted
+
+
+def test_a_pair_with_unusual_values_does_not_take_the_place_of_one_effect_that_is_enough(healthy):
+    """A coupling leaves 0.03 %; a resonance beside it only corrects its law, and two other effects describe everything with unusual values."""
+    coupling = model(("field-coupling",), 3394.0, 2.2, 0.03)
+    coupling.fit.explained = True
+    others = model(("permeability-relaxation", "second-resonance"), 3402.0, 0.5, 0.0, ("permeability-relaxation.share",))
+    both = model(("field-coupling", "second-resonance"), 3434.0, 0.8, 0.0)
+    for one in (others, both):
+        one.fit.marginal.nothing_left, one.done = 1.0, True
+    decision = decided(healthy, of(model((), 0.0, 12.0, 11.0), coupling, others, both))  # type: ignore[arg-type]
+    assert decision.named == ("field-coupling",)
+
+
 @pytest.mark.parametrize(("gain", "leaves_nothing", "named"), [(100.0, True, True), (40.0, True, False), (100.0, False, False)])
 def test_less_than_counts_is_named_only_by_clear_odds_if_nothing_is_left(gain, leaves_nothing, named):
     loss = model(("dielectric-loss@Cr",), gain, 0.7, 0.0)

@@ -204,7 +204,7 @@ class Judgement:
         """Whether a pair is acceptable.
 
         Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow, or so little that it is no
-        matter with the analyser within its specification, all with usual values.
+        matter, or a tenth of the undescribed part, with the analyser within its specification; all with usual values.
         """
         fit = self.model.fit
         # Of an unnamed analyser only the size of the errors is known, so an error much smaller than these may be its own. The scatter of short
@@ -213,7 +213,8 @@ class Judgement:
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
         explained = fit.explained and fit.analyser_sigma <= SPECIFIED_SIGMA
         allowed = fit.within_specification or explained if fit.measurement.analyser.named else slight
-        enough = allowed or not self.leaves_something
+        nearly = self._nearly_all_described and fit.measurement.analyser.named and fit.analyser_sigma <= SPECIFIED_SIGMA
+        enough = allowed or nearly or not self.leaves_something
         return enough and not self.beyond_specification and not self.model.unusual and not self.distributed
 
     @property
@@ -452,7 +453,7 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     judgement = _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
     if len(judgement.best.added) < len(judgement.belief.named):
         # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
-        needed = judgement.of_needed
+        needed = _with_usual_values(judgement.of_needed, together)
         more = {key: one for key, one in judgement.found.items() if key not in needed.found and len(key) > len(needed.best.added)}
         aside = {key: one for key, one in more.items() if one.leaves_nothing and one.score > needed.best.score}
         judgement = dataclasses.replace(needed, aside=aside)
