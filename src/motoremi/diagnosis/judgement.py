@@ -142,9 +142,10 @@ class Judgement:
 
     @property
     def hardly_matters(self) -> bool:
-        """Whether effects are named although the base leaves less than what counts."""
-        left = self.base.unexplained_percent["value"]
-        return bool(self.named) and left <= self.base.measurement.good_enough_percent and self.base.analyser_sigma <= ALLOWED_SIGMA
+        """Whether effects are named although the base leaves less than what counts; of a network analyser see `_describes`."""
+        base = self.base
+        little = base.unexplained_percent["value"] <= base.measurement.good_enough_percent and base.analyser_sigma <= ALLOWED_SIGMA
+        return bool(self.named) and little and not base.measurement.analyser.by_waves
 
     @property
     def undecided(self) -> bool:
