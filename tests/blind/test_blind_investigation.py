@@ -16,6 +16,7 @@ from motoremi.data.conditions import CONDITIONS, VALUES, condition
 from motoremi.errors import BadInput
 from motoremi.investigation.menu import MENU
 from motoremi.investigation.rivals import OUTSIDE as OUTSIDE_THE_CATALOGUE
+from motoremi.simulate.hidden_effects import excluding
 
 OFFERS = (
     Offer(Asked("dc-bias", condition("dc-bias", 1.0)), 20.0, 0.9),
@@ -156,6 +157,7 @@ def test_the_budget_ends_a_run() -> None:
 def test_sealed_motors_come_from_three_starts_and_a_tenth_is_in_no_catalogue() -> None:
     cases = draw_sealed_many(3, 300)
     assert cases == draw_sealed_many(3, 300)
+    assert [case.hidden for case in draw_sealed_many(4, 900) if excluding(case.hidden)] == []
     assert {start: sum(case.start == start for case in cases) for start in STARTS} == dict.fromkeys(STARTS, 100)
     outside = np.mean([case.hidden[0].startswith("outside-") for case in cases])
     # Four standard deviations of a binomial share.

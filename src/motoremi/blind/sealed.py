@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, shown
+from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, shown, together
 from motoremi.blind.disturbances import ReflectionAnalyser, behind_fixture
 from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import VALUES, Condition, SingleValue
@@ -234,7 +234,7 @@ def draw_sealed(seed: int, index: int) -> Sealed:
     # Not two faults of the analyser at once, and none together with an uncompensated fixture.
     known = kinds["one"] + (kinds["instrument"] if start == "one short sweep" else [])
     while True:
-        hidden = tuple(str(name) for name in rng.choice(known, 2 if start == "two effects" else 1, replace=False))
+        hidden = together(rng, known, 2 if start == "two effects" else 1)
         if not set(hidden) >= _COPPER:
             return Sealed(seed, index, start, hidden, int(rng.integers(1, 2**31 - 3)))
 

@@ -110,8 +110,8 @@ def split_effects(effects: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, .
 
 
 def excluding(names: Sequence[str]) -> list[tuple[str, str]]:
-    """The pairs of these effects that no motor can hide together."""
-    return [(name, other) for name in names for other in sorted(set(names) & set(_KINDS[name].excludes))]
+    """The pairs of these effects that no motor can hide together; faults of the analyser exclude none."""
+    return [(name, other) for name in names if name in _KINDS for other in sorted(set(names) & set(_KINDS[name].excludes))]
 
 
 def draw_effects(seed: int, names: Sequence[str], elements: Elements) -> tuple[dict[str, float], tuple[HiddenEffect, ...]]:
