@@ -36,8 +36,9 @@ from motoremi.workflow_steps import analyse
 STOPPED = 130
 # A run takes a fraction of a second; one that hangs is ended by an alarm, and told as a problem.
 DEADLINE_S = 60
-# Runs for each one to be stopped: most are, because the moments are drawn from the time that a run takes.
-ATTEMPTS = 4
+# Runs for each one to be stopped, and range of the moments, in multiples of the time that a run takes: while other programs work, runs take longer,
+# and from that time alone most moments would lie before the first sweep. A run that ends before its moment does not count.
+ATTEMPTS, LONGER = 4, 1.5
 
 
 def forked(work: Callable[[], None]) -> int:
@@ -130,7 +131,7 @@ def main(number: signal.Signals, count: int, name: str, root: Path) -> dict[str,
         if kills == count:
             break
         folder = root / "run"
-        killed, told = one(folder, bench, procedure, number, randomly.uniform(0, duration_s))
+        killed, told = one(folder, bench, procedure, number, randomly.uniform(0, LONGER * duration_s))
         if killed:
             kills += 1
             # Ctrl-C closes the session; after a kill it may be open.
